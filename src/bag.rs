@@ -1,0 +1,1 @@
+//! MCAP bags: recorded messages in, estimates out.

@@ -1,0 +1,102 @@
+//! What the fusion core is told before the first event. Values here are valid: whoever builds them has refused the rest.
+
+use std::time::Duration;
+
+use super::geometry::Patch;
+use crate::units::Newton;
+
+/// How model frames are cut from tactile samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FrameClock {
+    /// Each sample is one frame, at its own stamp. For sources that run at the model's rate.
+    #[default]
+    Tactile,
+    /// Frames at `t0 + k / rate`: averaged over the interval when samples are dense, interpolated when they are sparse.
+    Grid,
+}
+
+/// A stream of taxels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TactileSource {
+    /// Name in the parameters.
+    pub name: String,
+    /// Taxels in a sample; a sample of another length is dropped and counted.
+    pub n_taxels: usize,
+    /// Added to every stamp of this source, ns.
+    pub stamp_offset_ns: i64,
+    /// Whether a lower reading means more pressure.
+    pub inverted: bool,
+    /// How frames are cut from samples.
+    pub frame_clock: FrameClock,
+}
+
+/// A stream of joint angles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointSource {
+    /// Name in the parameters.
+    pub name: String,
+    /// Added to every stamp of this source, ns.
+    pub stamp_offset_ns: i64,
+    /// Radians per unit of the source: 1 for radians, pi / 180 for degrees.
+    pub scale: f64,
+}
+
+/// Tolerances in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timing {
+    /// Frames missing for up to this long are interpolated; longer empties the window.
+    pub max_gap: Duration,
+    /// How much data time a frame waits for the joint state after it.
+    pub joint_slack: Duration,
+    /// How long the last joint state is held, and the longest span that is interpolated across.
+    pub max_pose_age: Duration,
+    /// A stamp this far behind the newest one of its stream is a jump of time, not a late sample.
+    pub time_jump: Duration,
+}
+
+/// When a force becomes a contact and when it stops being one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactThresholds {
+    /// At or above this force there may be contact; also the single threshold of `contact_raw`.
+    pub force_on: Newton,
+    /// Below this force contact may end; less than `force_on`.
+    pub force_off: Newton,
+    /// Consecutive frames at or above `force_on` before contact begins; at least 1.
+    pub on_frames: u32,
+    /// Consecutive frames below `force_off` before contact ends; at least 1.
+    pub off_frames: u32,
+}
+
+/// One patch of the hand with one force.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegionConfig {
+    /// Name in topics and messages.
+    pub name: String,
+    /// Index of its tactile source.
+    pub source: super::TactileSourceIdx,
+    /// Its taxels as indices into a sample of the source, in the order of the model's input.
+    pub taxels: Vec<usize>,
+    /// Its joints by name, in the order of the model's pose input; empty for a model without pose.
+    pub joints: Vec<String>,
+    /// Index of its model among the regressors given to [`Fusion::new`](super::Fusion::new).
+    pub model: usize,
+    /// Where its force acts and along which direction.
+    pub patch: Patch,
+    /// Contact thresholds.
+    pub contact: ContactThresholds,
+}
+
+/// Everything the core needs to know, apart from models and calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FusionConfig {
+    /// Streams of taxels.
+    pub tactile_sources: Vec<TactileSource>,
+    /// Streams of joint angles.
+    pub joint_sources: Vec<JointSource>,
+    /// The patches to estimate.
+    pub regions: Vec<RegionConfig>,
+    /// Tolerances in time.
+    pub timing: Timing,
+    /// Frames run in one inference call; 1 gives each frame its own, and the same bytes live and offline.
+    pub batch: usize,
+}

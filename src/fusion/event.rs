@@ -1,0 +1,54 @@
+//! What goes into the fusion core. Samples are borrowed: the core copies what it keeps into buffers it already owns.
+
+use crate::units::Stamp;
+
+/// Index of a tactile source in [`FusionConfig::tactile_sources`](super::FusionConfig::tactile_sources).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TactileSourceIdx(pub usize);
+
+/// Index of a joint source in [`FusionConfig::joint_sources`](super::FusionConfig::joint_sources).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct JointSourceIdx(pub usize);
+
+/// One message of a tactile array: a block of consecutive samples, most often just one.
+#[derive(Debug, Clone, Copy)]
+pub struct TactileBlock<'a> {
+    /// Which source sent it.
+    pub source: TactileSourceIdx,
+    /// Stamp of the last row, before the source's `stamp_offset`.
+    pub stamp: Stamp,
+    /// Number of consecutive samples.
+    pub rows: usize,
+    /// Time between rows; `0` where there is one row.
+    pub row_period_ns: i64,
+    /// The sender's message count, one up a message and wrapping, where it has one: what is missing in it was lost.
+    pub sequence: Option<u32>,
+    /// `[rows, taxels]`, row-major, raw as the sensor sent them.
+    pub values: &'a [f32],
+    /// When the message arrived, by the clock of whoever received it. It marks outputs and reaches no estimate.
+    pub received: Stamp,
+}
+
+/// One message of joint angles. Joints are told apart by name, never by position.
+#[derive(Debug, Clone, Copy)]
+pub struct JointSample<'a> {
+    /// Which source sent it.
+    pub source: JointSourceIdx,
+    /// Stamp of the angles, before the source's `stamp_offset`.
+    pub stamp: Stamp,
+    /// `[joints of the message]`.
+    pub names: &'a [String],
+    /// `[joints of the message]`, in the source's own unit. Shorter than `names` when the message was malformed.
+    pub positions: &'a [f64],
+    /// When the message arrived, by the clock of whoever received it. It marks outputs and reaches no estimate.
+    pub received: Stamp,
+}
+
+/// Anything the core reacts to.
+#[derive(Debug, Clone, Copy)]
+pub enum Event<'a> {
+    /// Taxels arrived.
+    Tactile(TactileBlock<'a>),
+    /// Joint angles arrived.
+    Joints(JointSample<'a>),
+}

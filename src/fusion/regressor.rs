@@ -1,0 +1,93 @@
+//! What the fusion core asks of a force model: a contract that is known before the first window, and one batched run.
+
+use std::fmt::Debug;
+
+use crate::units::{GramForce, Newton};
+
+/// The unit of a model's forces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ForceUnit {
+    /// Grams-force, as in the paper.
+    GramForce,
+    /// Newtons.
+    Newton,
+}
+
+impl ForceUnit {
+    /// A model's raw output as newtons.
+    pub fn to_newton(self, raw: f32) -> Newton {
+        match self {
+            ForceUnit::GramForce => GramForce(f64::from(raw)).into(),
+            ForceUnit::Newton => Newton(f64::from(raw)),
+        }
+    }
+}
+
+/// A joint angle's span in the data that a model was trained on, rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseRange {
+    /// Smallest angle, rad.
+    pub min: f64,
+    /// Largest angle, rad.
+    pub max: f64,
+}
+
+/// What a model promises: read from the file once, checked against the parameters at start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contract {
+    /// Frames in a window.
+    pub window: usize,
+    /// Taxels in a frame.
+    pub n_taxels: usize,
+    /// Joint angles in a frame; 0 for a model without a pose input.
+    pub n_joints: usize,
+    /// Model frames a second.
+    pub rate_hz: f64,
+    /// The unit of every force output.
+    pub unit: ForceUnit,
+    /// Whether the model also gives the force of its tactile branch alone, unmoved by pose.
+    pub has_base: bool,
+    /// Joint names in the order of the pose input, where the model tells them.
+    pub joints: Option<Vec<String>>,
+    /// Per joint, in the order of the pose input, where the model tells it.
+    pub pose_range: Option<Vec<PoseRange>>,
+    /// Minimum detectable force as measured when the model was trained, where the model tells it.
+    pub mdf: Option<Newton>,
+}
+
+/// Windows ready to be run, in the model's own layout.
+#[derive(Debug, Clone, Copy)]
+pub struct Windows<'a> {
+    /// Number of windows `N`.
+    pub n: usize,
+    /// `[N, window, taxels]`, row-major, baseline-subtracted.
+    pub tactile: &'a [f32],
+    /// `[N, window, joints]`, row-major, rad; empty for a model without a pose input.
+    pub pose: &'a [f32],
+}
+
+/// The forces of a batch, in the model's unit. Buffers are reused from call to call.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Forces {
+    /// `[N]`: the estimate, pose-corrected where the model knows pose.
+    pub force: Vec<f32>,
+    /// `[N]` where the model gives its tactile branch, else empty.
+    pub base: Vec<f32>,
+}
+
+/// A model that failed to run. The text names the model and what its runtime said.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct RegressError(pub String);
+
+/// A force model behind any runtime.
+pub trait Regressor: Debug + Send {
+    /// What the model promises.
+    fn contract(&self) -> &Contract;
+
+    /// Runs a batch and writes its forces to `out`, whatever they held before.
+    ///
+    /// # Errors
+    /// [`RegressError`] when the runtime fails. Non-finite forces are no error here: the core flags them.
+    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError>;
+}

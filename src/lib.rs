@@ -1,0 +1,14 @@
+//! Pose-aware tactile force for ROS 2: taxels and joint angles in, wrench and contact out.
+//!
+//! Soft tactile gloves read force when the wearer only bends a finger. This crate removes that error in software: a
+//! tactile-only force estimate minus a residual that a network predicts from pose and touch together.
+//!
+//! [`fusion`] is the pure core; everything else brings it events, models and parameters, or takes its estimates away.
+
+pub mod bag;
+pub mod commands;
+pub mod config;
+pub mod fusion;
+pub mod model;
+pub mod msg;
+pub mod units;

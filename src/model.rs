@@ -1,0 +1,1 @@
+//! The tensor contract, and the two runtimes that keep it.
