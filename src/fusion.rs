@@ -1,11 +1,369 @@
 //! The fusion core: taxels and joint angles in, forces and contacts out. Pure: no clock, no I/O, no environment.
+//!
+//! [`Fusion::handle`] takes one event, [`Fusion::poll`] gives what it made possible. An estimate is a function of the
+//! sequence of events alone; whether a live node or a bag brings them makes no difference.
 
+mod calibration;
 mod config;
+mod contact;
+mod error;
+mod estimate;
 mod event;
+mod features;
+mod frames;
 mod geometry;
+mod joints;
+mod region;
 mod regressor;
 
+use std::collections::VecDeque;
+
+use serde::Serialize;
+
+pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_forces};
 pub use config::{ContactThresholds, FrameClock, FusionConfig, JointSource, RegionConfig, TactileSource, Timing};
+pub use contact::{Contact, ContactDetector, ContactEvent};
+pub use error::{FusionError, SetupError};
+pub use estimate::{Estimate, Flags, Tick};
 pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
+pub use features::{FeatureWindow, TaxelFeatures};
+pub use frames::{Frame, FrameCutter, TactileCounters};
 pub use geometry::{Patch, Wrench};
+pub use joints::{JointAngle, JointCounters, JointTimelines};
+pub use region::RegionCounters;
 pub use regressor::{Contract, ForceUnit, Forces, PoseRange, RegressError, Regressor, Windows};
+
+use crate::units::{Newton, Stamp, nanos};
+use frames::Continuity;
+use region::{Readiness, Region};
+
+/// Frames a second of a source that no region uses: its samples are still checked and counted.
+const DEFAULT_RATE_HZ: f64 = 100.0;
+
+/// The pose-aware force estimator of a hand: any number of regions, sources and models.
+#[derive(Debug)]
+pub struct Fusion {
+    cfg: FusionConfig,
+    sources: Vec<Source>,
+    joints: JointTimelines,
+    regions: Vec<Region>,
+    models: Vec<ModelQueue>,
+    waiting: VecDeque<PendingTick>,
+    ready: VecDeque<Tick>,
+    current: Option<Tick>,
+    spare_ticks: Vec<Tick>,
+    spare_pending: Vec<PendingTick>,
+    finishing: bool,
+}
+
+/// What became of everything that went in.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Counters<'a> {
+    /// Per tactile source: its name, its counts, its measured frame rate in Hz.
+    pub tactile: Vec<(&'a str, TactileCounters, Option<f64>)>,
+    /// Per joint source: its name and its counts.
+    pub joints: Vec<(&'a str, JointCounters)>,
+    /// Per region: its name and its counts.
+    pub regions: Vec<(&'a str, RegionCounters)>,
+}
+
+#[derive(Debug)]
+struct Source {
+    cutter: FrameCutter,
+    baseline: Option<Baseline>,
+    regions: Vec<usize>,
+    joints: Vec<usize>,
+    pending: VecDeque<PendingFrame>,
+    spare: Vec<Vec<f32>>,
+}
+
+#[derive(Debug)]
+struct PendingFrame {
+    stamp: Stamp,
+    epoch: u64,
+    number: i64,
+    values: Vec<f32>,
+}
+
+/// Windows of one model that wait to be run, in the order of their frames.
+#[derive(Debug)]
+struct ModelQueue {
+    regressor: Box<dyn Regressor>,
+    tactile: Vec<f32>,
+    pose: Vec<f32>,
+    n_queued: usize,
+    n_done: usize,
+    forces: Forces,
+}
+
+/// A frame whose windows wait for their models.
+#[derive(Debug, Default)]
+struct PendingTick {
+    source: usize,
+    stamp: Stamp,
+    received: Stamp,
+    regions: Vec<(usize, Readiness)>,
+}
+
+impl Fusion {
+    /// A core without a baseline: every frame is UNCALIBRATED until [`Fusion::handle_baseline`].
+    ///
+    /// # Errors
+    /// [`SetupError`] when regions and models don't fit each other.
+    pub fn new(cfg: FusionConfig, regressors: Vec<Box<dyn Regressor>>) -> Result<Self, SetupError> {
+        for region in &cfg.regions {
+            error::check_region(region, &cfg, &regressors)?;
+        }
+        let mut joint_names: Vec<String> = cfg.regions.iter().flat_map(|region| region.joints.clone()).collect();
+        joint_names.sort();
+        joint_names.dedup();
+        let joint_idxs = |region: &RegionConfig| -> Vec<usize> {
+            region.joints.iter().filter_map(|joint| joint_names.iter().position(|name| name == joint)).collect()
+        };
+        let sources: Vec<Source> = (0..cfg.tactile_sources.len())
+            .map(|source_idx| {
+                let in_source = |region: &&RegionConfig| region.source.0 == source_idx;
+                let mut joints: Vec<usize> = cfg.regions.iter().filter(in_source).flat_map(joint_idxs).collect();
+                joints.sort_unstable();
+                joints.dedup();
+                let contract = cfg.regions.iter().find(in_source).map(|region| regressors[region.model].contract());
+                let rate_hz = contract.map_or(DEFAULT_RATE_HZ, |contract| contract.rate_hz);
+                Source {
+                    cutter: FrameCutter::new(cfg.tactile_sources[source_idx].clone(), rate_hz, &cfg.timing),
+                    baseline: None,
+                    regions: (0..cfg.regions.len()).filter(|&idx| in_source(&&cfg.regions[idx])).collect(),
+                    joints,
+                    pending: VecDeque::new(),
+                    spare: Vec::new(),
+                }
+            })
+            .collect();
+        let regions = cfg.regions.iter().enumerate().map(|(idx, region)| {
+            let contract = regressors[region.model].contract();
+            let max_gap_ns = sources[region.source.0].cutter.max_gap_ns();
+            Region::new(idx, region, &cfg.tactile_sources[region.source.0], contract, joint_idxs(region), max_gap_ns)
+        });
+        Ok(Fusion {
+            regions: regions.collect(),
+            joints: JointTimelines::new(joint_names, cfg.joint_sources.clone(), &cfg.timing),
+            sources,
+            models: regressors.into_iter().map(ModelQueue::new).collect(),
+            waiting: VecDeque::new(),
+            ready: VecDeque::new(),
+            current: None,
+            spare_ticks: Vec::new(),
+            spare_pending: Vec::new(),
+            finishing: false,
+            cfg,
+        })
+    }
+
+    /// Takes a sample of taxels or joint angles.
+    pub fn handle(&mut self, event: Event<'_>) {
+        match event {
+            Event::Tactile(block) => self.handle_tactile(&block),
+            Event::Joints(sample) => {
+                self.joints.handle(&sample);
+                for source_idx in 0..self.sources.len() {
+                    self.settle(source_idx, sample.received, false);
+                }
+            }
+        }
+    }
+
+    /// Takes the baseline of a tactile source. Its windows start again, because their frames had another one subtracted.
+    ///
+    /// # Errors
+    /// [`SetupError::Baseline`] when its length isn't the source's number of taxels; nothing has changed then.
+    pub fn handle_baseline(&mut self, source: TactileSourceIdx, baseline: Baseline) -> Result<(), SetupError> {
+        let (source_cfg, source) = (&self.cfg.tactile_sources[source.0], &mut self.sources[source.0]);
+        error::check_baseline(&baseline, source_cfg)?;
+        for &region_idx in &source.regions {
+            self.regions[region_idx].handle_baseline(&self.cfg.regions[region_idx], &baseline);
+        }
+        source.baseline = Some(baseline);
+        Ok(())
+    }
+
+    /// Ends the stream: frames that still wait for joints are settled with what is here, and the last batch is run
+    /// however small it is.
+    pub fn handle_end(&mut self) {
+        for source_idx in 0..self.sources.len() {
+            let received = self.sources[source_idx].cutter.newest().unwrap_or_default();
+            self.settle(source_idx, received, true);
+        }
+        self.finishing = true;
+    }
+
+    /// The next finished frame, oldest first, or `None` until more events come.
+    ///
+    /// # Errors
+    /// [`FusionError`] when a model's runtime fails; nothing more can be had from this core then.
+    pub fn poll(&mut self) -> Result<Option<&Tick>, FusionError> {
+        if let Some(tick) = self.current.take() {
+            self.spare_ticks.push(tick);
+        }
+        if self.ready.is_empty() {
+            let n_ticks = self.waiting.len().min(self.cfg.batch.max(1));
+            if n_ticks > 0 && (n_ticks == self.cfg.batch.max(1) || self.finishing) {
+                self.run_batch(n_ticks)?;
+            }
+        }
+        self.current = self.ready.pop_front();
+        Ok(self.current.as_ref())
+    }
+
+    /// What the core was told at the start.
+    pub fn config(&self) -> &FusionConfig {
+        &self.cfg
+    }
+
+    /// The contract of the model of a region.
+    pub fn contract(&self, region_idx: usize) -> &Contract {
+        self.models[self.cfg.regions[region_idx].model].regressor.contract()
+    }
+
+    /// Joints that regions need and no message has named so far.
+    pub fn missing_joints(&self) -> impl Iterator<Item = &str> {
+        self.joints.missing()
+    }
+
+    /// Frames that wait for joint states or for their batch.
+    pub fn n_pending(&self) -> usize {
+        self.waiting.len() + self.sources.iter().map(|source| source.pending.len()).sum::<usize>()
+    }
+
+    /// What became of everything that went in.
+    pub fn counters(&self) -> Counters<'_> {
+        let tactile = self.cfg.tactile_sources.iter().zip(&self.sources);
+        let joints = self.cfg.joint_sources.iter().zip(self.joints.counters());
+        let regions = self.cfg.regions.iter().zip(&self.regions);
+        Counters {
+            tactile: tactile
+                .map(|(cfg, source)| (cfg.name.as_str(), *source.cutter.counters(), source.cutter.measured_rate_hz()))
+                .collect(),
+            joints: joints.map(|(cfg, counters)| (cfg.name.as_str(), *counters)).collect(),
+            regions: regions.map(|(cfg, region)| (cfg.name.as_str(), region.counters)).collect(),
+        }
+    }
+
+    fn handle_tactile(&mut self, block: &TactileBlock<'_>) {
+        let source_idx = block.source.0;
+        if self.sources[source_idx].cutter.handle_header(block) == Continuity::Jumped {
+            self.settle(source_idx, block.received, true);
+        }
+        let Source { cutter, pending, spare, .. } = &mut self.sources[source_idx];
+        cutter.cut(block, |frame| {
+            let mut values = spare.pop().unwrap_or_default();
+            values.clear();
+            values.extend_from_slice(frame.values);
+            pending.push_back(PendingFrame { stamp: frame.stamp, epoch: frame.epoch, number: frame.number, values });
+        });
+        self.settle(source_idx, block.received, false);
+    }
+
+    /// Moves on the frames whose joint angles are final: the later state is here, or its time is over.
+    fn settle(&mut self, source_idx: usize, received: Stamp, all: bool) {
+        let slack_ns = nanos(self.cfg.timing.joint_slack);
+        loop {
+            let source = &mut self.sources[source_idx];
+            let Some(frame) = source.pending.front() else { return };
+            let over = source.cutter.newest().is_some_and(|newest| newest.nanos_since(frame.stamp) >= slack_ns);
+            let settled = || source.joints.iter().all(|&joint_idx| self.joints.is_settled(joint_idx, frame.stamp));
+            if !(all || over || settled()) {
+                return;
+            }
+            let Some(frame) = source.pending.pop_front() else { return };
+            self.queue_tick(source_idx, &frame, received);
+            self.sources[source_idx].spare.push(frame.values);
+        }
+    }
+
+    /// Shows a settled frame to every region of its source, and queues the windows that are ready.
+    fn queue_tick(&mut self, source_idx: usize, frame: &PendingFrame, received: Stamp) {
+        let source = &self.sources[source_idx];
+        let mut tick = self.spare_pending.pop().unwrap_or_default();
+        (tick.source, tick.stamp, tick.received) = (source_idx, frame.stamp, received);
+        tick.regions.clear();
+        let PendingFrame { stamp, epoch, number, ref values } = *frame;
+        for &region_idx in &source.regions {
+            let region = &mut self.regions[region_idx];
+            let seen = Frame { stamp, epoch, number, values };
+            let readiness = region.handle_frame(&seen, source.baseline.as_ref(), &self.joints);
+            if readiness.run {
+                self.models[region.model].push(region.window());
+            }
+            tick.regions.push((region_idx, readiness));
+        }
+        self.waiting.push_back(tick);
+    }
+
+    /// Runs the first `n_ticks` waiting frames, one call a model, and turns forces into estimates.
+    fn run_batch(&mut self, n_ticks: usize) -> Result<(), FusionError> {
+        for (model_idx, model) in self.models.iter_mut().enumerate() {
+            let of_model = |&&(region_idx, readiness): &&(usize, Readiness)| {
+                readiness.run && self.regions[region_idx].model == model_idx
+            };
+            let n = self.waiting.iter().take(n_ticks).flat_map(|tick| &tick.regions).filter(of_model).count();
+            model.run(n)?;
+        }
+        for _ in 0..n_ticks {
+            let Some(pending) = self.waiting.pop_front() else { break };
+            let mut tick = self.spare_ticks.pop().unwrap_or_else(|| Tick {
+                source: TactileSourceIdx(0),
+                stamp: Stamp(0),
+                received: Stamp(0),
+                estimates: Vec::new(),
+            });
+            tick.source = TactileSourceIdx(pending.source);
+            (tick.stamp, tick.received) = (pending.stamp, pending.received);
+            tick.estimates.clear();
+            for &(region_idx, ref readiness) in &pending.regions {
+                let region = &mut self.regions[region_idx];
+                let forces = readiness.run.then(|| self.models[region.model].pop()).flatten();
+                tick.estimates.push(region.estimate(pending.stamp, readiness, forces));
+            }
+            self.spare_pending.push(pending);
+            self.ready.push_back(tick);
+        }
+        Ok(())
+    }
+}
+
+impl ModelQueue {
+    fn new(regressor: Box<dyn Regressor>) -> Self {
+        let (tactile, pose, forces) = (Vec::new(), Vec::new(), Forces::default());
+        ModelQueue { regressor, tactile, pose, n_queued: 0, n_done: 0, forces }
+    }
+
+    fn push(&mut self, (tactile, pose): (&[f32], &[f32])) {
+        self.tactile.extend_from_slice(tactile);
+        self.pose.extend_from_slice(pose);
+        self.n_queued += 1;
+    }
+
+    /// Runs the first `n` queued windows and forgets them; [`ModelQueue::pop`] gives their forces one by one.
+    fn run(&mut self, n: usize) -> Result<(), RegressError> {
+        self.n_done = 0;
+        self.forces.force.clear();
+        self.forces.base.clear();
+        if n == 0 {
+            return Ok(());
+        }
+        let (n_tactile, n_pose) = (self.tactile.len() / self.n_queued * n, self.pose.len() / self.n_queued * n);
+        let windows = Windows { n, tactile: &self.tactile[..n_tactile], pose: &self.pose[..n_pose] };
+        let ran = self.regressor.run(windows, &mut self.forces);
+        self.tactile.drain(..n_tactile);
+        self.pose.drain(..n_pose);
+        self.n_queued -= n;
+        ran
+    }
+
+    fn pop(&mut self) -> Option<(Newton, Option<Newton>)> {
+        let unit = self.regressor.contract().unit;
+        let idx = self.n_done;
+        self.n_done += 1;
+        let force = unit.to_newton(*self.forces.force.get(idx)?);
+        Some((force, self.forces.base.get(idx).map(|&base| unit.to_newton(base))))
+    }
+}

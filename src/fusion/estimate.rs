@@ -1,0 +1,128 @@
+//! What comes out of the fusion core.
+
+use std::fmt;
+
+use super::contact::Contact;
+use super::event::TactileSourceIdx;
+use crate::units::{Newton, Stamp};
+
+/// Reasons to trust an estimate less, or not to have one. The bits are those of `ContactState.msg`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub struct Flags(u32);
+
+impl Flags {
+    /// The window is not full yet: no estimate.
+    pub const WARMUP: Flags = Flags(1);
+    /// There is no baseline to subtract: no estimate.
+    pub const UNCALIBRATED: Flags = Flags(2);
+    /// The pose of some frame of the window is unknown or too old: the base branch alone, or no estimate.
+    pub const STALE_POSE: Flags = Flags(4);
+    /// The tactile stream has stopped: no estimate.
+    pub const STALE_TACTILE: Flags = Flags(8);
+    /// A joint is outside of what the model was trained on.
+    pub const POSE_OUT_OF_RANGE: Flags = Flags(16);
+    /// A taxel of the region was found dead when the baseline was taken.
+    pub const FAULTY_TAXEL: Flags = Flags(32);
+    /// A taxel or the model's output was NaN or infinite: no estimate.
+    pub const NON_FINITE: Flags = Flags(64);
+
+    const NAMES: [(Flags, &'static str); 7] = [
+        (Flags::WARMUP, "WARMUP"),
+        (Flags::UNCALIBRATED, "UNCALIBRATED"),
+        (Flags::STALE_POSE, "STALE_POSE"),
+        (Flags::STALE_TACTILE, "STALE_TACTILE"),
+        (Flags::POSE_OUT_OF_RANGE, "POSE_OUT_OF_RANGE"),
+        (Flags::FAULTY_TAXEL, "FAULTY_TAXEL"),
+        (Flags::NON_FINITE, "NON_FINITE"),
+    ];
+
+    /// The bits as they go on the wire.
+    pub fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// Flags from the wire. Unknown bits are kept.
+    pub fn from_bits(bits: u32) -> Self {
+        Flags(bits)
+    }
+
+    /// Whether every flag of `other` is set.
+    pub fn contains(self, other: Flags) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Whether none is set.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Sets the flags of `other`.
+    pub fn insert(&mut self, other: Flags) {
+        self.0 |= other.0;
+    }
+
+    /// The names of the known flags, each with its bit.
+    pub fn names() -> impl Iterator<Item = (Flags, &'static str)> {
+        Self::NAMES.into_iter()
+    }
+}
+
+impl std::ops::BitOr for Flags {
+    type Output = Flags;
+
+    fn bitor(self, other: Flags) -> Flags {
+        Flags(self.0 | other.0)
+    }
+}
+
+impl fmt::Display for Flags {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "";
+        for (_, name) in Self::NAMES.iter().filter(|(flag, _)| self.contains(*flag)) {
+            write!(f, "{separator}{name}")?;
+            separator = "|";
+        }
+        if separator.is_empty() { f.write_str("none") } else { Ok(()) }
+    }
+}
+
+/// The force on one region at one frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Estimate {
+    /// Index of the region in the configuration.
+    pub region: usize,
+    /// Normal force; `None` where there is no estimate, and the flags say why.
+    pub force: Option<Newton>,
+    /// Force of the tactile branch alone, where the model gives it.
+    pub force_base: Option<Newton>,
+    /// Contact.
+    pub contact: Contact,
+    /// Age of the oldest joint angle of the frame, ns: zero when all were measured or interpolated, `None` when one is
+    /// unknown or the model takes no pose.
+    pub pose_age_ns: Option<i64>,
+    /// What to know before trusting it.
+    pub flags: Flags,
+}
+
+impl Estimate {
+    /// What the pose correction removed from the tactile branch; `None` where there was no correction.
+    pub fn artifact(&self) -> Option<Newton> {
+        if self.flags.contains(Flags::STALE_POSE) {
+            return None;
+        }
+        Some(Newton(self.force_base?.0 - self.force?.0))
+    }
+}
+
+/// The estimates of one frame: every region of one tactile source.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tick {
+    /// The source that the frame came from.
+    pub source: TactileSourceIdx,
+    /// Stamp of the frame.
+    pub stamp: Stamp,
+    /// Receipt of the event that completed the frame.
+    pub received: Stamp,
+    /// One a region of the source, in the order of the configuration.
+    pub estimates: Vec<Estimate>,
+}

@@ -1,0 +1,159 @@
+//! The only builder of a model's input: live node, replay and training all go through here.
+
+use super::config::{RegionConfig, TactileSource};
+
+/// Which taxels of a sample a region uses, and how a raw reading becomes a feature.
+///
+/// A feature is the reading's distance from its zero-load baseline, so positive means more pressure whichever way the
+/// sensor counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TaxelFeatures {
+    taxels: Vec<usize>,
+    sign: f32,
+}
+
+impl TaxelFeatures {
+    /// The features of a region of a source.
+    pub fn new(region: &RegionConfig, source: &TactileSource) -> Self {
+        TaxelFeatures { taxels: region.taxels.clone(), sign: if source.inverted { -1.0 } else { 1.0 } }
+    }
+
+    /// Writes one frame of features.
+    ///
+    /// # Shapes
+    /// `raw`, `baseline`: `[taxels of the source]`; `out`: `[taxels of the region]`.
+    ///
+    /// Returns whether all of them are finite; `out` is worthless when they aren't.
+    pub fn write(&self, raw: &[f32], baseline: &[f32], out: &mut [f32]) -> bool {
+        let mut finite = true;
+        for (feature, &taxel_idx) in out.iter_mut().zip(&self.taxels) {
+            *feature = self.sign * (raw[taxel_idx] - baseline[taxel_idx]);
+            finite &= feature.is_finite();
+        }
+        finite
+    }
+}
+
+/// The last `len` frames of a region, contiguous in memory so that a window is one slice.
+///
+/// Frames slide through a buffer of twice the length and move back to its front when they reach the end.
+#[derive(Debug, Clone)]
+pub struct FeatureWindow {
+    len: usize,
+    n_taxels: usize,
+    n_joints: usize,
+    end: usize,
+    filled: usize,
+    tactile: Vec<f32>,
+    pose: Vec<f32>,
+    pose_known: Vec<bool>,
+    n_unknown: usize,
+}
+
+impl FeatureWindow {
+    /// An empty window of `len` frames.
+    pub fn new(len: usize, n_taxels: usize, n_joints: usize) -> Self {
+        FeatureWindow {
+            len,
+            n_taxels,
+            n_joints,
+            end: 0,
+            filled: 0,
+            tactile: vec![0.0; 2 * len * n_taxels],
+            pose: vec![0.0; 2 * len * n_joints],
+            pose_known: vec![false; 2 * len],
+            n_unknown: 0,
+        }
+    }
+
+    /// Forgets all frames.
+    pub fn clear(&mut self) {
+        (self.end, self.filled, self.n_unknown) = (0, 0, 0);
+    }
+
+    /// Appends a frame; the oldest one leaves a full window.
+    ///
+    /// # Shapes
+    /// `tactile`: `[taxels]`; `pose`: `[joints]`, rad, finite even where `pose_known` is false.
+    pub fn push(&mut self, tactile: &[f32], pose: &[f32], pose_known: bool) {
+        if self.filled == self.len {
+            self.n_unknown -= usize::from(!self.pose_known[self.end - self.filled]);
+            self.filled -= 1;
+        }
+        if self.end == 2 * self.len {
+            let from = self.end - self.filled;
+            self.tactile.copy_within(from * self.n_taxels..self.end * self.n_taxels, 0);
+            self.pose.copy_within(from * self.n_joints..self.end * self.n_joints, 0);
+            self.pose_known.copy_within(from..self.end, 0);
+            self.end = self.filled;
+        }
+        self.tactile[self.end * self.n_taxels..(self.end + 1) * self.n_taxels].copy_from_slice(tactile);
+        self.pose[self.end * self.n_joints..(self.end + 1) * self.n_joints].copy_from_slice(pose);
+        self.pose_known[self.end] = pose_known;
+        self.n_unknown += usize::from(!pose_known);
+        self.end += 1;
+        self.filled += 1;
+    }
+
+    /// Whether there are enough frames for an estimate.
+    pub fn is_full(&self) -> bool {
+        self.filled == self.len
+    }
+
+    /// Whether the pose of every frame is known.
+    pub fn is_pose_known(&self) -> bool {
+        self.n_unknown == 0
+    }
+
+    /// `[window, taxels]` of a full window, oldest frame first.
+    pub fn tactile(&self) -> &[f32] {
+        &self.tactile[(self.end - self.filled) * self.n_taxels..self.end * self.n_taxels]
+    }
+
+    /// `[window, joints]` of a full window, rad, oldest frame first.
+    pub fn pose(&self) -> &[f32] {
+        &self.pose[(self.end - self.filled) * self.n_joints..self.end * self.n_joints]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_always_holds_the_last_frames_oldest_first() {
+        let mut window = FeatureWindow::new(3, 2, 1);
+        for k in 0..20 {
+            let k = k as f32;
+            window.push(&[k, -k], &[k / 2.0], true);
+            if k < 2.0 {
+                assert!(!window.is_full());
+            } else {
+                assert!(window.is_full());
+                assert_eq!(window.tactile(), [k - 2.0, 2.0 - k, k - 1.0, 1.0 - k, k, -k]);
+                assert_eq!(window.pose(), [(k - 2.0) / 2.0, (k - 1.0) / 2.0, k / 2.0]);
+            }
+        }
+        window.clear();
+        assert!(!window.is_full());
+    }
+
+    #[test]
+    fn an_unknown_pose_taints_the_window_until_it_leaves() {
+        let mut window = FeatureWindow::new(4, 1, 1);
+        for k in 0..40 {
+            window.push(&[0.0], &[0.0], k % 9 != 0);
+            let tainted = (k - 3..=k).any(|j: i32| j >= 0 && j % 9 == 0);
+            assert_eq!(window.is_pose_known(), !tainted, "frame {k}");
+        }
+    }
+
+    #[test]
+    fn an_inverted_source_reads_positive_when_pressed() {
+        let features = TaxelFeatures { taxels: vec![2, 0], sign: -1.0 };
+        let mut out = [0.0; 2];
+        assert!(features.write(&[90.0, 50.0, 70.0], &[100.0, 0.0, 100.0], &mut out));
+        assert_eq!(out, [30.0, 10.0]);
+        assert!(!features.write(&[f32::NAN, 50.0, 70.0], &[100.0, 0.0, 100.0], &mut out));
+    }
+}

@@ -1,0 +1,259 @@
+//! One region: from frames and joint angles to windows, and from forces to estimates.
+
+use serde::Serialize;
+
+use super::calibration::Baseline;
+use super::config::{RegionConfig, TactileSource};
+use super::contact::{ContactDetector, ContactEvent};
+use super::estimate::{Estimate, Flags};
+use super::features::{FeatureWindow, TaxelFeatures};
+use super::frames::Frame;
+use super::joints::JointTimelines;
+use super::regressor::{Contract, PoseRange};
+use crate::units::{Newton, Stamp};
+
+/// What became of a region's frames. Every frame is counted in `estimates` or in exactly one of the four after it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct RegionCounters {
+    /// Frames of the region's source.
+    pub frames: u64,
+    /// Frames with an estimate, degraded ones included.
+    pub estimates: u64,
+    /// Frames without one: the window was not full.
+    pub warmup: u64,
+    /// Frames without one: there is no baseline.
+    pub uncalibrated: u64,
+    /// Frames without one: the pose was unknown or stale, and the model has no base branch to fall back on.
+    pub stale_pose: u64,
+    /// Frames without one: a taxel or the model's output was NaN or infinite.
+    pub non_finite: u64,
+    /// Estimates of the base branch alone, because the pose was unknown or stale.
+    pub base_only: u64,
+    /// Estimates with a joint outside of what the model was trained on.
+    pub pose_out_of_range: u64,
+    /// Frames that were missing and interpolated.
+    pub filled_frames: u64,
+    /// Times the window was emptied by a gap or a jump of time.
+    pub window_resets: u64,
+    /// Contacts that began.
+    pub onsets: u64,
+    /// Contacts that ended.
+    pub offsets: u64,
+}
+
+/// What a frame made of a region's window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Readiness {
+    /// Whether the window should be run.
+    pub(super) run: bool,
+    /// Whether only the tactile branch of what comes out may be used.
+    pub(super) base_only: bool,
+    pub(super) pose_age_ns: Option<i64>,
+    pub(super) flags: Flags,
+}
+
+#[derive(Debug, Clone)]
+struct LastGood {
+    stamp: Stamp,
+    epoch: u64,
+    number: i64,
+}
+
+/// The state of one region.
+#[derive(Debug, Clone)]
+pub(super) struct Region {
+    idx: usize,
+    pub(super) model: usize,
+    features: TaxelFeatures,
+    joints: Vec<usize>,
+    pose_range: Option<Vec<PoseRange>>,
+    has_base: bool,
+    window: FeatureWindow,
+    last: Option<LastGood>,
+    last_tactile: Vec<f32>,
+    tactile: Vec<f32>,
+    between: Vec<f32>,
+    pose: Vec<f32>,
+    faulty: bool,
+    max_gap_ns: i64,
+    pub(super) contact: ContactDetector,
+    pub(super) counters: RegionCounters,
+}
+
+impl Region {
+    /// A region whose joints are told as indices into the timelines.
+    pub(super) fn new(
+        idx: usize,
+        cfg: &RegionConfig,
+        source: &TactileSource,
+        contract: &Contract,
+        joints: Vec<usize>,
+        max_gap_ns: i64,
+    ) -> Self {
+        let (n_taxels, n_joints) = (cfg.taxels.len(), joints.len());
+        Region {
+            idx,
+            model: cfg.model,
+            features: TaxelFeatures::new(cfg, source),
+            joints,
+            pose_range: contract.pose_range.clone(),
+            has_base: contract.has_base,
+            window: FeatureWindow::new(contract.window, n_taxels, n_joints),
+            last: None,
+            last_tactile: vec![0.0; n_taxels],
+            tactile: vec![0.0; n_taxels],
+            between: vec![0.0; n_taxels],
+            pose: vec![0.0; n_joints],
+            faulty: false,
+            max_gap_ns,
+            contact: ContactDetector::new(cfg.contact),
+            counters: RegionCounters::default(),
+        }
+    }
+
+    /// Takes note of a new baseline: frames that had another one subtracted are forgotten.
+    pub(super) fn handle_baseline(&mut self, cfg: &RegionConfig, baseline: &Baseline) {
+        self.faulty = cfg.taxels.iter().any(|&taxel_idx| baseline.faulty[taxel_idx]);
+        self.reset();
+    }
+
+    /// Takes a frame of the region's source, and says whether there is a window to run.
+    pub(super) fn handle_frame(
+        &mut self,
+        frame: &Frame<'_>,
+        baseline: Option<&Baseline>,
+        joints: &JointTimelines,
+    ) -> Readiness {
+        self.counters.frames += 1;
+        let connected = self
+            .last
+            .as_ref()
+            .is_some_and(|last| last.epoch == frame.epoch && frame.stamp.nanos_since(last.stamp) <= self.max_gap_ns);
+        if self.last.is_some() && !connected {
+            self.reset();
+        }
+        let Some(baseline) = baseline else { return self.no_estimate(Flags::UNCALIBRATED, None) };
+        if !self.features.write(frame.values, &baseline.median, &mut self.tactile) {
+            let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
+            return self.no_estimate(Flags::NON_FINITE, pose_age_ns);
+        }
+        self.fill_up_to(frame, joints);
+        let (pose_known, pose_age_ns) = self.read_pose(joints, frame.stamp);
+        self.window.push(&self.tactile, &self.pose, pose_known);
+        self.last = Some(LastGood { stamp: frame.stamp, epoch: frame.epoch, number: frame.number });
+        self.last_tactile.copy_from_slice(&self.tactile);
+        if !self.window.is_full() {
+            return self.no_estimate(Flags::WARMUP, pose_age_ns);
+        }
+        let mut flags = Flags::default();
+        let base_only = !self.window.is_pose_known();
+        if base_only {
+            flags.insert(Flags::STALE_POSE);
+            if !self.has_base {
+                return self.no_estimate(flags, pose_age_ns);
+            }
+        } else if self.is_out_of_range() {
+            flags.insert(Flags::POSE_OUT_OF_RANGE);
+        }
+        Readiness { run: true, base_only, pose_age_ns, flags: self.with_fault(flags) }
+    }
+
+    /// `[window, taxels]` and `[window, joints]`, rad, of the window that [`Region::handle_frame`] said to run.
+    pub(super) fn window(&self) -> (&[f32], &[f32]) {
+        (self.window.tactile(), self.window.pose())
+    }
+
+    /// Turns what the model said, if it was asked, into the estimate of the frame at `stamp`.
+    ///
+    /// `forces` are the final force and that of the tactile branch.
+    pub(super) fn estimate(
+        &mut self,
+        stamp: Stamp,
+        readiness: &Readiness,
+        forces: Option<(Newton, Option<Newton>)>,
+    ) -> Estimate {
+        let mut flags = readiness.flags;
+        let (mut force, mut force_base) = match forces {
+            Some((_, base)) if readiness.base_only => (base, base),
+            Some((force, base)) => (Some(force), base),
+            None => (None, None),
+        };
+        if [force, force_base].into_iter().flatten().any(|force| !force.0.is_finite()) {
+            flags.insert(Flags::NON_FINITE);
+            (force, force_base) = (None, None);
+        }
+        let counters = &mut self.counters;
+        match force {
+            Some(_) => {
+                counters.estimates += 1;
+                counters.base_only += u64::from(readiness.base_only);
+                counters.pose_out_of_range += u64::from(flags.contains(Flags::POSE_OUT_OF_RANGE));
+            }
+            None if flags.contains(Flags::NON_FINITE) => counters.non_finite += 1,
+            None if flags.contains(Flags::UNCALIBRATED) => counters.uncalibrated += 1,
+            None if flags.contains(Flags::STALE_POSE) => counters.stale_pose += 1,
+            None => counters.warmup += 1,
+        }
+        let contact = self.contact.handle_force(stamp, force);
+        counters.onsets += u64::from(contact.event == ContactEvent::Onset);
+        counters.offsets += u64::from(contact.event == ContactEvent::Offset);
+        Estimate { region: self.idx, force, force_base, contact, pose_age_ns: readiness.pose_age_ns, flags }
+    }
+
+    fn no_estimate(&self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {
+        Readiness { run: false, base_only: false, pose_age_ns, flags: self.with_fault(flags) }
+    }
+
+    fn with_fault(&self, flags: Flags) -> Flags {
+        if self.faulty { flags | Flags::FAULTY_TAXEL } else { flags }
+    }
+
+    fn reset(&mut self) {
+        if self.last.take().is_some() {
+            self.counters.window_resets += 1;
+        }
+        self.window.clear();
+        self.contact.handle_reset();
+    }
+
+    /// Interpolates the frames that are missing since the last good one.
+    fn fill_up_to(&mut self, frame: &Frame<'_>, joints: &JointTimelines) {
+        let Some(last) = self.last.clone() else { return };
+        let missing = frame.number - last.number - 1;
+        let span_ns = frame.stamp.nanos_since(last.stamp);
+        for k in 1..=missing {
+            let part = k as f64 / (missing + 1) as f64;
+            for (between, (&before, &after)) in self.between.iter_mut().zip(self.last_tactile.iter().zip(&self.tactile))
+            {
+                *between = (f64::from(before) + (f64::from(after) - f64::from(before)) * part) as f32;
+            }
+            let (pose_known, _) = self.read_pose(joints, last.stamp.offset((span_ns as f64 * part) as i64));
+            self.window.push(&self.between, &self.pose, pose_known);
+            self.counters.filled_frames += 1;
+        }
+    }
+
+    /// Reads the joints at `stamp` into `pose`; whether all are known and fresh, and the age of the oldest.
+    ///
+    /// A joint that has never been seen leaves its last value in place: such a frame is never used with its pose.
+    fn read_pose(&mut self, joints: &JointTimelines, stamp: Stamp) -> (bool, Option<i64>) {
+        let (mut known, mut seen, mut age_ns) = (true, true, 0);
+        for (angle, &joint_idx) in self.pose.iter_mut().zip(&self.joints) {
+            match joints.angle_at(joint_idx, stamp) {
+                Some(joint) => {
+                    *angle = joint.angle as f32;
+                    known &= joint.fresh;
+                    age_ns = age_ns.max(joint.age_ns);
+                }
+                None => (known, seen) = (false, false),
+            }
+        }
+        (known, (seen && !self.joints.is_empty()).then_some(age_ns))
+    }
+
+    fn is_out_of_range(&self) -> bool {
+        let Some(ranges) = &self.pose_range else { return false };
+        let mut angles = self.pose.iter().zip(ranges);
+        angles.any(|(&angle, range)| f64::from(angle) < range.min || f64::from(angle) > range.max)
+    }
+}

@@ -1,0 +1,172 @@
+//! A regressor whose answer can be worked out by hand, and a fusion setup around it.
+#![allow(dead_code)] // each test binary uses its part
+
+use std::time::Duration;
+
+use nalgebra::{Isometry3, Vector3};
+use tactile_pose_fusion::fusion::*;
+use tactile_pose_fusion::units::{Newton, Stamp};
+
+pub const MS: i64 = 1_000_000;
+
+/// base = sum of the newest tactile frame plus a thousandth of the oldest one; force = base - sum of the newest pose.
+#[derive(Debug)]
+pub struct Sum {
+    pub contract: Contract,
+}
+
+impl Sum {
+    pub fn boxed(window: usize, n_taxels: usize, n_joints: usize) -> Box<dyn Regressor> {
+        Box::new(Sum { contract: contract(window, n_taxels, n_joints) })
+    }
+}
+
+pub fn contract(window: usize, n_taxels: usize, n_joints: usize) -> Contract {
+    Contract {
+        window,
+        n_taxels,
+        n_joints,
+        rate_hz: 100.0,
+        unit: ForceUnit::Newton,
+        has_base: true,
+        joints: None,
+        pose_range: None,
+        mdf: None,
+    }
+}
+
+impl Regressor for Sum {
+    fn contract(&self) -> &Contract {
+        &self.contract
+    }
+
+    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        out.force.clear();
+        out.base.clear();
+        let (t, p, l) = (self.contract.n_taxels, self.contract.n_joints, self.contract.window);
+        for n in 0..windows.n {
+            let tactile = &windows.tactile[n * l * t..(n + 1) * l * t];
+            let pose = &windows.pose[n * l * p..(n + 1) * l * p];
+            let base = tactile[(l - 1) * t..].iter().sum::<f32>() + 1e-3 * tactile[..t].iter().sum::<f32>();
+            out.force.push(base - pose[(l - 1) * p..].iter().sum::<f32>());
+            if self.contract.has_base {
+                out.base.push(base);
+            }
+        }
+        Ok(())
+    }
+}
+
+pub fn region(name: &str, taxels: &[usize], joints: &[&str]) -> RegionConfig {
+    RegionConfig {
+        name: name.into(),
+        source: TactileSourceIdx(0),
+        taxels: taxels.to_vec(),
+        joints: joints.iter().map(|joint| joint.to_string()).collect(),
+        model: 0,
+        patch: Patch {
+            frame_id: format!("{name}_tip"),
+            normal_in_patch: Vector3::z_axis(),
+            frame_from_patch: Isometry3::identity(),
+        },
+        contact: ContactThresholds { force_on: Newton(0.5), force_off: Newton(0.25), on_frames: 1, off_frames: 1 },
+    }
+}
+
+pub fn timing() -> Timing {
+    Timing {
+        max_gap: Duration::from_millis(50),
+        joint_slack: Duration::from_millis(10),
+        max_pose_age: Duration::from_millis(50),
+        time_jump: Duration::from_millis(200),
+    }
+}
+
+/// One tactile source `glove`, one joint source `hand`.
+pub fn config(n_taxels: usize, regions: Vec<RegionConfig>) -> FusionConfig {
+    FusionConfig {
+        tactile_sources: vec![TactileSource {
+            name: "glove".into(),
+            n_taxels,
+            stamp_offset_ns: 0,
+            inverted: false,
+            frame_clock: FrameClock::Tactile,
+        }],
+        joint_sources: vec![JointSource { name: "hand".into(), stamp_offset_ns: 0, scale: 1.0 }],
+        regions,
+        timing: timing(),
+        batch: 1,
+    }
+}
+
+/// A calibrated core with a zero baseline.
+pub fn fusion(cfg: FusionConfig, regressors: Vec<Box<dyn Regressor>>) -> Fusion {
+    let baselines: Vec<usize> = cfg.tactile_sources.iter().map(|source| source.n_taxels).collect();
+    let mut fusion = Fusion::new(cfg, regressors).unwrap();
+    for (source, n_taxels) in baselines.into_iter().enumerate() {
+        fusion.handle_baseline(TactileSourceIdx(source), Baseline::from_median(vec![0.0; n_taxels])).unwrap();
+    }
+    fusion
+}
+
+/// A sample that owns its data, so that orders of arrival can be shuffled.
+#[derive(Debug, Clone)]
+pub enum Sample {
+    Tactile { at_ns: i64, values: Vec<f32> },
+    Joints { at_ns: i64, names: Vec<String>, positions: Vec<f64> },
+}
+
+impl Sample {
+    pub fn tactile(at_ms: f64, values: &[f32]) -> Sample {
+        Sample::Tactile { at_ns: (at_ms * 1e6) as i64, values: values.to_vec() }
+    }
+
+    pub fn joints(at_ms: f64, angles: &[(&str, f64)]) -> Sample {
+        let (names, positions) = angles.iter().map(|(name, angle)| (name.to_string(), *angle)).unzip();
+        Sample::Joints { at_ns: (at_ms * 1e6) as i64, names, positions }
+    }
+
+    pub fn at_ns(&self) -> i64 {
+        match self {
+            Sample::Tactile { at_ns, .. } | Sample::Joints { at_ns, .. } => *at_ns,
+        }
+    }
+
+    pub fn event(&self) -> Event<'_> {
+        match self {
+            Sample::Tactile { at_ns, values } => Event::Tactile(TactileBlock {
+                source: TactileSourceIdx(0),
+                stamp: Stamp(*at_ns),
+                rows: 1,
+                row_period_ns: 0,
+                sequence: None,
+                values,
+                received: Stamp(*at_ns),
+            }),
+            Sample::Joints { at_ns, names, positions } => Event::Joints(JointSample {
+                source: JointSourceIdx(0),
+                stamp: Stamp(*at_ns),
+                names,
+                positions,
+                received: Stamp(*at_ns),
+            }),
+        }
+    }
+}
+
+/// Every estimate of a run, each with the stamp of its frame.
+pub fn run(fusion: &mut Fusion, samples: &[Sample]) -> Vec<(Stamp, Estimate)> {
+    let mut estimates = Vec::new();
+    let mut drain = |fusion: &mut Fusion| {
+        while let Some(tick) = fusion.poll().unwrap() {
+            estimates.extend(tick.estimates.iter().map(|estimate| (tick.stamp, *estimate)));
+        }
+    };
+    for sample in samples {
+        fusion.handle(sample.event());
+        drain(fusion);
+    }
+    fusion.handle_end();
+    drain(fusion);
+    estimates
+}

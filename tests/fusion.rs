@@ -1,0 +1,277 @@
+//! What the fusion core promises, shown with a model whose answers can be worked out by hand.
+
+#[path = "common/fake.rs"]
+mod fake;
+
+use fake::*;
+use proptest::prelude::*;
+use tactile_pose_fusion::fusion::*;
+use tactile_pose_fusion::units::{Newton, Stamp};
+
+/// 100 Hz taxels and joints, joints 3 ms after each frame.
+fn steady(n_frames: usize, joint_from: usize, joint_to: usize) -> Vec<Sample> {
+    let mut samples = Vec::new();
+    for k in 0..n_frames {
+        samples.push(Sample::tactile(10.0 * k as f64, &[k as f32, 0.0]));
+        if (joint_from..joint_to).contains(&k) {
+            samples.push(Sample::joints(10.0 * k as f64 + 3.0, &[("dip", 0.25 * k as f64)]));
+        }
+    }
+    samples
+}
+
+fn one_region() -> Fusion {
+    fusion(config(2, vec![region("index", &[0, 1], &["dip"])]), vec![Sum::boxed(4, 2, 1)])
+}
+
+#[test]
+fn force_is_the_base_minus_what_pose_explains() {
+    let estimates = run(&mut one_region(), &steady(20, 0, 20));
+    assert_eq!(estimates.len(), 20);
+    for (k, (stamp, estimate)) in estimates.iter().enumerate().skip(4) {
+        assert_eq!(stamp.0, k as i64 * 10 * MS);
+        // Joint states lie at 3 ms past each frame, so the angle at frame k is 0.25 * (k - 0.3).
+        let base = k as f32 + 1e-3 * (k as f32 - 3.0);
+        let expected = f64::from(base - (0.25 * (k as f64 - 0.3)) as f32);
+        assert!((estimate.force.unwrap().0 - expected).abs() < 1e-5, "frame {k}"); // f32 sums
+        assert_eq!(estimate.force_base, Some(Newton(f64::from(base))));
+        assert_eq!(estimate.artifact().unwrap().0, f64::from(base) - estimate.force.unwrap().0);
+        assert_eq!((estimate.pose_age_ns, estimate.flags), (Some(0), Flags::default()));
+    }
+}
+
+#[test]
+fn a_window_that_is_not_full_gives_no_estimate() {
+    let estimates = run(&mut one_region(), &steady(20, 0, 20));
+    for (_, estimate) in &estimates[..3] {
+        assert_eq!((estimate.force, estimate.flags), (None, Flags::WARMUP));
+    }
+    assert!(estimates[3].1.flags == Flags::STALE_POSE, "the first frame came before any joint state");
+}
+
+#[test]
+fn without_a_baseline_there_is_no_estimate() {
+    let mut core = Fusion::new(config(2, vec![region("index", &[0, 1], &["dip"])]), vec![Sum::boxed(4, 2, 1)]).unwrap();
+    let estimates = run(&mut core, &steady(10, 0, 10));
+    assert!(estimates.iter().all(|(_, e)| e.force.is_none() && e.flags == Flags::UNCALIBRATED));
+    assert_eq!(core.counters().regions[0].1.uncalibrated, 10);
+}
+
+#[test]
+fn a_dead_joint_stream_leaves_the_base_alone_and_recovers() {
+    let mut samples = steady(20, 0, 20);
+    samples.extend(steady(60, 40, 60).into_iter().filter(|sample| sample.at_ns() >= 200 * MS));
+    let estimates = run(&mut one_region(), &samples);
+    let held = &estimates[24].1;
+    assert_eq!((held.pose_age_ns, held.flags), (Some(47 * MS), Flags::default()), "held up to max_pose_age");
+    let stale = &estimates[30].1;
+    assert_eq!(stale.flags, Flags::STALE_POSE);
+    assert_eq!((stale.force, stale.artifact()), (stale.force_base, None));
+    assert_eq!(estimates[43].1.flags, Flags::STALE_POSE, "a window with one stale frame is stale");
+    assert_eq!(estimates[44].1.flags, Flags::default());
+}
+
+#[test]
+fn a_model_without_a_base_branch_gives_nothing_on_a_stale_pose() {
+    let mut contract = contract(4, 2, 1);
+    contract.has_base = false;
+    let mut core = fusion(config(2, vec![region("index", &[0, 1], &["dip"])]), vec![Box::new(Sum { contract })]);
+    let estimates = run(&mut core, &steady(30, 0, 10));
+    let last = &estimates[29].1;
+    assert_eq!((last.force, last.force_base, last.flags), (None, None, Flags::STALE_POSE));
+    assert!(core.counters().regions[0].1.stale_pose > 0);
+}
+
+#[test]
+fn short_gaps_are_filled_and_long_ones_start_over() {
+    let mut samples = steady(40, 0, 40);
+    samples.retain(|sample| !matches!(sample, Sample::Tactile { at_ns, .. } if [100, 110].contains(&(at_ns / MS))));
+    samples.retain(|sample| !matches!(sample, Sample::Tactile { at_ns, .. } if (200..260).contains(&(at_ns / MS))));
+    let mut core = one_region();
+    let estimates = run(&mut core, &samples);
+    let at = |ms: i64| estimates.iter().find(|(stamp, _)| stamp.0 == ms * MS).map(|(_, estimate)| *estimate);
+    // The frame at 130 ms has the filled one of 100 ms as its oldest: 13 + 1e-3 * 10.
+    assert_eq!(at(130).unwrap().force_base, Some(Newton(f64::from(13.0f32 + 1e-3 * 10.0))));
+    assert!(at(100).is_none(), "a filled frame is no estimate");
+    assert_eq!(at(260).unwrap().flags, Flags::WARMUP);
+    let counters = core.counters();
+    assert_eq!((counters.tactile[0].1.missing_frames, counters.tactile[0].1.gaps), (2, 1));
+    assert_eq!((counters.regions[0].1.filled_frames, counters.regions[0].1.window_resets), (2, 1));
+}
+
+#[test]
+fn a_contact_does_not_survive_a_gap() {
+    let mut samples = steady(20, 0, 20);
+    samples.extend(steady(60, 40, 60).into_iter().filter(|sample| sample.at_ns() >= 400 * MS));
+    let estimates = run(&mut one_region(), &samples);
+    assert!(estimates[19].1.contact.state);
+    let after = estimates[20].1;
+    assert_eq!((after.flags, after.contact.state, after.contact.event), (Flags::WARMUP, false, ContactEvent::Offset));
+}
+
+#[test]
+fn a_nan_taxel_costs_its_region_one_frame_and_no_other_region_any() {
+    let regions = vec![region("index", &[0], &["dip"]), region("thumb", &[1], &["dip"])];
+    let mut core = fusion(config(2, regions), vec![Sum::boxed(4, 1, 1)]);
+    let mut samples = steady(30, 0, 30);
+    let Sample::Tactile { values, .. } = samples.iter_mut().find(|s| s.at_ns() == 100 * MS).unwrap() else { panic!() };
+    values[0] = f32::NAN;
+    let estimates = run(&mut core, &samples);
+    let index: Vec<_> = estimates.iter().filter(|(_, e)| e.region == 0).collect();
+    let thumb: Vec<_> = estimates.iter().filter(|(_, e)| e.region == 1).collect();
+    assert_eq!((index[10].1.force, index[10].1.flags), (None, Flags::NON_FINITE));
+    assert!(index[11].1.force.is_some() && thumb.iter().skip(4).all(|(_, e)| e.force.is_some()));
+    assert_eq!(index[13].1.force_base, Some(Newton(f64::from(13.0f32 + 1e-3 * 10.0))), "the hole is interpolated");
+}
+
+#[test]
+fn a_looped_stream_resets_and_is_counted() {
+    let mut samples = steady(50, 0, 50);
+    samples.extend(steady(50, 0, 50));
+    let mut core = one_region();
+    let estimates = run(&mut core, &samples);
+    assert_eq!(estimates.len(), 100);
+    let (first, second) = estimates.split_at(50);
+    // The loop starts from nothing but for the joints, whose old states are in the future by then.
+    for k in 5..49 {
+        assert_eq!(first[k].1.force, second[k].1.force, "frame {k}");
+    }
+    assert_eq!(second[0].1.flags, Flags::WARMUP);
+    let counters = core.counters();
+    assert_eq!((counters.tactile[0].1.time_jumps, counters.joints[0].1.time_jumps), (1, 1));
+}
+
+#[test]
+fn a_pose_outside_of_the_training_range_is_flagged() {
+    let mut contract = contract(4, 2, 1);
+    contract.pose_range = Some(vec![PoseRange { min: 0.0, max: 2.0 }]);
+    let mut core = fusion(config(2, vec![region("index", &[0, 1], &["dip"])]), vec![Box::new(Sum { contract })]);
+    let estimates = run(&mut core, &steady(20, 0, 20));
+    for (k, (_, estimate)) in estimates.iter().enumerate().take(19).skip(4) {
+        assert_eq!(estimate.flags.contains(Flags::POSE_OUT_OF_RANGE), 0.25 * (k as f64 - 0.3) > 2.0, "frame {k}");
+    }
+}
+
+#[test]
+fn regions_and_models_that_do_not_fit_are_refused() {
+    let refused = |cfg, models| Fusion::new(cfg, models).unwrap_err().to_string();
+    let text = refused(config(2, vec![region("index", &[0], &["dip"])]), vec![Sum::boxed(4, 2, 1)]);
+    assert_eq!(text, "region.index.taxels has 1 taxels, its model takes 2; list the 2 that it was trained on");
+    let text = refused(config(2, vec![region("index", &[0, 1], &[])]), vec![Sum::boxed(4, 2, 1)]);
+    assert_eq!(text, "region.index.joints has 0 joints, its model takes 1; list the 1 that it was trained on");
+    let mut named = contract(4, 2, 1);
+    named.joints = Some(vec!["pip".into()]);
+    let text = refused(config(2, vec![region("index", &[0, 1], &["dip"])]), vec![Box::new(Sum { contract: named })]);
+    assert!(text.starts_with("region.index.joints is [\"dip\"], its model was trained on [\"pip\"]"), "{text}");
+    let text = refused(config(2, vec![region("index", &[0, 1], &["dip"])]), vec![Sum::boxed(4, 2, 0)]);
+    assert!(text.starts_with("region.index: its model has no pose input"), "{text}");
+}
+
+#[test]
+fn the_batch_size_changes_when_estimates_come_and_not_what_they_are() {
+    let samples = steady(200, 0, 150);
+    let single = run(&mut one_region(), &samples);
+    for batch in [2, 7, 64, 1000] {
+        let mut cfg = config(2, vec![region("index", &[0, 1], &["dip"])]);
+        cfg.batch = batch;
+        assert_eq!(run(&mut fusion(cfg, vec![Sum::boxed(4, 2, 1)]), &samples), single, "batch {batch}");
+    }
+}
+
+#[test]
+fn zero_slack_never_waits() {
+    let mut cfg = config(2, vec![region("index", &[0, 1], &["dip"])]);
+    cfg.timing.joint_slack = std::time::Duration::ZERO;
+    let mut core = fusion(cfg, vec![Sum::boxed(4, 2, 1)]);
+    for sample in steady(30, 0, 30) {
+        core.handle(sample.event());
+        let at = sample.at_ns();
+        if matches!(sample, Sample::Tactile { .. }) {
+            assert_eq!(core.poll().unwrap().map(|tick| tick.stamp), Some(Stamp(at)));
+        }
+        assert_eq!(core.n_pending(), 0);
+    }
+}
+
+/// Streams with random rates, jitter and holes, and an arrival order in which each stream keeps its own order and a
+/// joint state comes at any time while the first frame that needs it still waits.
+fn streams() -> impl Strategy<Value = (Vec<Sample>, Vec<Sample>)> {
+    let tactile = prop::collection::vec((6.0f64..14.0, prop::bool::weighted(0.05)), 20..80);
+    let joints = prop::collection::vec((2.0f64..16.0, prop::bool::weighted(0.1)), 10..120);
+    (tactile, joints, prop::collection::vec(0.0f64..1.0, 200)).prop_map(|(tactile_steps, joint_steps, picks)| {
+        let mut at_ms = 0.0;
+        let mut tactile = Vec::new();
+        for (k, (step, hole)) in tactile_steps.iter().enumerate() {
+            at_ms += step * if *hole { 7.0 } else { 1.0 };
+            tactile.push(Sample::tactile(at_ms, &[k as f32, (k * k % 17) as f32]));
+        }
+        at_ms = 0.0;
+        let mut joints = Vec::new();
+        for (k, (step, hole)) in joint_steps.iter().enumerate() {
+            at_ms += step * if *hole { 9.0 } else { 1.0 };
+            joints.push(Sample::joints(at_ms, &[("dip", (k as f64 * 0.37).sin())]));
+        }
+        let mut in_order: Vec<Sample> = tactile.iter().chain(&joints).cloned().collect();
+        in_order.sort_by_key(Sample::at_ns);
+        // Each joint state may come anywhere between its predecessor and its deadline: the first tactile sample that
+        // lies a slack or more after the first frame the state could serve.
+        let mut shuffled = Vec::new();
+        let mut next = 0;
+        for (k, joint) in joints.iter().enumerate() {
+            let previous_ns = if k == 0 { i64::MIN } else { joints[k - 1].at_ns() };
+            let serves = tactile.iter().position(|frame| frame.at_ns() > previous_ns).unwrap_or(tactile.len());
+            let deadline = tactile.get(serves).map_or(tactile.len(), |first| {
+                let over = |frame: &Sample| frame.at_ns() - first.at_ns() >= 10 * MS;
+                tactile.iter().position(over).unwrap_or(tactile.len())
+            });
+            let latest = deadline.max(next);
+            let at = next + ((latest - next) as f64 * picks[k % picks.len()]).round() as usize;
+            shuffled.extend(tactile[next..at].iter().cloned());
+            shuffled.push(joint.clone());
+            next = at;
+        }
+        shuffled.extend(tactile[next..].iter().cloned());
+        (in_order, shuffled)
+    })
+}
+
+proptest! {
+    #[test]
+    fn arrival_order_inside_the_slack_changes_nothing((in_order, shuffled) in streams()) {
+        let expected = run(&mut one_region(), &in_order);
+        prop_assert_eq!(run(&mut one_region(), &shuffled), expected);
+    }
+
+    #[test]
+    fn whatever_comes_is_counted_and_nothing_non_finite_comes_out(
+        picks in prop::collection::vec((0u8..8, -300i64..600, prop::num::f32::ANY, prop::num::f64::ANY), 1..200),
+        batch in 1usize..5,
+    ) {
+        let mut cfg = config(2, vec![region("index", &[0, 1], &["dip"])]);
+        cfg.batch = batch;
+        let mut core = fusion(cfg, vec![Sum::boxed(4, 2, 1)]);
+        let mut at_ms = 0;
+        let samples: Vec<Sample> = picks.iter().map(|&(kind, step, value, angle)| {
+            at_ms += if kind < 6 { step.rem_euclid(20) } else { step };
+            match kind {
+                0..=2 | 6 => Sample::tactile(at_ms as f64, &[value, 1.0][..1 + usize::from(step % 9 != 0)]),
+                _ => Sample::joints(at_ms as f64, &[(if step % 5 == 0 { "pip" } else { "dip" }, angle)]),
+            }
+        }).collect();
+        let estimates = run(&mut core, &samples);
+        for (_, estimate) in &estimates {
+            prop_assert!(estimate.force.is_none_or(|force| force.0.is_finite()));
+            prop_assert!(estimate.force.is_some() || !estimate.flags.is_empty());
+        }
+        prop_assert_eq!(core.n_pending(), 0);
+        let counters = core.counters();
+        let t = counters.tactile[0].1;
+        prop_assert_eq!(t.rows, t.used + t.duplicate + t.out_of_order + t.wrong_length + t.no_row_period);
+        prop_assert_eq!(t.used, t.frames);
+        prop_assert_eq!(t.frames, estimates.len() as u64);
+        let j = counters.joints[0].1;
+        prop_assert_eq!(j.messages, j.used + j.unknown + j.duplicate + j.out_of_order + j.non_finite + j.malformed);
+        let r = counters.regions[0].1;
+        prop_assert_eq!(r.frames, r.estimates + r.warmup + r.uncalibrated + r.stale_pose + r.non_finite);
+    }
+}
