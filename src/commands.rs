@@ -1,1 +1,67 @@
 //! One file a subcommand of `tpf`: parse, call, render.
+
+mod progress;
+
+use std::io::Write;
+
+use clap::{Parser, Subcommand};
+
+/// Pose-aware tactile force: taxels and joint angles in, wrench and contact out.
+#[derive(Debug, Parser)]
+#[command(name = "tpf", version, max_term_width = 110)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {}
+
+/// How a command ended that did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything was done.
+    Done,
+    /// Everything was done, and something the user asked to be held against was not met.
+    NotMet,
+    /// It was done with what there was: some of the input data was lost, and the output says which.
+    InputLost,
+}
+
+/// A failure, as the one line that a person reads.
+#[derive(Debug)]
+pub struct Failure(String);
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl<E: std::error::Error> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Failure(error.to_string())
+    }
+}
+
+/// Runs what the command line asks for. Results go to stdout, words to stderr.
+///
+/// # Errors
+/// [`Failure`] with the one line to show.
+pub fn run(cli: Cli) -> Result<Outcome, Failure> {
+    match cli.command {}
+}
+
+/// Writes a result to stdout. A reader that has gone away (`| head`) is no failure of ours.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure(format!("stdout: {error}"))),
+        _ => Ok(()),
+    }
+}
+
+/// Says something to the person at the terminal; a closed stderr is nobody to tell.
+pub(crate) fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}

@@ -6,6 +6,7 @@
 //! [`fusion`] is the pure core; everything else brings it events, models and parameters, or takes its estimates away.
 
 pub mod bag;
+pub mod calibration;
 pub mod commands;
 pub mod config;
 pub mod fusion;

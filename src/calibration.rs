@@ -1,0 +1,189 @@
+//! The calibration file: baselines of a glove on a hand, kept so that a session need not start in the air again.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::fusion::{Baseline, TactileSource};
+
+const FORMAT: &str = "tactile_pose_fusion/calibration/1";
+
+/// What a calibration file holds. YAML on disk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    format: String,
+    /// Serial number of the glove, as `glove` in the parameters; empty when it wasn't told.
+    pub glove: String,
+    /// Who wore it, as `user` in the parameters; empty when it wasn't told.
+    pub user: String,
+    /// SHA-256 of each model in use then, by its name in the parameters.
+    pub models: BTreeMap<String, String>,
+    /// What was recorded: bag or live, and for how long at zero load.
+    pub recorded: String,
+    /// The baseline of each tactile source, by its name in the parameters.
+    pub sources: BTreeMap<String, Baseline>,
+}
+
+/// Why a calibration file can't be used. Each text is one line that names the file.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the texts say it
+pub enum CalibrationFileError {
+    #[error("{path}: cannot read the calibration: {source}")]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{path}: cannot write the calibration: {source}")]
+    Write { path: PathBuf, source: std::io::Error },
+    #[error("{path}: already exists; choose another name, or remove it first")]
+    Exists { path: PathBuf },
+    #[error("{path}: not a calibration file: {reason}; make one with `tpf calibrate`")]
+    Malformed { path: PathBuf, reason: String },
+    #[error("{path}: made for {what} {got:?}, the parameters say {expected:?}; calibrate again, or correct `{what}`")]
+    Mismatch { path: PathBuf, what: &'static str, expected: String, got: String },
+    #[error("{path}: has no baseline for tactile source {expected:?}, only for {got:?}; calibrate again")]
+    MissingSource { path: PathBuf, expected: String, got: Vec<String> },
+    #[error(
+        "{path}: has {got} taxels for tactile source {source_name:?}, the parameters say {expected}; calibrate again"
+    )]
+    Taxels { path: PathBuf, source_name: String, expected: usize, got: usize },
+}
+
+impl Calibration {
+    /// A calibration of these sources.
+    pub fn new(glove: &str, user: &str, recorded: String, sources: BTreeMap<String, Baseline>) -> Self {
+        let (glove, user) = (glove.to_owned(), user.to_owned());
+        Calibration { format: FORMAT.to_owned(), glove, user, models: BTreeMap::new(), recorded, sources }
+    }
+
+    /// Reads a calibration and checks that it belongs to this glove, user and set of sources.
+    ///
+    /// An empty `glove` or `user` on either side is not compared.
+    ///
+    /// # Errors
+    /// [`CalibrationFileError`], whose text names the file and what doesn't fit.
+    pub fn load(
+        path: &Path,
+        glove: &str,
+        user: &str,
+        sources: &[TactileSource],
+    ) -> Result<Calibration, CalibrationFileError> {
+        let path_buf = || path.to_path_buf();
+        let text =
+            std::fs::read_to_string(path).map_err(|source| CalibrationFileError::Read { path: path_buf(), source })?;
+        let malformed = |reason: String| CalibrationFileError::Malformed { path: path_buf(), reason };
+        let one_line = |text: String| text.lines().next().unwrap_or_default().to_owned();
+        let found: Calibration =
+            serde_saphyr::from_str(&text).map_err(|error| malformed(one_line(error.to_string())))?;
+        if found.format != FORMAT {
+            return Err(malformed(format!("format is {:?}, expected {FORMAT:?}", found.format)));
+        }
+        for (what, expected, got) in [("glove", glove, &found.glove), ("user", user, &found.user)] {
+            if !expected.is_empty() && !got.is_empty() && expected != got {
+                let (expected, got) = (expected.to_owned(), got.clone());
+                return Err(CalibrationFileError::Mismatch { path: path_buf(), what, expected, got });
+            }
+        }
+        for source in sources {
+            let Some(baseline) = found.sources.get(&source.name) else {
+                let got = found.sources.keys().cloned().collect();
+                return Err(CalibrationFileError::MissingSource {
+                    path: path_buf(),
+                    expected: source.name.clone(),
+                    got,
+                });
+            };
+            for got in [baseline.median.len(), baseline.noise.len(), baseline.faulty.len()] {
+                if got != source.n_taxels {
+                    let (source_name, expected) = (source.name.clone(), source.n_taxels);
+                    return Err(CalibrationFileError::Taxels { path: path_buf(), source_name, expected, got });
+                }
+            }
+            if let Some(taxel_idx) = baseline.median.iter().position(|median| !median.is_finite()) {
+                return Err(malformed(format!("baseline of {:?} is not finite at taxel {taxel_idx}", source.name)));
+            }
+        }
+        Ok(found)
+    }
+
+    /// Writes a new calibration file, whole or not at all.
+    ///
+    /// # Errors
+    /// [`CalibrationFileError::Exists`] when there is one of that name already, [`CalibrationFileError::Write`].
+    pub fn save(&self, path: &Path) -> Result<(), CalibrationFileError> {
+        let write_error = |source| CalibrationFileError::Write { path: path.to_path_buf(), source };
+        let text = serde_saphyr::to_string(self).map_err(|error| write_error(std::io::Error::other(error)))?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(write_error)?;
+        std::io::Write::write_all(&mut file, text.as_bytes()).map_err(write_error)?;
+        file.as_file().sync_all().map_err(write_error)?;
+        match file.persist_noclobber(path) {
+            Ok(_) => Ok(()),
+            Err(failed) if failed.error.kind() == std::io::ErrorKind::AlreadyExists => {
+                Err(CalibrationFileError::Exists { path: path.to_path_buf() })
+            }
+            Err(failed) => Err(write_error(failed.error)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fusion::FrameClock;
+
+    fn source(n_taxels: usize) -> TactileSource {
+        let frame_clock = FrameClock::Tactile;
+        TactileSource { name: "glove".into(), n_taxels, stamp_offset_ns: 0, inverted: false, frame_clock }
+    }
+
+    fn calibration() -> Calibration {
+        let baseline = Baseline { median: vec![0.1, 1.0 / 3.0], noise: vec![1e-7, 2.5e8], faulty: vec![false, true] };
+        let sources = BTreeMap::from([("glove".to_owned(), baseline)]);
+        let mut calibration = Calibration::new("SN: 1", "", "bag, 10.00 s".into(), sources);
+        calibration.models.insert("fingertip".into(), "00ff".into());
+        calibration
+    }
+
+    #[test]
+    fn a_calibration_comes_back_as_it_was_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calibration.yaml");
+        calibration().save(&path).unwrap();
+        assert_eq!(Calibration::load(&path, "SN: 1", "anyone", &[source(2)]).unwrap(), calibration());
+        let again = calibration().save(&path).unwrap_err().to_string();
+        assert!(again.ends_with("already exists; choose another name, or remove it first"), "{again}");
+    }
+
+    #[test]
+    fn a_calibration_of_something_else_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calibration.yaml");
+        calibration().save(&path).unwrap();
+        let refused = |glove, sources: &[TactileSource]| {
+            Calibration::load(&path, glove, "", sources).unwrap_err().to_string().replace(path.to_str().unwrap(), "F")
+        };
+        let text = refused("SN: 2", &[source(2)]);
+        assert_eq!(
+            text,
+            "F: made for glove \"SN: 1\", the parameters say \"SN: 2\"; calibrate again, or correct `glove`"
+        );
+        let text = refused("", &[source(3)]);
+        assert_eq!(text, "F: has 2 taxels for tactile source \"glove\", the parameters say 3; calibrate again");
+        let mut other = source(2);
+        other.name = "palm".into();
+        assert!(
+            refused("", &[other]).starts_with("F: has no baseline for tactile source \"palm\", only for [\"glove\"]")
+        );
+    }
+
+    #[test]
+    fn what_is_no_calibration_is_refused_in_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("calibration.yaml");
+        for text in ["", "[1, 2", "format: x", "a: 1\nb: 2", "\u{0}", "format: 1\nglove: {}\n"] {
+            std::fs::write(&path, text).unwrap();
+            let error = Calibration::load(&path, "", "", &[source(2)]).unwrap_err().to_string();
+            assert!(error.contains("not a calibration file") && error.lines().count() == 1, "{error}");
+        }
+    }
+}
