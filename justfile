@@ -1,0 +1,36 @@
+# What people do here. `just` lists it.
+
+default:
+    @just --list
+
+# Build the binaries as users run them
+build:
+    cargo build --release
+
+# Run the tests; those that need ONNX Runtime or Python say so when they skip
+test:
+    cargo test
+
+# Fetch ONNX Runtime and the Python readers, then run every test and let none skip for want of them
+test-all:
+    scripts/fetch-onnxruntime
+    scripts/python-venv
+    TPF_REQUIRE_ORT=1 TPF_REQUIRE_PYTHON=1 cargo test
+
+# Formatting and lints, as CI sees them
+lint:
+    cargo fmt --check
+    cargo clippy --all-targets -- -D warnings
+
+# Benchmarks: one tick, and replay in frames a second, on both backends
+bench:
+    scripts/fetch-onnxruntime
+    cargo bench
+
+# API documentation
+docs:
+    cargo doc --no-deps --open
+
+# What CI runs
+ci:
+    .ci/run
