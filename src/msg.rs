@@ -1,1 +1,75 @@
 //! Wire types: our own messages, the standard ones we read and write, and any other type by its definition.
+
+pub mod binding;
+pub mod definition;
+pub mod dynamic;
+
+mod calibrate;
+mod cdr;
+mod interfaces;
+mod schema;
+mod standard;
+mod type_hash;
+
+use byteorder::{BigEndian, LittleEndian};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+pub use calibrate::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
+pub use cdr::CdrError;
+pub use definition::canonical_type_name;
+pub use interfaces::{ContactArray, ContactState, Stage, TaxelArray};
+pub use schema::{definition_text, standard_text};
+pub use standard::{
+    Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Time, Vector3, Wrench,
+    WrenchStamped,
+};
+pub use type_hash::{rihs01, type_hash};
+
+/// A message with a struct of its own, whose fields stand in the order of its `.msg` text.
+pub trait WireType: Serialize + DeserializeOwned {
+    /// Canonical name of its ROS type, `package/msg/Name`.
+    const TYPE_NAME: &'static str;
+}
+
+/// Why bytes are not a message of the type that they should be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{n_bytes} bytes are not a {type_name}: {reason}")]
+pub struct WireError {
+    /// The type that was expected.
+    pub type_name: &'static str,
+    /// How many bytes came.
+    pub n_bytes: usize,
+    /// What is wrong with them.
+    pub reason: String,
+}
+
+/// The message in little-endian CDR, after its encapsulation header.
+pub fn to_cdr<T: WireType>(message: &T) -> Vec<u8> {
+    let mut cdr = Vec::new();
+    to_cdr_into(message, &mut cdr);
+    cdr
+}
+
+/// As [`to_cdr`], into a buffer that is emptied first and keeps its memory.
+pub fn to_cdr_into<T: WireType>(message: &T, cdr: &mut Vec<u8>) {
+    cdr.clear();
+    cdr.extend_from_slice(&cdr::LITTLE_ENDIAN_HEADER);
+    cdr_encoding::to_writer::<T, LittleEndian, _>(cdr, message)
+        .expect("the lengths of a wire struct are known, and a Vec takes every byte");
+}
+
+/// The message that `cdr` holds, of either byte order; bytes after its last field are padding.
+///
+/// # Errors
+/// [`WireError`] when the bytes end early, or are not plain CDR of that type.
+pub fn from_cdr<T: WireType>(cdr: &[u8]) -> Result<T, WireError> {
+    let error = |reason: String| WireError { type_name: T::TYPE_NAME, n_bytes: cdr.len(), reason };
+    let reader = cdr::CdrReader::new(cdr).map_err(|fault| error(fault.to_string()))?;
+    let decoded = if reader.is_little_endian() {
+        cdr_encoding::from_bytes::<T, LittleEndian>(reader.body())
+    } else {
+        cdr_encoding::from_bytes::<T, BigEndian>(reader.body())
+    };
+    decoded.map(|(message, _)| message).map_err(|fault| error(fault.to_string()))
+}

@@ -1,0 +1,250 @@
+//! A type with everything that it is made of.
+
+use std::collections::BTreeMap;
+
+use super::{
+    Arity, BaseType, DefinitionError, FieldDefinition, FieldType, MessageDefinition, checked_type_name, shortened,
+};
+use crate::msg::schema::standard_text;
+
+/// Deepest nesting of messages that is read.
+const MAX_DEPTH: usize = 32; // real messages nest about 6 deep
+
+/// Most fields, those of nested messages included, that a type may have.
+const MAX_FIELDS: usize = 65_536; // real messages have a few hundred at most
+
+/// What the two halves of a service need beside their own text to make its event type.
+const SERVICE_EVENT_INFO: &str = "service_msgs/msg/ServiceEventInfo";
+
+/// A message type and all types inside of it: each name that a field mentions is there, none contains itself, and
+/// neither depth nor size is beyond what a walk over it can bear.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TypeTree {
+    root: String,
+    types: BTreeMap<String, MessageDefinition>,
+}
+
+impl TypeTree {
+    /// Resolves a schema as bags hold it: the text of the type, then that of each dependency under a separator line.
+    ///
+    /// `builtin_interfaces/Time` and `Duration` may be left out. A service's own text is taken for its `_Event`,
+    /// `_Request` and `_Response` types, as rosbag2 records it.
+    ///
+    /// # Errors
+    /// [`DefinitionError`] naming the type and what is wrong or missing.
+    pub fn from_schema(type_name: &str, text: &str) -> Result<Self, DefinitionError> {
+        Self::resolve(type_name, text, &mut |_| None)
+    }
+
+    /// As [`from_schema`](Self::from_schema), asking `lookup` for the `.msg` text of each canonical type name that
+    /// `text` does not define.
+    ///
+    /// # Errors
+    /// [`DefinitionError`] naming the type and what is wrong or missing.
+    pub fn resolve(
+        type_name: &str,
+        text: &str,
+        lookup: &mut dyn FnMut(&str) -> Option<String>,
+    ) -> Result<Self, DefinitionError> {
+        let root = checked_type_name(type_name)?;
+        let (root_text, sections) = sections(&root, text)?;
+        let mut resolver = Resolver { sections, lookup, types: BTreeMap::new(), sizes: BTreeMap::new(), open: vec![] };
+        let definition = match service_of(&root, &root_text) {
+            Some(service) => resolver.add_service(&root, service)?,
+            None => MessageDefinition::parse(&root, &root_text)?,
+        };
+        resolver.add(definition)?;
+        let types = resolver.types;
+        Ok(TypeTree { root, types })
+    }
+
+    /// Canonical name of the type.
+    pub fn type_name(&self) -> &str {
+        &self.root
+    }
+
+    /// The type itself.
+    pub fn root(&self) -> &MessageDefinition {
+        self.message(&self.root)
+    }
+
+    /// A type inside of this one, by canonical name.
+    pub fn definition(&self, type_name: &str) -> Option<&MessageDefinition> {
+        self.types.get(type_name)
+    }
+
+    /// All types inside of this one, itself left out, in the order of their names.
+    pub fn dependencies(&self) -> impl Iterator<Item = &MessageDefinition> {
+        self.types.values().filter(|definition| definition.type_name != self.root)
+    }
+
+    /// The definition of a type that a field of this tree mentions.
+    pub(in crate::msg) fn message(&self, type_name: &str) -> &MessageDefinition {
+        self.types.get(type_name).expect("resolving put every type that a field mentions into the tree")
+    }
+}
+
+struct Resolver<'a> {
+    sections: BTreeMap<String, String>,
+    lookup: &'a mut dyn FnMut(&str) -> Option<String>,
+    types: BTreeMap<String, MessageDefinition>,
+    sizes: BTreeMap<String, usize>, // fields, those of nested messages included
+    open: Vec<String>,
+}
+
+impl Resolver<'_> {
+    /// Adds `definition` with everything inside of it; its number of fields, nested ones included.
+    fn add(&mut self, mut definition: MessageDefinition) -> Result<usize, DefinitionError> {
+        let type_name = definition.type_name.clone();
+        if self.open.len() >= MAX_DEPTH {
+            return Err(DefinitionError::TooDeep { type_name: self.open.swap_remove(0), limit: MAX_DEPTH });
+        }
+        self.open.push(type_name.clone());
+        let mut n_fields = 0_usize;
+        for field in &mut definition.fields {
+            let inside = match &mut field.ty.base {
+                BaseType::Message(name) => self.add_named(name, &type_name)?,
+                _ => 1,
+            };
+            n_fields = n_fields.saturating_add(inside.max(1));
+            if n_fields > MAX_FIELDS {
+                return Err(DefinitionError::TooLarge { type_name, limit: MAX_FIELDS });
+            }
+        }
+        self.open.pop();
+        self.sizes.insert(type_name.clone(), n_fields);
+        self.types.insert(type_name, definition);
+        Ok(n_fields)
+    }
+
+    fn add_named(&mut self, name: &mut String, user: &str) -> Result<usize, DefinitionError> {
+        if let Some(size) = self.sizes.get(name.as_str()) {
+            return Ok(*size);
+        }
+        if self.open.contains(name) {
+            return Err(DefinitionError::Recursive { type_name: name.clone(), through: user.to_owned() });
+        }
+        match self.text(name) {
+            Some(text) => {
+                let definition = MessageDefinition::parse(name, &text)?;
+                self.add(definition)
+            }
+            // ROS 1 meant std_msgs by a bare 'Header', and definitions moved over from it still do.
+            None if name.ends_with("/msg/Header") && name != "std_msgs/msg/Header" => {
+                let stated = std::mem::replace(name, "std_msgs/msg/Header".to_owned());
+                self.add_named(name, user).map_err(|error| match error {
+                    DefinitionError::UnknownDependency { type_name, .. } if type_name == user => {
+                        DefinitionError::UnknownDependency { type_name, dependency: stated }
+                    }
+                    error => error,
+                })
+            }
+            None => Err(DefinitionError::UnknownDependency { type_name: user.to_owned(), dependency: name.clone() }),
+        }
+    }
+
+    fn text(&mut self, name: &str) -> Option<String> {
+        let part_of_ros = name.starts_with("builtin_interfaces/msg/") || name == SERVICE_EVENT_INFO;
+        self.sections
+            .get(name)
+            .cloned()
+            .or_else(|| (self.lookup)(name))
+            .or_else(|| if part_of_ros { standard_text(name).map(str::to_owned) } else { None })
+    }
+
+    /// Adds the halves of a service and makes the type that `type_name` asks for.
+    fn add_service(&mut self, type_name: &str, service: Service) -> Result<MessageDefinition, DefinitionError> {
+        let Service { part, stem, request, response } = service;
+        let half = |name: &str, text: &str| MessageDefinition::parse(&format!("{stem}_{name}"), text);
+        match part {
+            ServicePart::Request => half("Request", &request),
+            ServicePart::Response => half("Response", &response),
+            ServicePart::Event => {
+                let field = |name: &str, base: String, arity| FieldDefinition {
+                    name: name.to_owned(),
+                    ty: FieldType { base: BaseType::Message(base), arity },
+                    default: None,
+                };
+                self.add(half("Request", &request)?)?;
+                self.add(half("Response", &response)?)?;
+                Ok(MessageDefinition {
+                    type_name: type_name.to_owned(),
+                    fields: vec![
+                        field("info", SERVICE_EVENT_INFO.to_owned(), Arity::One),
+                        field("request", format!("{stem}_Request"), Arity::Bounded(1)),
+                        field("response", format!("{stem}_Response"), Arity::Bounded(1)),
+                    ],
+                    constants: vec![],
+                })
+            }
+        }
+    }
+}
+
+enum ServicePart {
+    Request,
+    Response,
+    Event,
+}
+
+struct Service {
+    part: ServicePart,
+    stem: String,
+    request: String,
+    response: String,
+}
+
+/// The service that `text` defines, when it is the text of one and `type_name` one of the types made of it.
+fn service_of(type_name: &str, text: &str) -> Option<Service> {
+    let divider = |line: &&str| line.trim_end() == "---";
+    if !type_name.contains("/srv/") || text.lines().filter(divider).count() != 1 {
+        return None;
+    }
+    let (stem, part) =
+        [("_Event", ServicePart::Event), ("_Request", ServicePart::Request), ("_Response", ServicePart::Response)]
+            .into_iter()
+            .find_map(|(suffix, part)| Some((type_name.strip_suffix(suffix)?.to_owned(), part)))?;
+    let request: Vec<&str> = text.lines().take_while(|line| !divider(line)).collect();
+    let response: Vec<&str> = text.lines().skip(request.len() + 1).collect();
+    Some(Service { part, stem, request: request.join("\n"), response: response.join("\n") })
+}
+
+/// Divides a concatenated schema into the root's text and the texts of its dependencies.
+///
+/// Of a type that is defined twice the first text counts: rosbag2 of 2022 wrote the same one several times.
+fn sections(root: &str, text: &str) -> Result<(String, BTreeMap<String, String>), DefinitionError> {
+    let mut root_text = String::new();
+    let mut others: BTreeMap<String, String> = BTreeMap::new();
+    let mut current: Option<(String, String)> = None; // None: within the root's own text
+    let mut awaiting_name = false;
+    for (line_idx, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+        let is_separator = line.trim_end().len() >= 3 && line.trim_end().bytes().all(|byte| byte == b'=');
+        if is_separator {
+            keep(&mut others, current.take());
+            awaiting_name = true;
+        } else if awaiting_name && !line.trim().is_empty() {
+            let named = line.split_once(':').filter(|(kind, _)| matches!(kind.trim(), "MSG" | "SRV"));
+            let name = named.and_then(|(_, name)| checked_type_name(name).ok()).ok_or_else(|| {
+                DefinitionError::Section { type_name: root.to_owned(), line: line_idx + 1, text: shortened(line) }
+            })?;
+            let is_root = name == root && root_text.trim().is_empty();
+            current = (!is_root).then(|| (name, String::new()));
+            awaiting_name = false;
+        } else if !awaiting_name {
+            let target = current.as_mut().map_or(&mut root_text, |(_, text)| text);
+            target.push_str(line);
+            target.push('\n');
+        }
+    }
+    keep(&mut others, current);
+    if !root.contains("/srv/") && root_text.lines().any(|line| line.trim_end() == "---") {
+        return Err(DefinitionError::NotAMessage { type_name: root.to_owned() });
+    }
+    Ok((root_text, others))
+}
+
+fn keep(sections: &mut BTreeMap<String, String>, section: Option<(String, String)>) {
+    if let Some((name, text)) = section {
+        sections.entry(name).or_insert(text);
+    }
+}

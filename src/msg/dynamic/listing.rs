@@ -1,0 +1,65 @@
+//! Which fields of a type hold numbers.
+
+use super::{ElementKind, FieldKind};
+use crate::msg::definition::{Arity, BaseType, MessageDefinition, TypeTree};
+
+/// A field that holds numbers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NumericPath {
+    /// Its path, with `[]` behind each array of messages on the way.
+    pub path: String,
+    /// What it holds.
+    pub kind: FieldKind,
+}
+
+/// All fields of the type that hold numbers, in wire order; stamps and durations left out.
+///
+/// Fields behind a wide string can't be read, so they are left out too.
+pub fn numeric_paths(tree: &TypeTree) -> Vec<NumericPath> {
+    let mut paths = vec![];
+    list(tree, tree.root(), "", false, &mut paths);
+    paths
+}
+
+/// Lists the fields of `message`; false when a wide string stops it.
+fn list(tree: &TypeTree, message: &MessageDefinition, prefix: &str, many: bool, paths: &mut Vec<NumericPath>) -> bool {
+    message.fields.iter().all(|field| {
+        let is_array = field.ty.arity != Arity::One;
+        let path = format!("{prefix}{}", field.name);
+        match &field.ty.base {
+            BaseType::Primitive(primitive) => {
+                let kind = FieldKind { element: ElementKind::Number(*primitive), many: many || is_array };
+                paths.push(NumericPath { path, kind });
+                true
+            }
+            BaseType::Text { .. } => true,
+            BaseType::WideText { .. } => false,
+            BaseType::Message(name) if is_time(name) => true,
+            BaseType::Message(name) => {
+                let message = tree.message(name);
+                // To reach the second element of an array all of the first must be skipped.
+                let readable = !is_array || !holds_wide_text(tree, message);
+                readable
+                    && list(
+                        tree,
+                        message,
+                        &format!("{path}{}.", if is_array { "[]" } else { "" }),
+                        many || is_array,
+                        paths,
+                    )
+            }
+        }
+    })
+}
+
+fn is_time(type_name: &str) -> bool {
+    matches!(type_name, "builtin_interfaces/msg/Time" | "builtin_interfaces/msg/Duration")
+}
+
+fn holds_wide_text(tree: &TypeTree, message: &MessageDefinition) -> bool {
+    message.fields.iter().any(|field| match &field.ty.base {
+        BaseType::WideText { .. } => true,
+        BaseType::Message(name) => holds_wide_text(tree, tree.message(name)),
+        _ => false,
+    })
+}

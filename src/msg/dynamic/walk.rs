@@ -1,0 +1,219 @@
+//! Compiled paths: past what stands before, into arrays, to the field.
+
+use super::path::{self, Segment, Select};
+use super::skip::{self, Len, Op, Skipper, WideTextInTheWay};
+use super::{ElementKind, FieldError, FieldKind, ReadAs};
+use crate::msg::cdr::{CdrError, CdrReader};
+use crate::msg::definition::{BaseType, FieldDefinition, MessageDefinition, Primitive, TypeTree};
+
+/// How to get from one place in a message to the fields that a path means.
+#[derive(Debug, Clone)]
+pub(super) struct Walk {
+    lead: Vec<Op>,
+    target: Target,
+}
+
+#[derive(Debug, Clone)]
+enum Target {
+    Leaf(Leaf),
+    Element { len: Len, index: usize, skip: Vec<Op>, then: Box<Walk> },
+    Every { len: Len, skip: Vec<Op>, then: Box<Walk> },
+}
+
+/// What a path ends at.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Leaf {
+    Number(Primitive),
+    Numbers(Primitive, Len),
+    Text,
+    Texts(Len),
+    Time,
+    Duration,
+}
+
+impl Walk {
+    pub(super) fn run<'a>(
+        &self,
+        reader: &mut CdrReader<'a>,
+        visit: &mut impl FnMut(&Leaf, &mut CdrReader<'a>) -> Result<(), CdrError>,
+    ) -> Result<(), CdrError> {
+        skip::run(&self.lead, reader)?;
+        match &self.target {
+            Target::Leaf(leaf) => visit(leaf, reader),
+            Target::Element { len, index, skip, then } => {
+                let len = len.read(reader)?;
+                if *index >= len {
+                    return Err(CdrError::NoElement { index: *index, len });
+                }
+                for _ in 0..*index {
+                    skip::run(skip, reader)?;
+                }
+                then.run(reader, visit)
+            }
+            Target::Every { len, skip, then } => {
+                for _ in 0..len.read(reader)? {
+                    then.run(&mut reader.clone(), visit)?;
+                    skip::run(skip, reader)?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Leaf {
+    /// The bytes of the numbers, whole elements of the primitive.
+    #[inline]
+    pub(super) fn numbers<'a>(&self, reader: &mut CdrReader<'a>) -> Result<(Primitive, &'a [u8]), CdrError> {
+        match *self {
+            Leaf::Number(primitive) => Ok((primitive, reader.primitives(primitive, 1)?)),
+            Leaf::Numbers(primitive, len) => {
+                let len = len.read(reader)?;
+                Ok((primitive, reader.primitives(primitive, len)?))
+            }
+            _ => Err(self.unlike(ReadAs::Numbers)),
+        }
+    }
+
+    /// How many strings follow.
+    pub(super) fn texts(&self, reader: &mut CdrReader<'_>) -> Result<usize, CdrError> {
+        match self {
+            Leaf::Text => Ok(1),
+            Leaf::Texts(len) => len.read(reader),
+            _ => Err(self.unlike(ReadAs::Texts)),
+        }
+    }
+
+    /// The error of a plan that is read as something other than what it was compiled for.
+    pub(super) fn unlike(&self, read_as: ReadAs) -> CdrError {
+        CdrError::Kind { wanted: read_as.wanted(), found: self.kind(false).to_string() }
+    }
+
+    fn kind(&self, within_every: bool) -> FieldKind {
+        let (element, many) = match *self {
+            Leaf::Number(primitive) => (ElementKind::Number(primitive), false),
+            Leaf::Numbers(primitive, _) => (ElementKind::Number(primitive), true),
+            Leaf::Text => (ElementKind::Text, false),
+            Leaf::Texts(_) => (ElementKind::Text, true),
+            Leaf::Time => (ElementKind::Time, false),
+            Leaf::Duration => (ElementKind::Duration, false),
+        };
+        FieldKind { element, many: many || within_every }
+    }
+}
+
+/// Compiles a path, and says what it leads to.
+pub(super) fn compile(tree: &TypeTree, path: &str) -> Result<(Walk, FieldKind), FieldError> {
+    let segments = path::parse(path)?;
+    let mut compiler = Compiler { tree, segments: &segments, within_every: false, leaf: None };
+    let walk = compiler.message(tree.root(), 0, Skipper::at_start())?;
+    let leaf = compiler.leaf.expect("a walk that was compiled ends at a leaf");
+    Ok((walk, leaf.kind(compiler.within_every)))
+}
+
+struct Compiler<'a> {
+    tree: &'a TypeTree,
+    segments: &'a [Segment],
+    within_every: bool,
+    leaf: Option<Leaf>,
+}
+
+impl Compiler<'_> {
+    /// From `skip`, which stands at the start of `message`, along the segments from `depth` on.
+    fn message(&mut self, message: &MessageDefinition, depth: usize, mut skip: Skipper) -> Result<Walk, FieldError> {
+        let name = &self.segments[depth].name;
+        let Some(field) = message.field(name) else {
+            let fields: Vec<&str> = message.fields.iter().map(|field| field.name.as_str()).collect();
+            return Err(FieldError::Missing {
+                field: path::display(&self.segments[..=depth]),
+                type_name: message.type_name.clone(),
+                fields: if fields.is_empty() { "no fields".to_owned() } else { fields.join(", ") },
+            });
+        };
+        for before in message.fields.iter().take_while(|before| before.name != *name) {
+            skip.field(self.tree, before).map_err(|wide| self.wide_text(wide))?;
+        }
+        self.field(field, depth, skip)
+    }
+
+    fn field(&mut self, field: &FieldDefinition, depth: usize, skip: Skipper) -> Result<Walk, FieldError> {
+        let base = &field.ty.base;
+        match (Len::of(field.ty.arity), self.segments[depth].select) {
+            (None, Select::Whole) => self.element(field, depth, skip),
+            (None, _) => Err(self.shape(field, depth, "it is no array, so leave the brackets out".to_owned())),
+            (Some(len), Select::Whole | Select::Every) if !matches!(base, BaseType::Message(_)) => match base {
+                _ if depth + 1 < self.segments.len() => Err(self.shape(field, depth, self.end_here(depth))),
+                BaseType::Primitive(primitive) => Ok(self.leaf(Leaf::Numbers(*primitive, len), skip)),
+                BaseType::Text { .. } => Ok(self.leaf(Leaf::Texts(len), skip)),
+                _ => Err(self.wide_text(WideTextInTheWay(field.name.clone()))),
+            },
+            (Some(_), Select::Whole) => {
+                let name = path::display(&self.segments[..=depth]);
+                Err(self.shape(field, depth, format!("write {name}[] for all elements or {name}[0] for one")))
+            }
+            (Some(Len::Fixed(len)), Select::Element(index)) if index >= len => {
+                Err(self.shape(field, depth, format!("there is no element {index}")))
+            }
+            (Some(len), select) => {
+                let mut past = Skipper::anywhere();
+                past.element(self.tree, &field.name, base).map_err(|wide| self.wide_text(wide))?;
+                let past = past.into_ops();
+                self.within_every |= select == Select::Every;
+                let then = Box::new(self.element(field, depth, Skipper::anywhere())?);
+                let target = match select {
+                    Select::Element(index) => Target::Element { len, index, skip: past, then },
+                    Select::Every | Select::Whole => Target::Every { len, skip: past, then },
+                };
+                Ok(Walk { lead: skip.into_ops(), target })
+            }
+        }
+    }
+
+    /// One element of `field`, at whose start `skip` stands.
+    fn element(&mut self, field: &FieldDefinition, depth: usize, skip: Skipper) -> Result<Walk, FieldError> {
+        let ends = depth + 1 == self.segments.len();
+        match &field.ty.base {
+            BaseType::Message(name) if !ends => self.message(self.tree.message(name), depth + 1, skip),
+            BaseType::Message(name) => match name.as_str() {
+                "builtin_interfaces/msg/Time" => Ok(self.leaf(Leaf::Time, skip)),
+                "builtin_interfaces/msg/Duration" => Ok(self.leaf(Leaf::Duration, skip)),
+                name => {
+                    let fields: Vec<&str> =
+                        self.tree.message(name).fields.iter().map(|field| field.name.as_str()).collect();
+                    Err(self.shape(field, depth, format!("go on to one of its fields: {}", fields.join(", "))))
+                }
+            },
+            _ if !ends => Err(self.shape(field, depth, self.end_here(depth))),
+            BaseType::Primitive(primitive) => Ok(self.leaf(Leaf::Number(*primitive), skip)),
+            BaseType::Text { .. } => Ok(self.leaf(Leaf::Text, skip)),
+            BaseType::WideText { .. } => Err(self.wide_text(WideTextInTheWay(field.name.clone()))),
+        }
+    }
+
+    fn leaf(&mut self, leaf: Leaf, skip: Skipper) -> Walk {
+        self.leaf = Some(leaf);
+        Walk { lead: skip.into_ops(), target: Target::Leaf(leaf) }
+    }
+
+    fn end_here(&self, depth: usize) -> String {
+        format!("it has no fields, so leave out '.{}'", path::display(&self.segments[depth + 1..]))
+    }
+
+    fn shape(&self, field: &FieldDefinition, depth: usize, remedy: String) -> FieldError {
+        let mut upto = self.segments[..=depth].to_vec();
+        if let Some(last) = upto.last_mut() {
+            last.select = Select::Whole;
+        }
+        FieldError::Shape {
+            field: path::display(&upto),
+            type_name: self.tree.type_name().to_owned(),
+            found: field.ty.to_string(),
+            remedy,
+        }
+    }
+
+    fn wide_text(&self, WideTextInTheWay(field): WideTextInTheWay) -> FieldError {
+        let type_name = self.tree.type_name().to_owned();
+        FieldError::WideText { path: path::display(self.segments), type_name, field }
+    }
+}

@@ -1,0 +1,172 @@
+//! The standard messages that we read and write. Each mirrors a text under `msg/standard`.
+
+use serde::{Deserialize, Serialize};
+
+use super::WireType;
+use crate::units::{NANOS_PER_SEC, Stamp};
+
+/// A point in ROS time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Time {
+    /// Whole seconds, rounded down.
+    pub sec: i32,
+    /// Nanoseconds within the second, below 1e9.
+    pub nanosec: u32,
+}
+
+impl From<Stamp> for Time {
+    fn from(stamp: Stamp) -> Self {
+        let (sec, nanosec) = stamp.to_sec_nanosec();
+        Time { sec, nanosec }
+    }
+}
+
+impl From<Time> for Stamp {
+    fn from(time: Time) -> Self {
+        Stamp::from_sec_nanosec(time.sec, time.nanosec)
+    }
+}
+
+/// A span of time, which may be negative.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Duration {
+    /// Whole seconds, rounded down.
+    pub sec: i32,
+    /// Nanoseconds within the second, below 1e9.
+    pub nanosec: u32,
+}
+
+impl Duration {
+    /// The span of `nanos`, saturating where an `int32` of seconds can't hold it.
+    pub fn from_nanos(nanos: i64) -> Self {
+        let (sec, nanosec) = Stamp(nanos).to_sec_nanosec();
+        Duration { sec, nanosec }
+    }
+
+    /// The span in nanoseconds.
+    pub fn nanos(self) -> i64 {
+        i64::from(self.sec) * NANOS_PER_SEC + i64::from(self.nanosec)
+    }
+}
+
+/// What most messages begin with.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Header {
+    /// When the data was true.
+    pub stamp: Time,
+    /// The frame that it is given in.
+    pub frame_id: String,
+}
+
+/// Angles of joints, matched by name.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct JointState {
+    /// Stamp of the angles.
+    pub header: Header,
+    /// `[joints]`.
+    pub name: Vec<String>,
+    /// `[joints]` or empty, rad or m.
+    pub position: Vec<f64>,
+    /// `[joints]` or empty, rad/s or m/s.
+    pub velocity: Vec<f64>,
+    /// `[joints]` or empty, N m or N.
+    pub effort: Vec<f64>,
+}
+
+/// Three components along the axes of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Vector3 {
+    /// Along x.
+    pub x: f64,
+    /// Along y.
+    pub y: f64,
+    /// Along z.
+    pub z: f64,
+}
+
+/// A force and a torque about the origin of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Wrench {
+    /// N.
+    pub force: Vector3,
+    /// N m.
+    pub torque: Vector3,
+}
+
+/// A wrench with the frame and time that it belongs to.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct WrenchStamped {
+    /// Time and frame.
+    pub header: Header,
+    /// The wrench.
+    pub wrench: Wrench,
+}
+
+/// One dimension of a multi-array.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct MultiArrayDimension {
+    /// What the dimension is.
+    pub label: String,
+    /// Elements along it.
+    pub size: u32,
+    /// Elements from one index of the dimension before it to the next.
+    pub stride: u32,
+}
+
+/// How the values of a multi-array are to be taken.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct MultiArrayLayout {
+    /// Dimensions, outermost first.
+    pub dim: Vec<MultiArrayDimension>,
+    /// Values before the first one that counts.
+    pub data_offset: u32,
+}
+
+/// Values without a stamp.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Float32MultiArray {
+    /// How to take them.
+    pub layout: MultiArrayLayout,
+    /// The values.
+    pub data: Vec<f32>,
+}
+
+impl WireType for Time {
+    const TYPE_NAME: &'static str = "builtin_interfaces/msg/Time";
+}
+
+impl WireType for Duration {
+    const TYPE_NAME: &'static str = "builtin_interfaces/msg/Duration";
+}
+
+impl WireType for Header {
+    const TYPE_NAME: &'static str = "std_msgs/msg/Header";
+}
+
+impl WireType for JointState {
+    const TYPE_NAME: &'static str = "sensor_msgs/msg/JointState";
+}
+
+impl WireType for Vector3 {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/Vector3";
+}
+
+impl WireType for Wrench {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/Wrench";
+}
+
+impl WireType for WrenchStamped {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/WrenchStamped";
+}
+
+impl WireType for MultiArrayDimension {
+    const TYPE_NAME: &'static str = "std_msgs/msg/MultiArrayDimension";
+}
+
+impl WireType for MultiArrayLayout {
+    const TYPE_NAME: &'static str = "std_msgs/msg/MultiArrayLayout";
+}
+
+impl WireType for Float32MultiArray {
+    const TYPE_NAME: &'static str = "std_msgs/msg/Float32MultiArray";
+}
