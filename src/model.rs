@@ -1,1 +1,222 @@
 //! The tensor contract, and the two runtimes that keep it.
+//!
+//! A model file passes through one door: it is read once, its graph, weights and metadata are checked, a runtime opens
+//! it, and trial runs confirm what a file can't promise. What comes out is a [`Regressor`] and all that is known of it.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use self::contract::Terms;
+use self::error::one_line;
+use self::metadata::Metadata;
+use self::onnx::{Message, ModelProto};
+use self::session::{Runtime, Session};
+use crate::fusion::{ForceUnit, Regressor};
+
+mod contract;
+mod error;
+mod info;
+pub mod metadata;
+pub mod onnx;
+mod onnxruntime;
+mod probe;
+mod rten;
+mod session;
+mod weights;
+
+pub use error::ModelError;
+pub use info::{BackendInfo, Batch, Dim, ModelInfo, Origin, RuntimeName, TensorInfo, unit_name};
+
+/// The largest file that is read. The paper's network has half a MiB.
+const MAX_FILE_MIB: u64 = 64;
+
+/// Which runtime to take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BackendChoice {
+    /// ONNX Runtime where it is found, else RTen.
+    #[default]
+    Auto,
+    /// ONNX Runtime or nothing.
+    OnnxRuntime,
+    /// RTen, which is built in.
+    Rten,
+}
+
+/// The names of the contract's tensors in a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TensorNames {
+    /// Input: taxels.
+    pub tactile: String,
+    /// Input: joint angles. A model without such an input is one without pose.
+    pub pose: String,
+    /// Output: the force.
+    pub force: String,
+    /// Output: the force of the tactile branch alone. May be missing.
+    pub force_base: String,
+    /// Output: the artifact that the pose explains. May be missing.
+    pub force_residual: String,
+}
+
+impl Default for TensorNames {
+    fn default() -> Self {
+        TensorNames {
+            tactile: "tactile".into(),
+            pose: "pose".into(),
+            force: "force".into(),
+            force_base: "force_base".into(),
+            force_residual: "force_residual".into(),
+        }
+    }
+}
+
+/// Which model to load, and what the parameters say of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelSpec {
+    /// The ONNX file.
+    pub path: PathBuf,
+    /// Which runtime to take.
+    pub backend: BackendChoice,
+    /// Unit of the forces, for a model that doesn't tell it itself.
+    pub unit: Option<ForceUnit>,
+    /// Model frames a second, for a model that doesn't tell it itself.
+    pub rate_hz: Option<f64>,
+    /// Names of the tensors.
+    pub names: TensorNames,
+}
+
+impl ModelSpec {
+    /// A model about which the parameters say nothing.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        ModelSpec {
+            path: path.into(),
+            backend: BackendChoice::default(),
+            unit: None,
+            rate_hz: None,
+            names: TensorNames::default(),
+        }
+    }
+}
+
+/// A model that is ready to run.
+#[derive(Debug)]
+pub struct Model {
+    /// Runs it.
+    pub regressor: Box<dyn Regressor>,
+    /// What is known of it.
+    pub info: ModelInfo,
+}
+
+/// Loads a model: checks the file, opens it in a runtime, and tries it.
+///
+/// # Errors
+/// [`ModelError`] for the first thing that breaks the contract, wherever that can be known before the first window.
+pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
+    let opened = open(spec)?;
+    let path = spec.path.as_path();
+    let mut info = opened.info;
+    let (runtime, backend) = choose_runtime(spec, &opened.bytes, &opened.terms, &mut info.notes)?;
+    let mut session = Session::new(path, runtime, &opened.terms);
+    info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
+    info.contract = session.contract().clone();
+    info.backend = Some(backend);
+    Ok(Model { regressor: Box::new(session), info })
+}
+
+/// Tells what a file promises, under the default names, without any runtime.
+///
+/// # Errors
+/// [`ModelError`] for the first thing that breaks the contract.
+pub fn inspect(path: &Path) -> Result<ModelInfo, ModelError> {
+    inspect_spec(&ModelSpec::new(path))
+}
+
+/// Tells what a file promises under the names and values of the parameters, without any runtime.
+///
+/// # Errors
+/// [`ModelError`] for the first thing that breaks the contract.
+pub fn inspect_spec(spec: &ModelSpec) -> Result<ModelInfo, ModelError> {
+    open(spec).map(|opened| opened.info)
+}
+
+/// A file that has passed every check that needs no runtime.
+struct Opened {
+    bytes: Vec<u8>,
+    terms: Terms,
+    info: ModelInfo,
+}
+
+fn open(spec: &ModelSpec) -> Result<Opened, ModelError> {
+    let path = spec.path.as_path();
+    let malformed = |reason: String| ModelError::Malformed { path: path.to_path_buf(), reason };
+    let bytes = read(path)?;
+    let model = ModelProto::decode(bytes.as_slice()).map_err(|e| malformed(one_line(&e.to_string())))?;
+    let graph = model.graph.as_ref().ok_or_else(|| malformed("it holds no graph".to_string()))?;
+    weights::check(path, &model)?;
+    let metadata = Metadata::parse(path, &model.metadata_props)?;
+    let terms = contract::settle(graph, &metadata, spec)?;
+    let standard = |domain: &str| domain.is_empty() || domain == "ai.onnx";
+    let opset = model.opset_import.iter().find(|opset| standard(&opset.domain)).map_or(0, |opset| opset.version);
+    let info = ModelInfo {
+        path: path.to_path_buf(),
+        sha256: Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect(),
+        size_bytes: bytes.len() as u64,
+        backend: None,
+        contract: terms.contract.clone(),
+        unit_from: terms.unit_from,
+        rate_from: terms.rate_from,
+        batch: terms.batch,
+        metadata: metadata.entries,
+        producer: one_line(&format!("{} {}", model.producer_name, model.producer_version)),
+        ir_version: model.ir_version,
+        opset,
+        inputs: terms.inputs.clone(),
+        outputs: terms.outputs.clone(),
+        notes: terms.notes.clone(),
+    };
+    Ok(Opened { bytes, terms, info })
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ModelError> {
+    let failed = |reason| ModelError::Read { path: path.to_path_buf(), reason };
+    let limit = MAX_FILE_MIB << 20;
+    let mut bytes = Vec::new();
+    File::open(path).map_err(failed)?.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > limit {
+        return Err(ModelError::TooLarge { path: path.to_path_buf(), limit_mib: MAX_FILE_MIB });
+    }
+    Ok(bytes)
+}
+
+/// Opens the graph in the runtime that was asked for. Under `auto`, what stands against ONNX Runtime becomes a note.
+fn choose_runtime(
+    spec: &ModelSpec,
+    bytes: &[u8],
+    terms: &Terms,
+    notes: &mut Vec<String>,
+) -> Result<(Box<dyn Runtime>, BackendInfo), ModelError> {
+    let failed = |reason: String| ModelError::Runtime { path: spec.path.clone(), reason: one_line(&reason) };
+    let open_rten = || -> Result<(Box<dyn Runtime>, BackendInfo), String> {
+        Ok((Box::new(rten::open(bytes, terms)?), rten::info()))
+    };
+    let against = match spec.backend {
+        BackendChoice::Rten => return open_rten().map_err(failed),
+        BackendChoice::OnnxRuntime => {
+            let backend = onnxruntime::info();
+            let backend = backend.map_err(|reason| ModelError::NoOnnxRuntime { path: spec.path.clone(), reason })?;
+            return Ok((Box::new(onnxruntime::open(bytes, terms).map_err(failed)?), backend));
+        }
+        BackendChoice::Auto => match onnxruntime::info() {
+            Ok(backend) => match onnxruntime::open(bytes, terms) {
+                Ok(runtime) => return Ok((Box::new(runtime), backend)),
+                Err(said) => format!("{backend} refuses the model ({})", one_line(&said)),
+            },
+            Err(missing) => format!("ONNX Runtime can't be used ({missing})"),
+        },
+    };
+    let opened = open_rten().map_err(|said| failed(format!("{said}; {against}")))?;
+    notes.push(format!("{against}: RTen runs it"));
+    Ok(opened)
+}

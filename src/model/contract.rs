@@ -1,0 +1,315 @@
+//! From a file's graph, its metadata and the parameters to one contract, or to the first reason why there is none.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::error::{ModelError, one_line};
+use super::info::{Batch, Dim, Origin, TensorInfo, unit_name};
+use super::metadata::Metadata;
+use super::onnx::GraphProto;
+use super::{ModelSpec, TensorNames};
+use crate::fusion::{Contract, ForceUnit};
+
+/// Model frames a second when neither the model nor the parameters say it: the paper's rate.
+const DEFAULT_RATE_HZ: f64 = 100.0;
+
+/// The largest window of input that is believed, in numbers; the paper's is 64 x 20. It bounds what a trial run takes.
+const MAX_WINDOW_NUMBERS: usize = 1 << 22;
+
+/// A contract, and what is needed to run by it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Terms {
+    pub(super) contract: Contract,
+    pub(super) unit_from: Origin,
+    pub(super) rate_from: Origin,
+    pub(super) batch: Batch,
+    pub(super) tensors: Tensors,
+    pub(super) inputs: Vec<TensorInfo>,
+    pub(super) outputs: Vec<TensorInfo>,
+    pub(super) notes: Vec<String>,
+}
+
+/// The tensors of the contract that are there, by their names in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Tensors {
+    pub(super) tactile: String,
+    pub(super) pose: Option<String>,
+    pub(super) force: String,
+    pub(super) base: Option<String>,
+    pub(super) residual: Option<String>,
+}
+
+impl Tensors {
+    /// Names of the outputs that are there, in the order force, base, residual.
+    pub(super) fn outputs(&self) -> Vec<String> {
+        [Some(&self.force), self.base.as_ref(), self.residual.as_ref()].into_iter().flatten().cloned().collect()
+    }
+}
+
+/// Settles the contract of a graph.
+pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) -> Result<Terms, ModelError> {
+    let path = spec.path.as_path();
+    let weights: BTreeSet<&str> = graph.initializer.iter().map(|tensor| tensor.name.as_str()).collect();
+    let inputs: Vec<TensorInfo> =
+        graph.input.iter().filter(|input| !weights.contains(input.name.as_str())).map(TensorInfo::read).collect();
+    let outputs: Vec<TensorInfo> = graph.output.iter().map(TensorInfo::read).collect();
+
+    let tensors = find_tensors(path, &spec.names, &inputs, &outputs)?;
+    let named = |list: &[TensorInfo], name: &str| list.iter().find(|tensor| tensor.name == name).cloned();
+    let mut batch = Batch::Dynamic;
+    let mut window_from_shape = None;
+    let mut n_taxels = None;
+    let mut n_joints = None;
+    if let Some(tactile) = named(&inputs, &tensors.tactile) {
+        let [frames, width] = input_shape(path, &tactile, "[N, window, taxels]", &mut batch)?;
+        window_from_shape = agree(path, &tactile, "window", frames, metadata.window)?;
+        n_taxels = agree(path, &tactile, "taxels", width, metadata.n_taxels)?;
+    }
+    if let Some(pose) = tensors.pose.as_ref().and_then(|name| named(&inputs, name)) {
+        let [frames, width] = input_shape(path, &pose, "[N, window, joints]", &mut batch)?;
+        if let (Some(frames), Some(window)) = (frames, window_from_shape)
+            && frames != window
+        {
+            return Err(ModelError::Conflict {
+                path: path.to_path_buf(),
+                first: format!("input {} is {}", pose.name, pose.shape_text()),
+                second: format!("the window of input {} has {window} frames", tensors.tactile),
+                remedy: "both inputs take the same frames".into(),
+            });
+        }
+        n_joints = agree(path, &pose, "joints", width, metadata.joints.as_ref().map(Vec::len))?;
+    }
+    let known = |size: Option<usize>, name: &str, axis: &str, key: &str| {
+        size.ok_or_else(|| ModelError::Shape {
+            path: path.to_path_buf(),
+            kind: "input",
+            name: one_line(name),
+            got: named(&inputs, name).map_or_else(String::new, |tensor| tensor.shape_text()),
+            expected: format!("a fixed number of {axis}; export it fixed, or say it in metadata {key}"),
+        })
+    };
+    let window = known(window_from_shape, &tensors.tactile, "frames", "window")?;
+    let n_taxels = known(n_taxels, &tensors.tactile, "taxels", "taxels")?;
+    let n_joints = match &tensors.pose {
+        Some(pose) => known(n_joints, pose, "joints", "joints")?,
+        None => 0,
+    };
+    check_size(path, &tensors, window, n_taxels.max(n_joints))?;
+    check_joints(path, metadata, &tensors, n_joints)?;
+    for (name, output) in tensors.outputs().iter().filter_map(|name| Some((name, named(&outputs, name)?))) {
+        check_output(path, name, &output)?;
+    }
+
+    let (unit, unit_from) = settle_unit(path, metadata, spec)?;
+    let (rate_hz, rate_from) = settle_rate(path, metadata, spec)?;
+    let mut notes = Vec::new();
+    if unit_from == Origin::Default {
+        notes.push("neither the model nor the parameters tell the unit of its forces: gF is assumed".to_string());
+    }
+    if rate_from == Origin::Default {
+        notes.push("neither the model nor the parameters tell its frame rate: 100 Hz is assumed".to_string());
+    }
+    if batch == Batch::One {
+        notes.push("its batch is fixed at 1: windows are run one by one, and large batches are no faster".to_string());
+    }
+    let contract = Contract {
+        window,
+        n_taxels,
+        n_joints,
+        rate_hz,
+        unit,
+        has_base: tensors.base.is_some(),
+        joints: metadata.joints.clone(),
+        pose_range: metadata.pose_range.clone(),
+        mdf: metadata.mdf,
+    };
+    Ok(Terms { contract, unit_from, rate_from, batch, tensors, inputs, outputs, notes })
+}
+
+fn find_tensors(
+    path: &Path,
+    names: &TensorNames,
+    inputs: &[TensorInfo],
+    outputs: &[TensorInfo],
+) -> Result<Tensors, ModelError> {
+    let has = |list: &[TensorInfo], name: &str| list.iter().any(|tensor| tensor.name == name);
+    let missing = |kind, name: &str, list: &[TensorInfo], parameter| {
+        let present: Vec<String> = list.iter().map(ToString::to_string).collect();
+        let present = if present.is_empty() { format!("no {kind}s") } else { present.join(", ") };
+        let (name, present) = (one_line(name), one_line(&present));
+        Err(ModelError::MissingTensor { path: path.to_path_buf(), kind, name, present, parameter })
+    };
+    if !has(inputs, &names.tactile) {
+        return missing("input", &names.tactile, inputs, "inputs.tactile");
+    }
+    if !has(outputs, &names.force) {
+        return missing("output", &names.force, outputs, "outputs.force");
+    }
+    if names.tactile == names.pose {
+        return Err(ModelError::Conflict {
+            path: path.to_path_buf(),
+            first: format!("parameter model.NAME.inputs.tactile is {}", one_line(&names.tactile)),
+            second: "model.NAME.inputs.pose is the same input".into(),
+            remedy: "name two inputs, or leave out the pose of a model that has none".into(),
+        });
+    }
+    if let Some(unknown) = inputs.iter().find(|input| input.name != names.tactile && input.name != names.pose) {
+        return Err(ModelError::UnknownInput { path: path.to_path_buf(), input: one_line(&unknown.to_string()) });
+    }
+    let optional = |list: &[TensorInfo], name: &String| has(list, name).then(|| name.clone());
+    Ok(Tensors {
+        tactile: names.tactile.clone(),
+        pose: optional(inputs, &names.pose),
+        force: names.force.clone(),
+        base: optional(outputs, &names.force_base),
+        residual: optional(outputs, &names.force_residual),
+    })
+}
+
+/// Frames and width of an input of rank 3, `None` where they are dynamic.
+fn input_shape(
+    path: &Path,
+    tensor: &TensorInfo,
+    expected: &str,
+    batch: &mut Batch,
+) -> Result<[Option<usize>; 2], ModelError> {
+    check_float32(path, "input", tensor)?;
+    let refuse = || ModelError::Shape {
+        path: path.to_path_buf(),
+        kind: "input",
+        name: one_line(&tensor.name),
+        got: one_line(&tensor.shape_text()),
+        expected: expected.to_string(),
+    };
+    let Some([n, frames, width]) = tensor.shape.as_deref() else { return Err(refuse()) };
+    match n {
+        Dim::Dynamic(_) => {}
+        Dim::Fixed(1) => *batch = Batch::One,
+        Dim::Fixed(fixed) => {
+            return Err(ModelError::FixedBatch {
+                path: path.to_path_buf(),
+                name: one_line(&tensor.name),
+                got: one_line(&tensor.shape_text()),
+                batch: *fixed,
+            });
+        }
+    }
+    let size = |dim: &Dim| match dim {
+        Dim::Fixed(0) => Err(refuse()),
+        Dim::Fixed(size) => usize::try_from(*size).map(Some).map_err(|_| refuse()),
+        Dim::Dynamic(_) => Ok(None),
+    };
+    Ok([size(frames)?, size(width)?])
+}
+
+/// One size out of what the shape and the metadata say.
+fn agree(
+    path: &Path,
+    tensor: &TensorInfo,
+    key: &str,
+    shape: Option<usize>,
+    metadata: Option<usize>,
+) -> Result<Option<usize>, ModelError> {
+    match (shape, metadata) {
+        (Some(shape), Some(metadata)) if shape != metadata => Err(ModelError::Conflict {
+            path: path.to_path_buf(),
+            first: match key {
+                "joints" => format!("metadata joints names {metadata} joints"),
+                _ => format!("metadata {key} is {metadata}"),
+            },
+            second: format!("input {} is {}", one_line(&tensor.name), one_line(&tensor.shape_text())),
+            remedy: "export it with metadata of its own".into(),
+        }),
+        (shape, metadata) => Ok(shape.or(metadata)),
+    }
+}
+
+fn check_size(path: &Path, tensors: &Tensors, window: usize, width: usize) -> Result<(), ModelError> {
+    match window.checked_mul(width) {
+        Some(numbers) if numbers <= MAX_WINDOW_NUMBERS => Ok(()),
+        _ => Err(ModelError::Shape {
+            path: path.to_path_buf(),
+            kind: "input",
+            name: one_line(&tensors.tactile),
+            got: format!("{window} frames of {width}"),
+            expected: format!("at most {MAX_WINDOW_NUMBERS} numbers in a window"),
+        }),
+    }
+}
+
+fn check_joints(path: &Path, metadata: &Metadata, tensors: &Tensors, n_joints: usize) -> Result<(), ModelError> {
+    let counted = [
+        ("joints names", metadata.joints.as_ref().map(Vec::len)),
+        ("pose_range holds", metadata.pose_range.as_ref().map(Vec::len)),
+    ];
+    for (key, count) in counted {
+        if let Some(count) = count.filter(|count| *count != n_joints) {
+            return Err(ModelError::Conflict {
+                path: path.to_path_buf(),
+                first: format!("metadata {key} {count} joints"),
+                second: match &tensors.pose {
+                    Some(pose) => format!("input {} takes {n_joints}", one_line(pose)),
+                    None => "the model has no pose input".to_string(),
+                },
+                remedy: "export it with metadata of its own".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// A force is `[N]` or `[N, 1]`; what the file leaves open is settled by the trial runs.
+fn check_output(path: &Path, name: &str, tensor: &TensorInfo) -> Result<(), ModelError> {
+    check_float32(path, "output", tensor)?;
+    let fits = match tensor.shape.as_deref() {
+        None | Some([Dim::Dynamic(_) | Dim::Fixed(1)]) => true,
+        Some([Dim::Dynamic(_) | Dim::Fixed(1), second]) => matches!(second, Dim::Dynamic(_) | Dim::Fixed(1)),
+        Some(_) => false,
+    };
+    if fits {
+        return Ok(());
+    }
+    Err(ModelError::Shape {
+        path: path.to_path_buf(),
+        kind: "output",
+        name: one_line(name),
+        got: one_line(&tensor.shape_text()),
+        expected: "[N] or [N, 1], one force a window".into(),
+    })
+}
+
+fn check_float32(path: &Path, kind: &'static str, tensor: &TensorInfo) -> Result<(), ModelError> {
+    if tensor.dtype == "float32" {
+        return Ok(());
+    }
+    let name = one_line(&tensor.name);
+    Err(ModelError::ElementType { path: path.to_path_buf(), kind, name, got: tensor.dtype.clone() })
+}
+
+fn settle_unit(path: &Path, metadata: &Metadata, spec: &ModelSpec) -> Result<(ForceUnit, Origin), ModelError> {
+    match (metadata.unit, spec.unit) {
+        (Some(model), Some(parameter)) if model != parameter => Err(ModelError::Conflict {
+            path: path.to_path_buf(),
+            first: format!("metadata unit is {}", unit_name(model)),
+            second: format!("the parameters say {}", unit_name(parameter)),
+            remedy: "remove model.NAME.unit from the parameters, or load the model that it was written for".into(),
+        }),
+        (Some(unit), _) => Ok((unit, Origin::Metadata)),
+        (None, Some(unit)) => Ok((unit, Origin::Parameters)),
+        (None, None) => Ok((ForceUnit::GramForce, Origin::Default)),
+    }
+}
+
+fn settle_rate(path: &Path, metadata: &Metadata, spec: &ModelSpec) -> Result<(f64, Origin), ModelError> {
+    match (metadata.rate_hz, spec.rate_hz) {
+        (Some(model), Some(parameter)) if model != parameter => Err(ModelError::Conflict {
+            path: path.to_path_buf(),
+            first: format!("metadata rate_hz is {model}"),
+            second: format!("the parameters say {parameter}"),
+            remedy: "remove model.NAME.rate_hz from the parameters, or load the model that it was written for".into(),
+        }),
+        (Some(rate), _) => Ok((rate, Origin::Metadata)),
+        (None, Some(rate)) => Ok((rate, Origin::Parameters)),
+        (None, None) => Ok((DEFAULT_RATE_HZ, Origin::Default)),
+    }
+}

@@ -1,0 +1,231 @@
+//! Why a model can't be used: one line each.
+
+use std::path::PathBuf;
+
+/// Why a model file can't be used. The text names the file, what was expected, what came, and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The file can't be read.
+    #[error("{path}: can't read the model: {reason}")]
+    Read {
+        /// The model file.
+        path: PathBuf,
+        /// What the system said.
+        reason: std::io::Error,
+    },
+    /// The file is larger than a model of this kind can be.
+    #[error("{path}: the file has more than {limit_mib} MiB, expected a model of a few MiB; is it the right file?")]
+    TooLarge {
+        /// The model file.
+        path: PathBuf,
+        /// The largest file that is read, MiB.
+        limit_mib: u64,
+    },
+    /// The bytes are not a whole ONNX model.
+    #[error("{path}: not a whole ONNX model: {reason}; export it again")]
+    Malformed {
+        /// The model file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A tensor's bytes are kept in another file.
+    #[error("{path}: tensor {tensor} keeps its values in another file; export the model into one file")]
+    ExternalData {
+        /// The model file.
+        path: PathBuf,
+        /// The tensor.
+        tensor: String,
+    },
+    /// A weight is NaN or infinite.
+    #[error(
+        "{path}: tensor {tensor} holds {value} at element {element}, expected finite weights; train or export the model again"
+    )]
+    NonFiniteWeight {
+        /// The model file.
+        path: PathBuf,
+        /// The tensor.
+        tensor: String,
+        /// Index of the first such element, row-major.
+        element: usize,
+        /// The element, as text.
+        value: String,
+    },
+    /// A metadata entry can't be understood.
+    #[error("{path}: metadata {key} is {value}, expected {expected}; correct metadata_props or remove the key")]
+    Metadata {
+        /// The model file.
+        path: PathBuf,
+        /// The key in `metadata_props`.
+        key: String,
+        /// Its text, shortened.
+        value: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// Two sources of the same fact tell different things.
+    #[error("{path}: {first}, but {second}; {remedy}")]
+    Conflict {
+        /// The model file.
+        path: PathBuf,
+        /// What one says.
+        first: String,
+        /// What the other says.
+        second: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// A tensor of the contract is not there.
+    #[error(
+        "{path}: no {kind} named {name}; the model has {present}; if one of them is meant, name it in the parameter model.NAME.{parameter}"
+    )]
+    MissingTensor {
+        /// The model file.
+        path: PathBuf,
+        /// `input` or `output`.
+        kind: &'static str,
+        /// The name that was looked for.
+        name: String,
+        /// What is there instead, with types and shapes.
+        present: String,
+        /// The parameter that maps the name.
+        parameter: &'static str,
+    },
+    /// The model wants an input that the contract does not know.
+    #[error(
+        "{path}: input {input} is neither the tactile nor the pose input; if it is the pose, name it in the parameter model.NAME.inputs.pose"
+    )]
+    UnknownInput {
+        /// The model file.
+        path: PathBuf,
+        /// The input with its type and shape.
+        input: String,
+    },
+    /// A tensor has another element type than float32, or is no tensor.
+    #[error("{path}: {kind} {name} is {got}, expected float32; export the model in float32")]
+    ElementType {
+        /// The model file.
+        path: PathBuf,
+        /// `input` or `output`.
+        kind: &'static str,
+        /// The tensor.
+        name: String,
+        /// Its element type.
+        got: String,
+    },
+    /// A tensor has another shape than the contract wants.
+    #[error("{path}: {kind} {name} has shape {got}, expected {expected}")]
+    Shape {
+        /// The model file.
+        path: PathBuf,
+        /// `input` or `output`.
+        kind: &'static str,
+        /// The tensor.
+        name: String,
+        /// Its shape.
+        got: String,
+        /// The shape it should have, and what to do about it.
+        expected: String,
+    },
+    /// The batch is fixed at a size other than 1.
+    #[error(
+        "{path}: input {name} has shape {got}, a batch fixed at {batch} windows; export it with a dynamic batch (or a batch of 1)"
+    )]
+    FixedBatch {
+        /// The model file.
+        path: PathBuf,
+        /// The tensor.
+        name: String,
+        /// Its shape.
+        got: String,
+        /// The fixed size.
+        batch: u64,
+    },
+    /// The runtime that the parameters ask for is not there.
+    #[error("{path}: backend onnxruntime can't be used: {reason}; run scripts/fetch-onnxruntime or set backend: rten")]
+    NoOnnxRuntime {
+        /// The model file.
+        path: PathBuf,
+        /// Where it was looked for and what was found.
+        reason: String,
+    },
+    /// The runtime refuses the model, or fails to run it.
+    #[error("{path}: {reason}")]
+    Runtime {
+        /// The model file.
+        path: PathBuf,
+        /// Which runtime, and what it said.
+        reason: String,
+    },
+    /// A trial run gave something other than a finite force.
+    #[error(
+        "{path}: output {output} is {value} for {window}, expected a finite force; train or export the model again"
+    )]
+    NonFiniteOutput {
+        /// The model file.
+        path: PathBuf,
+        /// The output.
+        output: String,
+        /// What it gave.
+        value: f32,
+        /// The window of the trial run, in words.
+        window: String,
+    },
+    /// The force of a window depends on the other windows of its batch.
+    #[error(
+        "{path}: output {output} mixes the windows of a batch: a window gives {alone} alone and {batched} among three; export the model in evaluation mode, with the batch as its first dimension"
+    )]
+    MixesWindows {
+        /// The model file.
+        path: PathBuf,
+        /// The output.
+        output: String,
+        /// The force of the window on its own.
+        alone: f32,
+        /// The force of the same window in a batch.
+        batched: f32,
+    },
+    /// Base, residual and final force don't fit together.
+    #[error(
+        "{path}: {force} is {got}, but {base} - {residual} is {expected}; the convention is {force} = {base} - {residual}{hint}"
+    )]
+    Convention {
+        /// The model file.
+        path: PathBuf,
+        /// Name of the force output.
+        force: String,
+        /// Name of the base output.
+        base: String,
+        /// Name of the residual output.
+        residual: String,
+        /// The force that came.
+        got: f32,
+        /// Base minus residual.
+        expected: f32,
+        /// What to do, where it is known; starts with `; `.
+        hint: &'static str,
+    },
+}
+
+/// Foreign text as one line of bounded length: what a file or a runtime says must not break an error line.
+pub(super) fn one_line(text: &str) -> String {
+    const MAX_CHARS: usize = 300;
+    let mut line: String = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    line.retain(|c| !c.is_control());
+    match line.char_indices().nth(MAX_CHARS) {
+        Some((end, _)) => format!("{}...", &line[..end]),
+        None => line,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn foreign_text_becomes_one_short_line() {
+        assert_eq!(one_line("a\n  b\u{7}c"), "a bc");
+        let long = one_line(&"é".repeat(5000));
+        assert_eq!(long.chars().count(), 303);
+    }
+}

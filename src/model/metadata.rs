@@ -1,0 +1,213 @@
+//! What a model file says of itself in `metadata_props`: every key optional, every key checked when it is there.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::error::{ModelError, one_line};
+use super::onnx::StringStringEntryProto;
+use crate::fusion::{ForceUnit, PoseRange};
+use crate::units::{GramForce, Newton};
+
+/// The version of the contract that this build keeps, as `tpf.contract` tells it.
+pub const CONTRACT_VERSION: &str = "1";
+
+/// Metadata of a model, understood.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Metadata {
+    /// `unit`: of every force output.
+    pub unit: Option<ForceUnit>,
+    /// `rate_hz`: model frames a second.
+    pub rate_hz: Option<f64>,
+    /// `window`: frames in a window.
+    pub window: Option<usize>,
+    /// `taxels`: taxels in a frame.
+    pub n_taxels: Option<usize>,
+    /// `joints`: joint names in the order of the pose input.
+    pub joints: Option<Vec<String>>,
+    /// `pose_range`: per joint, of the training data.
+    pub pose_range: Option<Vec<PoseRange>>,
+    /// `metrics.mdf_gf`: minimum detectable force, as measured at training.
+    pub mdf: Option<Newton>,
+    /// Every entry as it stands in the file, our keys and others.
+    pub entries: BTreeMap<String, String>,
+}
+
+impl Metadata {
+    /// Reads the entries of a model file. Keys that are not ours are kept and not judged.
+    ///
+    /// # Errors
+    /// [`ModelError::Metadata`] for a key of ours that is malformed, or for any key that is there twice.
+    pub fn parse(path: &Path, props: &[StringStringEntryProto]) -> Result<Self, ModelError> {
+        let mut metadata = Metadata::default();
+        for prop in props {
+            let refuse = |expected: String| ModelError::Metadata {
+                path: path.to_path_buf(),
+                key: one_line(&prop.key),
+                value: format!("\"{}\"", one_line(&prop.value)),
+                expected,
+            };
+            metadata.read(&prop.key, &prop.value).map_err(&refuse)?;
+            if metadata.entries.insert(prop.key.clone(), prop.value.clone()).is_some() {
+                return Err(refuse("the key only once".to_string()));
+            }
+        }
+        Ok(metadata)
+    }
+
+    fn read(&mut self, key: &str, value: &str) -> Result<(), String> {
+        match key {
+            "tpf.contract" if value != CONTRACT_VERSION => {
+                return Err(format!("\"{CONTRACT_VERSION}\", the only contract that this version reads"));
+            }
+            "unit" => self.unit = Some(unit(value)?),
+            "rate_hz" => self.rate_hz = Some(rate(value)?),
+            "window" => self.window = Some(count(value)?),
+            "taxels" => self.n_taxels = Some(count(value)?),
+            "joints" => self.joints = Some(joint_names(value)?),
+            "pose_range" => self.pose_range = Some(pose_range(value)?),
+            "metrics" => self.mdf = mdf(value)?,
+            // glove, trained_on, tool_version are free text; foreign keys are none of our business.
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+fn unit(value: &str) -> Result<ForceUnit, String> {
+    match value {
+        "gF" => Ok(ForceUnit::GramForce),
+        "N" => Ok(ForceUnit::Newton),
+        _ => Err("gF or N".to_string()),
+    }
+}
+
+fn rate(value: &str) -> Result<f64, String> {
+    let rate = value.trim().parse::<f64>().ok().filter(|rate| rate.is_finite() && *rate > 0.0);
+    rate.ok_or_else(|| "a positive number of frames a second, such as 100".to_string())
+}
+
+fn count(value: &str) -> Result<usize, String> {
+    let count = value.trim().parse::<usize>().ok().filter(|count| *count > 0);
+    count.ok_or_else(|| "a positive whole number".to_string())
+}
+
+fn joint_names(value: &str) -> Result<Vec<String>, String> {
+    let expected = || "distinct joint names, as a JSON array of texts or separated by commas".to_string();
+    let names: Vec<String> = if value.trim_start().starts_with('[') {
+        serde_json::from_str(value).map_err(|_| expected())?
+    } else {
+        value.split(',').map(|name| name.trim().to_string()).collect()
+    };
+    let distinct: BTreeSet<&String> = names.iter().collect();
+    if names.is_empty() || distinct.len() != names.len() || names.iter().any(String::is_empty) {
+        return Err(expected());
+    }
+    Ok(names)
+}
+
+fn pose_range(value: &str) -> Result<Vec<PoseRange>, String> {
+    let expected = || "a JSON array with [min, max] in rad for each joint, min not above max".to_string();
+    let pairs: Vec<[f64; 2]> = serde_json::from_str(value).map_err(|_| expected())?;
+    let ranges = pairs.into_iter().map(|[min, max]| PoseRange { min, max }).collect::<Vec<_>>();
+    let sound = |range: &PoseRange| range.min.is_finite() && range.max.is_finite() && range.min <= range.max;
+    if ranges.is_empty() || !ranges.iter().all(sound) {
+        return Err(expected());
+    }
+    Ok(ranges)
+}
+
+/// The MDF among the metrics. A `null` is a curve that never crossed 90 %: no MDF.
+fn mdf(value: &str) -> Result<Option<Newton>, String> {
+    let expected = || "a JSON object, in which mdf_gf is a positive number of gF or null".to_string();
+    let Ok(Value::Object(metrics)) = serde_json::from_str(value) else { return Err(expected()) };
+    match metrics.get("mdf_gf") {
+        None | Some(Value::Null) => Ok(None),
+        Some(mdf) => {
+            let mdf = mdf.as_f64().filter(|mdf| mdf.is_finite() && *mdf > 0.0).ok_or_else(expected)?;
+            Ok(Some(GramForce(mdf).into()))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(entries: &[(&str, &str)]) -> Result<Metadata, String> {
+        let props: Vec<_> = entries
+            .iter()
+            .map(|(key, value)| StringStringEntryProto { key: key.to_string(), value: value.to_string() })
+            .collect();
+        Metadata::parse(Path::new("m.onnx"), &props).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn every_key_is_read() {
+        let metadata = parse(&[
+            ("tpf.contract", "1"),
+            ("unit", "N"),
+            ("rate_hz", "100"),
+            ("window", "64"),
+            ("taxels", "16"),
+            ("joints", r#"["mcp", "pip"]"#),
+            ("pose_range", "[[-0.1, 1.5], [0, 1.9]]"),
+            ("metrics", r#"{"mdf_gf": 10, "ba": 0.97}"#),
+            ("glove", "A"),
+        ])
+        .unwrap();
+        assert_eq!(metadata.unit, Some(ForceUnit::Newton));
+        assert_eq!((metadata.rate_hz, metadata.window, metadata.n_taxels), (Some(100.0), Some(64), Some(16)));
+        assert_eq!(metadata.joints.unwrap(), ["mcp", "pip"]);
+        assert_eq!(metadata.pose_range.unwrap()[0], PoseRange { min: -0.1, max: 1.5 });
+        assert!((metadata.mdf.unwrap().0 - 0.0980665).abs() < 1e-12); // 10 gF, exact to f64
+        assert_eq!(metadata.entries["glove"], "A");
+    }
+
+    #[test]
+    fn joints_may_be_separated_by_commas() {
+        assert_eq!(parse(&[("joints", "mcp, pip ,dip")]).unwrap().joints.unwrap(), ["mcp", "pip", "dip"]);
+    }
+
+    #[test]
+    fn an_mdf_that_was_not_reached_is_no_mdf() {
+        assert_eq!(parse(&[("metrics", r#"{"mdf_gf": null}"#)]).unwrap().mdf, None);
+    }
+
+    #[test]
+    fn each_malformed_value_is_refused_with_its_key_and_what_was_expected() {
+        for (key, value, expected) in [
+            ("tpf.contract", "2", "expected \"1\""),
+            ("unit", "lbf", "expected gF or N"),
+            ("unit", "gf", "expected gF or N"),
+            ("rate_hz", "0", "a positive number of frames a second"),
+            ("rate_hz", "inf", "a positive number of frames a second"),
+            ("rate_hz", "fast", "a positive number of frames a second"),
+            ("window", "-1", "a positive whole number"),
+            ("taxels", "4.5", "a positive whole number"),
+            ("taxels", "99999999999999999999999", "a positive whole number"),
+            ("joints", "", "distinct joint names"),
+            ("joints", "mcp,,dip", "distinct joint names"),
+            ("joints", r#"["mcp", "mcp"]"#, "distinct joint names"),
+            ("joints", r#"["mcp", 3]"#, "distinct joint names"),
+            ("pose_range", "[[1, 0]]", "[min, max] in rad"),
+            ("pose_range", "[[1]]", "[min, max] in rad"),
+            ("pose_range", "[]", "[min, max] in rad"),
+            ("metrics", "[1]", "a JSON object"),
+            ("metrics", r#"{"mdf_gf": -3}"#, "mdf_gf is a positive number"),
+            ("metrics", r#"{"mdf_gf": "5"}"#, "mdf_gf is a positive number"),
+        ] {
+            let refused = parse(&[(key, value)]).unwrap_err();
+            assert!(refused.starts_with(&format!("m.onnx: metadata {key} is \"{value}\", expected ")), "{refused}");
+            assert!(refused.contains(expected), "{refused}");
+            assert_eq!(refused.lines().count(), 1);
+        }
+    }
+
+    #[test]
+    fn a_key_that_is_there_twice_is_refused() {
+        let refused = parse(&[("glove", "A"), ("glove", "B")]).unwrap_err();
+        assert!(refused.contains("metadata glove is \"B\", expected the key only once"), "{refused}");
+    }
+}

@@ -1,0 +1,111 @@
+//! ONNX Runtime, loaded from a shared library where there is one.
+
+mod library;
+
+use std::fmt;
+
+use ort::session::builder::GraphOptimizationLevel;
+use ort::session::{HasSelectedOutputs, OutputSelector, RunOptions, Session as Graph, SessionInputValue};
+use ort::value::TensorRef;
+
+use super::contract::Terms;
+use super::info::{BackendInfo, RuntimeName};
+use super::session::Runtime;
+use crate::fusion::Windows;
+
+/// Bounds the memory that ONNX Runtime keeps for the largest batch it has seen; past this size there is no speed to gain.
+const MAX_BATCH: usize = 256;
+
+/// A graph in ONNX Runtime, run by the calling thread.
+pub(super) struct OnnxRuntime {
+    graph: Graph,
+    tactile: String,
+    pose: Option<String>,
+    outputs: Vec<String>,
+    /// Which outputs to give, for each count of them that may be wanted: `options[n - 1]` gives the first `n`.
+    options: Vec<RunOptions<HasSelectedOutputs>>,
+    sizes: [usize; 3],
+}
+
+impl fmt::Debug for OnnxRuntime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OnnxRuntime")
+            .field("tactile", &self.tactile)
+            .field("outputs", &self.outputs)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Which library this process runs, loading it at the first call.
+///
+/// # Errors
+/// Where it was looked for, and why nothing that was found could be used.
+pub(super) fn info() -> Result<BackendInfo, String> {
+    let library = library::loaded()?;
+    Ok(BackendInfo {
+        runtime: RuntimeName::OnnxRuntime,
+        version: library.version.clone(),
+        library: Some(library.path.clone()),
+    })
+}
+
+/// Opens a model from its bytes.
+///
+/// # Errors
+/// What the library said, or why there is none.
+pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<OnnxRuntime, String> {
+    let library = library::loaded()?;
+    let said = |e: ort::Error| format!("ONNX Runtime {}: {e}", library.version);
+    let outputs = terms.tensors.outputs();
+    let contract = &terms.contract;
+    Ok(OnnxRuntime {
+        graph: build(library, bytes).map_err(said)?,
+        tactile: terms.tensors.tactile.clone(),
+        pose: terms.tensors.pose.clone(),
+        options: (1..=outputs.len()).map(|n| select(&outputs[..n])).collect::<Result<_, _>>().map_err(said)?,
+        outputs,
+        sizes: [contract.window, contract.n_taxels, contract.n_joints],
+    })
+}
+
+/// One thread a session: two threads in one session are slower than two sessions.
+fn build(library: &library::Library, bytes: &[u8]) -> Result<Graph, ort::Error> {
+    Graph::builder(&library.environment)?
+        .with_intra_threads(1)?
+        .with_inter_threads(1)?
+        .with_optimization_level(GraphOptimizationLevel::All)?
+        .with_log_level(ort::logging::LogLevel::Fatal)?
+        .commit_from_memory(bytes)
+}
+
+fn select(outputs: &[String]) -> Result<RunOptions<HasSelectedOutputs>, ort::Error> {
+    let selector = outputs.iter().fold(OutputSelector::no_default(), |selector, name| selector.with(name));
+    Ok(RunOptions::new()?.with_outputs(selector))
+}
+
+impl Runtime for OnnxRuntime {
+    fn max_batch(&self) -> usize {
+        MAX_BATCH
+    }
+
+    fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
+        let [window, n_taxels, n_joints] = self.sizes;
+        let said = |e: ort::Error| format!("ONNX Runtime: {e}");
+        let tactile = TensorRef::from_array_view(([windows.n, window, n_taxels], windows.tactile)).map_err(said)?;
+        let mut inputs: Vec<(&str, SessionInputValue<'_>)> = vec![(&self.tactile, tactile.into())];
+        if let Some(pose) = &self.pose {
+            let values = TensorRef::from_array_view(([windows.n, window, n_joints], windows.pose)).map_err(said)?;
+            inputs.push((pose, values.into()));
+        }
+        let Some(options) = outputs.len().checked_sub(1).and_then(|idx| self.options.get(idx)) else {
+            return Err(format!("ONNX Runtime: {} outputs wanted of {}", outputs.len(), self.outputs.len()));
+        };
+        let values = self.graph.run_with_options(inputs, options).map_err(said)?;
+        for (output, name) in outputs.iter_mut().zip(&self.outputs) {
+            let value = values.get(name).ok_or_else(|| format!("ONNX Runtime: output {name} did not come back"))?;
+            let (_, forces) = value.try_extract_tensor::<f32>().map_err(said)?;
+            output.extend_from_slice(forces);
+        }
+        Ok(())
+    }
+}

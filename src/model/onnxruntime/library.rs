@@ -1,0 +1,206 @@
+//! Finding the shared library of ONNX Runtime, and loading it once in a process.
+//!
+//! The order: `ORT_DYLIB_PATH`; beside the executable, and in `onnxruntime/` and `lib/` there and `../onnxruntime`; in
+//! `onnxruntime/` of a cargo `target` folder that the executable lies in; the system's loader. What the environment
+//! variable names is taken or refused, never replaced by another one.
+
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use ort::environment::Environment;
+
+use super::super::error::one_line;
+
+/// The environment variable that names the library.
+const ENV: &str = "ORT_DYLIB_PATH";
+
+/// The library as it was loaded.
+#[derive(Debug)]
+pub(super) struct Library {
+    /// Kept for the life of the process: ort can't make a second one.
+    pub(super) environment: Environment,
+    /// The file, where it can be told.
+    pub(super) path: PathBuf,
+    /// Its version, `unknown` where it can't be told.
+    pub(super) version: String,
+}
+
+/// The library of this process, looked for at the first call.
+pub(super) fn loaded() -> Result<&'static Library, String> {
+    static LIBRARY: OnceLock<Result<Library, String>> = OnceLock::new();
+    LIBRARY.get_or_init(|| find(std::env::var_os(ENV), std::env::current_exe().ok())).as_ref().map_err(Clone::clone)
+}
+
+fn find(named: Option<OsString>, executable: Option<PathBuf>) -> Result<Library, String> {
+    if let Some(named) = named.filter(|named| !named.is_empty()) {
+        let path = PathBuf::from(named);
+        let file = fs::canonicalize(&path).map_err(|e| format!("{ENV} is {}: {e}", path.display()))?;
+        return load(&file).map_err(|said| format!("{ENV} is {}: {said}", path.display()));
+    }
+    let mut failed = Vec::new();
+    let found = executable.iter().flat_map(|executable| folders(executable)).flat_map(|folder| libraries_in(&folder));
+    for path in found {
+        match load(&path) {
+            Ok(library) => return Ok(library),
+            Err(said) => failed.push(format!("{}: {said}", path.display())),
+        }
+    }
+    for name in system_names() {
+        match load(Path::new(&name)) {
+            Ok(library) => return Ok(library),
+            // A name that the loader doesn't know is no news; one that it knows and that fails is.
+            Err(said) if said.contains("cannot open shared object") || said.contains("no such file") => {}
+            Err(said) => failed.push(said),
+        }
+    }
+    match failed.first() {
+        Some(first) => Err(one_line(first)),
+        None => Err(format!("{ENV} is not set, and no library lies beside the executable or where the system looks")),
+    }
+}
+
+/// Folders around an executable in which the library may lie.
+fn folders(executable: &Path) -> Vec<PathBuf> {
+    let mut folders = Vec::new();
+    if let Some(beside) = executable.parent() {
+        folders.extend([beside.to_path_buf(), beside.join("onnxruntime"), beside.join("lib")]);
+        folders.extend(beside.parent().map(|above| above.join("onnxruntime")));
+    }
+    let targets = executable.ancestors().filter(|folder| folder.file_name().is_some_and(|name| name == "target"));
+    folders.extend(targets.map(|target| target.join("onnxruntime")));
+    folders
+}
+
+/// The libraries in a folder, the plain name first and newer versions before older ones as far as names tell.
+fn libraries_in(folder: &Path) -> Vec<PathBuf> {
+    let stem = format!("{DLL_PREFIX}onnxruntime.");
+    let plain = format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}");
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| name.starts_with(&stem) && name.contains(DLL_SUFFIX))
+        .filter(|name| folder.join(name).is_file())
+        .collect();
+    let numbers = |name: &str| -> Vec<u32> { name.split('.').filter_map(|part| part.parse().ok()).collect() };
+    names.sort_by(|a, b| (*b == plain).cmp(&(*a == plain)).then_with(|| numbers(b).cmp(&numbers(a))).then(a.cmp(b)));
+    names.into_iter().map(|name| folder.join(name)).collect()
+}
+
+fn system_names() -> Vec<String> {
+    let plain = format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}");
+    // Debian and ROS packages install the versioned name; the plain one comes with the development package.
+    if cfg!(target_os = "linux") { vec![format!("{plain}.1"), plain] } else { vec![plain] }
+}
+
+fn load(path: &Path) -> Result<Library, String> {
+    // The library writes to stderr on its own; everything that matters comes back as an error as well.
+    let silent: ort::logging::LoggerFunction = Arc::new(|_, _, _, _, _| {});
+    let builder = ort::init_from(path).map_err(|e| e.to_string())?;
+    let environment = builder
+        .with_name(env!("CARGO_PKG_NAME"))
+        .with_telemetry(false)
+        .with_logger(silent)
+        .build()
+        .map_err(|e| e.to_string())?;
+    environment.set_log_level(ort::logging::LogLevel::Fatal);
+    let path = if path.is_absolute() { path.to_path_buf() } else { mapped().unwrap_or_else(|| path.to_path_buf()) };
+    let version = version_of(&path).unwrap_or_else(|| "unknown".to_string());
+    Ok(Library { environment, path, version })
+}
+
+/// The file that the system's loader took, on Linux.
+fn mapped() -> Option<PathBuf> {
+    let maps = fs::read_to_string("/proc/self/maps").ok()?;
+    let plain = format!("/{DLL_PREFIX}onnxruntime{DLL_SUFFIX}");
+    let line = maps.lines().find(|line| line.contains(&plain))?;
+    line.find('/').map(|start| PathBuf::from(&line[start..]))
+}
+
+/// The version of a library: from the name of the file behind it, else from the version that its symbols carry.
+///
+/// ONNX Runtime tells its version through a C function, which would take unsafe code to call.
+fn version_of(path: &Path) -> Option<String> {
+    let file = fs::canonicalize(path).ok()?;
+    let name = file.file_name()?.to_str()?;
+    let stem = format!("{DLL_PREFIX}onnxruntime");
+    let rest = name.strip_prefix(&stem)?.replace(DLL_SUFFIX, "");
+    let version = rest.trim_matches('.');
+    if version.split('.').count() == 3 && version.split('.').all(|part| part.parse::<u32>().is_ok()) {
+        return Some(version.to_string());
+    }
+    version_in_symbols(BufReader::with_capacity(1 << 20, File::open(&file).ok()?))
+}
+
+/// `VERS_1.31.1`, the version node that ONNX Runtime's linker script gives its symbols.
+fn version_in_symbols(mut library: impl Read) -> Option<String> {
+    const MARK: &[u8] = b"VERS_";
+    const LONGEST: usize = 24;
+    let mut kept = Vec::new();
+    let mut block = vec![0; 1 << 20];
+    loop {
+        let n = library.read(&mut block).ok()?;
+        kept.extend_from_slice(&block[..n]);
+        for (start, _) in kept.windows(MARK.len()).enumerate().filter(|(_, bytes)| *bytes == MARK) {
+            let tail = &kept[start + MARK.len()..];
+            let end = tail.iter().take(LONGEST).position(|byte| !byte.is_ascii_digit() && *byte != b'.');
+            let text = end.and_then(|end| std::str::from_utf8(&tail[..end]).ok());
+            if let Some(version) = text.filter(|text| text.split('.').count() == 3 && text.len() >= 5) {
+                return Some(version.to_string());
+            }
+        }
+        if n == 0 {
+            return None;
+        }
+        // What a mark on the border of two blocks needs stays.
+        let drop = kept.len().saturating_sub(MARK.len() + LONGEST);
+        kept.drain(..drop);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unusable_environment_variable_is_an_error_and_nothing_else_is_tried() {
+        let refused = find(Some("/nowhere/libonnxruntime.so".into()), None).unwrap_err();
+        assert!(refused.starts_with("ORT_DYLIB_PATH is /nowhere/libonnxruntime.so: "), "{refused}");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("libonnxruntime.so");
+        fs::write(&file, "not a library").unwrap();
+        let refused = find(Some(file.clone().into_os_string()), None).unwrap_err();
+        assert!(refused.starts_with(&format!("ORT_DYLIB_PATH is {}: failed to load", file.display())), "{refused}");
+    }
+
+    #[test]
+    fn a_cargo_target_folder_and_the_folders_beside_the_executable_are_searched() {
+        let folders = folders(Path::new("/w/target/debug/deps/test"));
+        let expected = ["/w/target/debug/deps", "/w/target/debug/deps/onnxruntime", "/w/target/debug/deps/lib"];
+        assert_eq!(&folders[..3], expected.map(PathBuf::from));
+        assert!(folders.contains(&PathBuf::from("/w/target/onnxruntime")));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn newer_versions_come_before_older_ones_and_providers_are_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["libonnxruntime.so.1.9.0", "libonnxruntime.so.1.31.1", "libonnxruntime_providers_shared.so"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        let names: Vec<_> =
+            libraries_in(folder.path()).into_iter().map(|p| p.file_name().unwrap().to_owned()).collect();
+        assert_eq!(names, ["libonnxruntime.so.1.31.1", "libonnxruntime.so.1.9.0"]);
+    }
+
+    #[test]
+    fn a_version_on_the_border_of_two_blocks_is_found() {
+        let mut library = vec![0; (1 << 20) - 3];
+        library.extend_from_slice(b"VERS_1.31.1\0rest");
+        assert_eq!(version_in_symbols(library.as_slice()).as_deref(), Some("1.31.1"));
+        assert_eq!(version_in_symbols(&b"VERS_\0VERS_1.2"[..]), None);
+    }
+}
