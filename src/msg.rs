@@ -7,6 +7,7 @@ pub mod dynamic;
 mod calibrate;
 mod cdr;
 mod interfaces;
+mod outgoing;
 mod schema;
 mod standard;
 mod type_hash;
@@ -19,6 +20,7 @@ pub use calibrate::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 pub use cdr::CdrError;
 pub use definition::canonical_type_name;
 pub use interfaces::{ContactArray, ContactState, Stage, TaxelArray};
+pub use outgoing::Outgoing;
 pub use schema::{definition_text, standard_text};
 pub use standard::{
     Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Time, Vector3, Wrench,
