@@ -20,6 +20,17 @@ pub enum StampFrom {
     Receipt,
 }
 
+/// A topic to read: what it is called, what is on it, and where in its messages the fields are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Topic<Fields> {
+    /// Absolute name.
+    pub name: String,
+    /// Canonical name of its message type.
+    pub type_name: String,
+    /// [`TaxelFields`] or [`JointFields`].
+    pub fields: Fields,
+}
+
 /// Why fields can't be bound to a message type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BindingError {
