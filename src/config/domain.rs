@@ -1,0 +1,204 @@
+//! From the parameter tree to what the other modules are told. What exists afterwards is valid.
+
+mod check;
+mod reader;
+mod region;
+mod source;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use reader::Reader;
+
+use super::error::ConfigError;
+use super::keys::{KEYS, ParamKey};
+use super::names::NodeName;
+use super::param_file::{Origin, ParamTree};
+use super::specs::{BackendChoice, JointFields, ModelSpec, TaxelFields, TensorNames};
+use crate::fusion::{ForceUnit, FusionConfig, Timing};
+use crate::units::{Newton, from_millis};
+
+/// A topic with taxels. The source of the same index is in [`FusionConfig::tactile_sources`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TaxelTopic {
+    /// Absolute name, before remapping.
+    pub topic: String,
+    /// Message type, `package/msg/Name`.
+    pub type_name: String,
+    /// Where the message keeps its samples.
+    pub fields: TaxelFields,
+}
+
+/// A topic with joint angles. The source of the same index is in [`FusionConfig::joint_sources`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JointTopic {
+    /// Absolute name, before remapping.
+    pub topic: String,
+    /// Message type, `package/msg/Name`.
+    pub type_name: String,
+    /// Where the message keeps its angles.
+    pub fields: JointFields,
+}
+
+/// A model by name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is an index into these.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelConfig {
+    /// Name in the parameters.
+    pub name: String,
+    /// The file and what is said about it.
+    pub spec: ModelSpec,
+}
+
+/// How a calibration in the air is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibrationConfig {
+    /// Where it is kept; nowhere when none.
+    pub file: Option<PathBuf>,
+    /// How long it takes.
+    pub duration: Duration,
+    /// Least unloaded data that makes one; at most `duration`.
+    pub min_duration: Duration,
+    /// An estimate above this is a hand that touches something.
+    pub max_force: Newton,
+    /// Largest part of the data that may be loaded, 0 to 1.
+    pub max_loaded_fraction: f64,
+}
+
+/// Everything that parameters say.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Config {
+    /// The node.
+    pub node: NodeName,
+    /// What the fusion core is told.
+    pub fusion: FusionConfig,
+    /// Topics of the tactile sources, by source index.
+    pub tactile: Vec<TaxelTopic>,
+    /// Topics of the joint sources, by source index.
+    pub joints: Vec<JointTopic>,
+    /// The models that regions use, in the order in which regions first name them.
+    pub models: Vec<ModelConfig>,
+    /// How a calibration is made.
+    pub calibration: CalibrationConfig,
+    /// Serial number of the glove.
+    pub glove: Option<String>,
+    /// Who wears it.
+    pub user: Option<String>,
+    /// Absolute name of the topic with a recording's annotations.
+    pub stage_topic: String,
+    /// Whether time is that of `/clock`.
+    pub use_sim_time: bool,
+}
+
+impl Config {
+    /// Reads the parameters of a node.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for the first parameter that is unknown, missing, of the wrong type, out of range or at odds with
+    /// another one.
+    pub fn from_tree(tree: &ParamTree) -> Result<Self, ConfigError> {
+        let node = NodeName::parse(tree.node_fqn())?;
+        check::keys_and_values(tree)?;
+        let reader = Reader { tree, node: &node };
+        let tactile_names = reader.names("tactile_sources")?;
+        reader.refuse_empty("tactile_sources", &tactile_names)?;
+        let joint_names = reader.names("joint_sources")?;
+        let region_names = reader.names("regions")?;
+        reader.refuse_empty("regions", &region_names)?;
+        let models = region::model_names(&reader, &region_names)?;
+        check::names(tree, &tactile_names, &joint_names, &region_names, &models)?;
+
+        let (tactile_sources, tactile) = source::all(&reader, &tactile_names, source::tactile)?;
+        let (joint_sources, joints) = source::all(&reader, &joint_names, source::joint)?;
+        let regions = region::all(&reader, &region_names, &models, &tactile_sources, &joints)?;
+        let calibration = calibration(&reader)?;
+        let fusion = FusionConfig { tactile_sources, joint_sources, regions, timing: timing(&reader)?, batch: 1 };
+        Ok(Config {
+            fusion,
+            tactile,
+            joints,
+            models: models.iter().map(|name| model(&reader, name)).collect::<Result<_, _>>()?,
+            calibration,
+            glove: reader.non_empty("glove")?,
+            user: reader.non_empty("user")?,
+            stage_topic: reader.topic("stage_topic")?,
+            use_sim_time: reader.bool("use_sim_time")?,
+            node,
+        })
+    }
+
+    /// Every parameter that this configuration has, set or not, with its entry in the table.
+    pub fn keys(&self) -> BTreeMap<String, &'static ParamKey> {
+        let mut keys = BTreeMap::new();
+        for key in KEYS {
+            let names: Vec<&str> = match key.pattern.split('.').next() {
+                Some("tactile") => self.fusion.tactile_sources.iter().map(|source| source.name.as_str()).collect(),
+                Some("joint") => self.fusion.joint_sources.iter().map(|source| source.name.as_str()).collect(),
+                Some("model") => self.models.iter().map(|model| model.name.as_str()).collect(),
+                Some("region") => self.fusion.regions.iter().map(|region| region.name.as_str()).collect(),
+                _ => vec![""],
+            };
+            keys.extend(names.into_iter().map(|name| (key.with_name(name), key)));
+        }
+        keys
+    }
+}
+
+fn timing(reader: &Reader<'_>) -> Result<Timing, ConfigError> {
+    Ok(Timing {
+        max_gap: from_millis(reader.double("timing.max_gap_ms")?),
+        joint_slack: from_millis(reader.double("timing.joint_slack_ms")?),
+        max_pose_age: from_millis(reader.double("timing.max_pose_age_ms")?),
+        time_jump: from_millis(reader.double("timing.time_jump_ms")?),
+    })
+}
+
+fn calibration(reader: &Reader<'_>) -> Result<CalibrationConfig, ConfigError> {
+    let (duration_s, min_s) = (reader.double("calibration.duration_s")?, reader.double("calibration.min_s")?);
+    if min_s > duration_s {
+        let problem = format!("s must be at most calibration.duration_s = {duration_s:?} s");
+        return Err(reader.refused_either("calibration.min_s", "calibration.duration_s", &problem));
+    }
+    Ok(CalibrationConfig {
+        file: reader.path("calibration.file")?,
+        duration: Duration::from_secs_f64(duration_s),
+        min_duration: Duration::from_secs_f64(min_s),
+        max_force: Newton(reader.double("calibration.max_force")?),
+        max_loaded_fraction: reader.double("calibration.max_loaded_fraction")?,
+    })
+}
+
+fn model(reader: &Reader<'_>, name: &str) -> Result<ModelConfig, ConfigError> {
+    let key = |tail: &str| format!("model.{name}.{tail}");
+    let tensor = |tail: &str| reader.required_text(&key(tail));
+    let path_key = key("path");
+    reader.required_text(&path_key)?;
+    let path = reader.path(&path_key)?.ok_or_else(|| reader.missing(&path_key))?;
+    let backend = match reader.text(&key("backend"))?.as_str() {
+        "onnxruntime" => BackendChoice::OnnxRuntime,
+        "rten" => BackendChoice::Rten,
+        _ => BackendChoice::Auto,
+    };
+    let unit = match reader.text(&key("unit"))?.as_str() {
+        "gF" => Some(ForceUnit::GramForce),
+        "N" => Some(ForceUnit::Newton),
+        _ => None,
+    };
+    let rate_hz = Some(reader.double(&key("rate_hz"))?).filter(|rate_hz| *rate_hz > 0.0);
+    let names = TensorNames {
+        tactile: tensor("inputs.tactile")?,
+        pose: tensor("inputs.pose")?,
+        force: tensor("outputs.force")?,
+        force_base: tensor("outputs.force_base")?,
+        force_residual: tensor("outputs.force_residual")?,
+    };
+    Ok(ModelConfig { name: name.to_owned(), spec: ModelSpec { path, backend, unit, rate_hz, names } })
+}
+
+/// The folder that a relative path in the file is meant from; none for paths from elsewhere.
+fn folder(origin: &Origin) -> Option<PathBuf> {
+    match origin {
+        Origin::File { file, .. } => std::path::Path::new(file.as_ref()).parent().map(PathBuf::from),
+        Origin::CommandLine | Origin::Request => None,
+    }
+}

@@ -1,0 +1,208 @@
+//! Typed access to parameters, with the defaults of the table.
+
+use std::path::PathBuf;
+
+use super::super::error::ConfigError;
+use super::super::keys::find;
+use super::super::names::NodeName;
+use super::super::param_file::ParamTree;
+use super::super::scalar::ParamValue;
+use super::super::text::one_line;
+use super::folder;
+
+/// Reads a tree whose keys are known and whose values have their types and are in range.
+pub(super) struct Reader<'a> {
+    pub(super) tree: &'a ParamTree,
+    pub(super) node: &'a NodeName,
+}
+
+impl Reader<'_> {
+    /// The value that was set, or the default.
+    pub(super) fn value(&self, key: &str) -> Option<ParamValue> {
+        match self.tree.get(key) {
+            Some(param) => Some(param.value.clone()),
+            None => find(key)?.default.value(),
+        }
+    }
+
+    pub(super) fn is_set(&self, key: &str) -> bool {
+        self.tree.get(key).is_some()
+    }
+
+    pub(super) fn missing(&self, key: &str) -> ConfigError {
+        let about = find(key).map_or("", |known| known.about);
+        self.missing_because(key, about)
+    }
+
+    pub(super) fn missing_because(&self, key: &str, about: &str) -> ConfigError {
+        ConfigError::Missing { files: self.tree.files().to_owned(), key: key.to_owned(), about: about.to_owned() }
+    }
+
+    /// Refuses the value of a key. A problem that begins with the unit reads as `key = 5.0 N must ...`.
+    pub(super) fn refused(&self, key: &str, problem: impl Into<String>) -> ConfigError {
+        let value = self.value(key).map_or_else(|| "unset".to_owned(), |value| value.to_string());
+        let (origin, value) = match self.tree.get(key) {
+            Some(param) => (param.origin.to_string(), value),
+            None => (self.tree.files().to_owned(), value),
+        };
+        ConfigError::Refused { origin, key: key.to_owned(), value, problem: problem.into() }
+    }
+
+    /// Refuses `key` because of `other`, and points to where one of them was set.
+    pub(super) fn refused_either(&self, key: &str, other: &str, problem: &str) -> ConfigError {
+        let mut error = self.refused(key, problem);
+        if let (ConfigError::Refused { origin, problem, .. }, None) = (&mut error, self.tree.get(key)) {
+            problem.push_str(&format!("; {key} is the default, set it too"));
+            if let Some(other) = self.tree.get(other) {
+                *origin = other.origin.to_string();
+            }
+        }
+        error
+    }
+
+    pub(super) fn bool(&self, key: &str) -> Result<bool, ConfigError> {
+        match self.value(key) {
+            Some(ParamValue::Bool(value)) => Ok(value),
+            _ => Err(self.missing(key)),
+        }
+    }
+
+    pub(super) fn int(&self, key: &str) -> Result<i64, ConfigError> {
+        match self.value(key) {
+            Some(ParamValue::Int(value)) => Ok(value),
+            _ => Err(self.missing(key)),
+        }
+    }
+
+    /// An int that the table has bounded from below by 0.
+    pub(super) fn count(&self, key: &str) -> Result<usize, ConfigError> {
+        usize::try_from(self.int(key)?).map_err(|_| self.refused(key, "must not be negative"))
+    }
+
+    pub(super) fn double(&self, key: &str) -> Result<f64, ConfigError> {
+        match self.value(key) {
+            Some(ParamValue::Double(value)) => Ok(value),
+            Some(ParamValue::Int(value)) => Ok(value as f64),
+            _ => Err(self.missing(key)),
+        }
+    }
+
+    pub(super) fn doubles<const LEN: usize>(&self, key: &str) -> Result<[f64; LEN], ConfigError> {
+        let values = match self.value(key) {
+            Some(ParamValue::DoubleArray(values)) => values,
+            Some(ParamValue::IntArray(values)) => values.into_iter().map(|value| value as f64).collect(),
+            _ => return Err(self.missing(key)),
+        };
+        values.try_into().map_err(|_| self.refused(key, format!("must have {LEN} elements")))
+    }
+
+    pub(super) fn text(&self, key: &str) -> Result<String, ConfigError> {
+        match self.value(key) {
+            Some(ParamValue::Str(value)) => Ok(value),
+            _ => Err(self.missing(key)),
+        }
+    }
+
+    pub(super) fn required_text(&self, key: &str) -> Result<String, ConfigError> {
+        let text = self.text(key)?;
+        if text.trim().is_empty() { Err(self.refused(key, "must not be empty")) } else { Ok(text) }
+    }
+
+    pub(super) fn non_empty(&self, key: &str) -> Result<Option<String>, ConfigError> {
+        Ok(Some(self.text(key)?).filter(|text| !text.is_empty()))
+    }
+
+    pub(super) fn texts(&self, key: &str) -> Result<Vec<String>, ConfigError> {
+        match self.value(key) {
+            Some(ParamValue::StrArray(values)) => Ok(values),
+            Some(ParamValue::EmptyArray) => Ok(Vec::new()),
+            _ => Err(self.missing(key)),
+        }
+    }
+
+    /// Texts of which none is empty or there twice.
+    pub(super) fn unique_texts(&self, key: &str) -> Result<Vec<String>, ConfigError> {
+        let texts = self.texts(key)?;
+        for (idx, text) in texts.iter().enumerate() {
+            if text.is_empty() {
+                return Err(self.refused(key, "has an empty element"));
+            }
+            if texts[..idx].contains(text) {
+                return Err(self.refused(key, format!("has \"{}\" twice", one_line(text))));
+            }
+        }
+        Ok(texts)
+    }
+
+    /// Names that make parts of keys and topics.
+    pub(super) fn names(&self, key: &str) -> Result<Vec<String>, ConfigError> {
+        let names = self.unique_texts(key)?;
+        match names.iter().find(|name| !is_name(name)) {
+            Some(name) => Err(self.refused(key, format!("has \"{}\", which {NAME_RULE}", one_line(name)))),
+            None => Ok(names),
+        }
+    }
+
+    pub(super) fn refuse_empty(&self, key: &str, names: &[String]) -> Result<(), ConfigError> {
+        if names.is_empty() { Err(self.refused(key, "must name at least one")) } else { Ok(()) }
+    }
+
+    /// A topic as an absolute name.
+    pub(super) fn topic(&self, key: &str) -> Result<String, ConfigError> {
+        let name = self.text(key)?;
+        let refused = |reason: &str| self.refused(key, format!("is not a valid topic name: {reason}"));
+        self.node.resolve(&name).map_err(|e| refused(e.reason()))
+    }
+
+    /// A file, from the folder of the file that names it; none for an empty path.
+    pub(super) fn path(&self, key: &str) -> Result<Option<PathBuf>, ConfigError> {
+        let Some(path) = self.non_empty(key)?.map(PathBuf::from) else { return Ok(None) };
+        if path.to_string_lossy().contains('\0') {
+            return Err(self.refused(key, "must not hold a null character"));
+        }
+        Ok(Some(match self.tree.get(key).and_then(|param| folder(&param.origin)) {
+            Some(folder) => folder.join(path),
+            None => path,
+        }))
+    }
+
+    /// The path of a message's field: `header.stamp`, `layout.dim[0].size`.
+    pub(super) fn field(&self, key: &str) -> Result<String, ConfigError> {
+        let path = self.text(key)?;
+        if path.split('.').all(is_field) {
+            Ok(path)
+        } else {
+            Err(self.refused(key, "is not the path of a field, such as header.stamp or layout.dim[0].size"))
+        }
+    }
+}
+
+const NAME_RULE: &str = "must start with a small letter and hold only small letters, digits and '_'";
+
+/// `[a-z][a-z0-9_]*`
+fn is_name(name: &str) -> bool {
+    name.starts_with(|first: char| first.is_ascii_lowercase())
+        && name
+            .chars()
+            .all(|character| character.is_ascii_lowercase() || character.is_ascii_digit() || character == '_')
+}
+
+impl Reader<'_> {
+    /// A name that makes a part of keys.
+    pub(super) fn name(&self, key: &str) -> Result<String, ConfigError> {
+        let name = self.text(key)?;
+        if is_name(&name) { Ok(name) } else { Err(self.refused(key, NAME_RULE)) }
+    }
+}
+
+fn is_field(token: &str) -> bool {
+    let (name, index) = match token.split_once('[') {
+        Some((name, rest)) => (name, rest.strip_suffix(']')),
+        None => (token, Some("0")),
+    };
+    let is_index =
+        |index: &str| !index.is_empty() && index.len() <= 9 && index.chars().all(|digit| digit.is_ascii_digit());
+    name.starts_with(|first: char| first.is_ascii_alphabetic())
+        && name.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')
+        && index.is_some_and(is_index)
+}

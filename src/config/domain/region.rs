@@ -1,0 +1,164 @@
+//! Patches: which taxels and joints they have, where they sit, and when they touch.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
+
+use super::super::error::ConfigError;
+use super::super::scalar::ParamValue;
+use super::super::specs::NamesFrom;
+use super::super::text::{list, one_line};
+use super::JointTopic;
+use super::reader::Reader;
+use crate::fusion::{ContactThresholds, Patch, RegionConfig, TactileSource, TactileSourceIdx};
+use crate::units::Newton;
+
+/// How far from 1 the norm of a rotation may be, for the rounding of people who write quaternions with 3 decimals.
+const ROTATION_NORM_TOLERANCE: f64 = 1e-3;
+
+/// The models of all regions, each once, in the order in which regions name them.
+pub(super) fn model_names(reader: &Reader<'_>, regions: &[String]) -> Result<Vec<String>, ConfigError> {
+    let mut models = Vec::new();
+    for region in regions {
+        let model = reader.name(&format!("region.{region}.model"))?;
+        if !models.contains(&model) {
+            models.push(model);
+        }
+    }
+    Ok(models)
+}
+
+/// Reads each region.
+pub(super) fn all(
+    reader: &Reader<'_>,
+    names: &[String],
+    models: &[String],
+    sources: &[TactileSource],
+    joints: &[JointTopic],
+) -> Result<Vec<RegionConfig>, ConfigError> {
+    contact(reader, None)?; // so that a bad pair is refused also where every region overrides it
+    let one = |name: &String| {
+        let key = |tail: &str| format!("region.{name}.{tail}");
+        let model = reader.text(&key("model"))?;
+        let source_idx = tactile_source(reader, &key("tactile_source"), sources)?;
+        let frame_id = reader.required_text(&key("frame_id"))?;
+        let patch = Patch {
+            frame_id,
+            normal_in_patch: normal(reader, &key("normal"))?,
+            frame_from_patch: mount(reader, &key("mount.translation"), &key("mount.rotation"))?,
+        };
+        Ok(RegionConfig {
+            name: name.clone(),
+            source: TactileSourceIdx(source_idx),
+            taxels: taxels(reader, &key("taxels"), &sources[source_idx])?,
+            joints: region_joints(reader, &key("joints"), joints)?,
+            model: models.iter().position(|known| *known == model).ok_or_else(|| reader.missing(&key("model")))?,
+            patch,
+            contact: contact(reader, Some(name))?,
+        })
+    };
+    names.iter().map(one).collect()
+}
+
+fn tactile_source(reader: &Reader<'_>, key: &str, sources: &[TactileSource]) -> Result<usize, ConfigError> {
+    let known = || list(sources.iter().map(|source| source.name.as_str()));
+    if !reader.is_set(key) {
+        return match sources {
+            [_] => Ok(0),
+            _ => Err(reader.missing_because(key, &format!("there are several tactile sources: {}", known()))),
+        };
+    }
+    let name = reader.text(key)?;
+    let found = sources.iter().position(|source| source.name == name);
+    found.ok_or_else(|| reader.refused(key, format!("is not among tactile_sources = [{}]", known())))
+}
+
+fn taxels(reader: &Reader<'_>, key: &str, source: &TactileSource) -> Result<Vec<usize>, ConfigError> {
+    let indices = match reader.value(key) {
+        Some(ParamValue::IntArray(indices)) => indices,
+        _ => return Ok((0..source.n_taxels).collect()),
+    };
+    let mut seen = BTreeSet::new();
+    let mut taxels = Vec::with_capacity(indices.len());
+    for index in indices {
+        let taxel_idx = usize::try_from(index).ok().filter(|taxel_idx| *taxel_idx < source.n_taxels);
+        let Some(taxel_idx) = taxel_idx else {
+            let (name, last) = (&source.name, source.n_taxels - 1);
+            let problem = format!("has {index}, but taxels of the source {name} are 0 to {last}");
+            return Err(reader.refused(key, problem));
+        };
+        if !seen.insert(taxel_idx) {
+            return Err(reader.refused(key, format!("has {index} twice")));
+        }
+        taxels.push(taxel_idx);
+    }
+    Ok(taxels)
+}
+
+fn region_joints(reader: &Reader<'_>, key: &str, topics: &[JointTopic]) -> Result<Vec<String>, ConfigError> {
+    let joints = reader.unique_texts(key)?;
+    if !joints.is_empty() && topics.is_empty() {
+        return Err(reader.refused(key, "needs a source of joint angles, but joint_sources is empty"));
+    }
+    // Names are known beforehand only where the parameters give all of them.
+    let mut known = Vec::new();
+    for topic in topics {
+        match &topic.fields.names {
+            NamesFrom::Constant(names) => known.extend(names.iter().map(String::as_str)),
+            NamesFrom::Field(_) => return Ok(joints),
+        }
+    }
+    match joints.iter().find(|joint| !known.contains(&joint.as_str())) {
+        Some(joint) => {
+            let problem = format!("has \"{}\", but the joint sources send {}", one_line(joint), list(known));
+            Err(reader.refused(key, problem))
+        }
+        None => Ok(joints),
+    }
+}
+
+fn normal(reader: &Reader<'_>, key: &str) -> Result<Unit<Vector3<f64>>, ConfigError> {
+    let normal = Vector3::from(reader.doubles::<3>(key)?);
+    // Scaled first, so that the square of a length neither vanishes nor overflows.
+    let largest = normal.amax();
+    let scaled = if largest > 0.0 { normal / largest } else { normal };
+    Unit::try_new(scaled, 0.5).ok_or_else(|| reader.refused(key, "must not be zero: it is a direction"))
+}
+
+fn mount(reader: &Reader<'_>, translation: &str, rotation: &str) -> Result<Isometry3<f64>, ConfigError> {
+    let [x, y, z, w] = reader.doubles::<4>(rotation)?;
+    let quaternion = Quaternion::new(w, x, y, z);
+    let norm = quaternion.norm();
+    if !norm.is_finite() || (norm - 1.0).abs() > ROTATION_NORM_TOLERANCE {
+        let problem =
+            format!("has the norm {norm}: it must be a unit quaternion x, y, z, w, within {ROTATION_NORM_TOLERANCE}");
+        return Err(reader.refused(rotation, problem));
+    }
+    let translation = Translation3::from(Vector3::from(reader.doubles::<3>(translation)?));
+    Ok(Isometry3::from_parts(translation, UnitQuaternion::new_normalize(quaternion)))
+}
+
+/// The thresholds of a region, or those that hold for all.
+fn contact(reader: &Reader<'_>, region: Option<&str>) -> Result<ContactThresholds, ConfigError> {
+    let key = |tail: &str| match region {
+        Some(region) if reader.is_set(&format!("region.{region}.contact.{tail}")) => {
+            format!("region.{region}.contact.{tail}")
+        }
+        _ => format!("contact.{tail}"),
+    };
+    let (on_key, off_key) = (key("force_on"), key("force_off"));
+    let (force_on, force_off) = (reader.double(&on_key)?, reader.double(&off_key)?);
+    if force_off >= force_on {
+        let problem = format!("N must be below {on_key} = {force_on} N");
+        return Err(reader.refused_either(&off_key, &on_key, &problem));
+    }
+    let frames = |key: &str| -> Result<u32, ConfigError> {
+        u32::try_from(reader.int(key)?).map_err(|_| reader.refused(key, "must not be negative"))
+    };
+    Ok(ContactThresholds {
+        force_on: Newton(force_on),
+        force_off: Newton(force_off),
+        on_frames: frames(&key("on_frames"))?,
+        off_frames: frames(&key("off_frames"))?,
+    })
+}

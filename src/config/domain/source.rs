@@ -1,0 +1,213 @@
+//! Streams of taxels and of joint angles.
+
+use super::super::error::ConfigError;
+use super::super::scalar::ParamValue;
+use super::super::specs::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields};
+use super::reader::Reader;
+use super::{JointTopic, TaxelTopic};
+use crate::fusion::{FrameClock, JointSource, TactileSource};
+
+const TAXEL_ARRAY: &str = "tactile_pose_fusion/msg/TaxelArray";
+const FLOAT32_MULTI_ARRAY: &str = "std_msgs/msg/Float32MultiArray";
+const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
+const RECEIPT: &str = "receipt";
+
+/// Reads each source of a list.
+pub(super) fn all<S, T>(
+    reader: &Reader<'_>,
+    names: &[String],
+    one: impl Fn(&Reader<'_>, &str) -> Result<(S, T), ConfigError>,
+) -> Result<(Vec<S>, Vec<T>), ConfigError> {
+    names.iter().map(|name| one(reader, name)).collect()
+}
+
+/// A stream of taxels.
+pub(super) fn tactile(reader: &Reader<'_>, name: &str) -> Result<(TactileSource, TaxelTopic), ConfigError> {
+    let key = |tail: &str| format!("tactile.{name}.{tail}");
+    let type_name = message_type(reader, &key("type"))?;
+    let n_taxels = reader.count(&key("n_taxels"))?;
+    let fields = taxel_fields(reader, &key, &type_name, n_taxels)?;
+    let source = TactileSource {
+        name: name.to_owned(),
+        n_taxels,
+        stamp_offset_ns: millis_to_ns(reader.double(&key("stamp_offset_ms"))?),
+        inverted: reader.int(&key("sign"))? < 0,
+        frame_clock: match reader.text(&key("frame_clock"))?.as_str() {
+            "grid" => FrameClock::Grid,
+            _ => FrameClock::Tactile,
+        },
+    };
+    Ok((source, TaxelTopic { topic: reader.topic(&key("topic"))?, type_name, fields }))
+}
+
+fn taxel_fields(
+    reader: &Reader<'_>,
+    key: &impl Fn(&str) -> String,
+    type_name: &str,
+    n_taxels: usize,
+) -> Result<TaxelFields, ConfigError> {
+    let is_ours = type_name == TAXEL_ARRAY;
+    let known_field = match type_name {
+        TAXEL_ARRAY => Some("values"),
+        FLOAT32_MULTI_ARRAY => Some("data"),
+        _ => None,
+    };
+    let rows = count(reader, &key("rows"))?.unwrap_or(if is_ours { field("rows") } else { CountFrom::One });
+    let cols_key = key("cols");
+    let cols = count(reader, &cols_key)?;
+    let cols_constant = match cols {
+        Some(CountFrom::Constant(cols)) => Some(cols),
+        Some(CountFrom::One) => Some(1),
+        _ => None,
+    };
+    if cols_constant.is_some_and(|cols| cols != n_taxels) {
+        return Err(reader.refused(&cols_key, format!("must equal {} = {n_taxels}", key("n_taxels"))));
+    }
+    let row_period = row_period(reader, key, is_ours)?;
+    if rows != CountFrom::One && row_period == PeriodFrom::None {
+        let about = format!("with {} there may be several rows, whose times are not known without it", key("rows"));
+        return Err(reader.missing_because(&format!("{} or {}", key("row_period"), key("row_period_ms")), &about));
+    }
+    let sequence = match optional_field(reader, &key("sequence"))? {
+        None if is_ours => Some("sequence".to_owned()),
+        None => None,
+        Some(path) => path,
+    };
+    let stamp_key = key("stamp");
+    let stamp = if type_name == FLOAT32_MULTI_ARRAY {
+        let about =
+            format!("{FLOAT32_MULTI_ARRAY} has no header, so its stamp can only be the time of receipt; write receipt");
+        match reader.is_set(&stamp_key) {
+            true if reader.text(&stamp_key)? == RECEIPT => StampFrom::Receipt,
+            true => return Err(reader.refused(&stamp_key, format!("is not there: {about}"))),
+            false => return Err(reader.missing_because(&stamp_key, &about)),
+        }
+    } else {
+        stamp(reader, &stamp_key)?
+    };
+    Ok(TaxelFields { stamp, values: field_or(reader, &key("field"), known_field)?, rows, cols, row_period, sequence })
+}
+
+fn row_period(reader: &Reader<'_>, key: &impl Fn(&str) -> String, is_ours: bool) -> Result<PeriodFrom, ConfigError> {
+    let (period_key, constant_key) = (key("row_period"), key("row_period_ms"));
+    let period = optional_field(reader, &period_key)?;
+    if reader.is_set(&constant_key) {
+        if let Some(Some(path)) = period {
+            return Err(reader.refused(&constant_key, format!("and {period_key} = \"{path}\" exclude each other")));
+        }
+        // More than 0 in ms by the table's range, so at least 1 ns.
+        return Ok(PeriodFrom::Constant(millis_to_ns(reader.double(&constant_key)?).max(1)));
+    }
+    Ok(match period {
+        Some(Some(path)) => PeriodFrom::Field(path),
+        None if is_ours => PeriodFrom::Field("row_period".to_owned()),
+        Some(None) | None => PeriodFrom::None,
+    })
+}
+
+/// A stream of joint angles.
+pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, JointTopic), ConfigError> {
+    let key = |tail: &str| format!("joint.{name}.{tail}");
+    let type_name = message_type(reader, &key("type"))?;
+    let is_joint_state = type_name == JOINT_STATE;
+    let (names_field, names) = (key("names_field"), key("names"));
+    let names = match (reader.is_set(&names_field), reader.is_set(&names)) {
+        (_, true) if is_joint_state => {
+            return Err(reader.refused(&names, format!("is for types without names, and {JOINT_STATE} carries them")));
+        }
+        (true, true) => return Err(reader.refused(&names, format!("and {names_field} exclude each other"))),
+        (false, true) => match reader.unique_texts(&names)? {
+            constant if constant.is_empty() => return Err(reader.refused(&names, "must name at least one")),
+            constant => NamesFrom::Constant(constant),
+        },
+        (true, false) => NamesFrom::Field(reader.field(&names_field)?),
+        (false, false) if is_joint_state => NamesFrom::Field("name".to_owned()),
+        (false, false) => {
+            let about = "joints are told apart by name, so say which field has the names, or what they are";
+            return Err(reader.missing_because(&format!("{names_field} or {names}"), about));
+        }
+    };
+    let scale_key = key("scale");
+    let unit = if reader.bool(&key("degrees"))? { std::f64::consts::PI / 180.0 } else { 1.0 };
+    let scale = reader.double(&scale_key)? * unit;
+    if !scale.is_normal() {
+        return Err(reader.refused(&scale_key, "must not be 0, nor so small or large that angles vanish"));
+    }
+    let source = JointSource {
+        name: name.to_owned(),
+        stamp_offset_ns: millis_to_ns(reader.double(&key("stamp_offset_ms"))?),
+        scale,
+    };
+    let fields = JointFields {
+        stamp: stamp(reader, &key("stamp"))?,
+        positions: field_or(reader, &key("field"), is_joint_state.then_some("position"))?,
+        names,
+    };
+    Ok((source, JointTopic { topic: reader.topic(&key("topic"))?, type_name, fields }))
+}
+
+/// A stamp whose default is the header's.
+fn stamp(reader: &Reader<'_>, key: &str) -> Result<StampFrom, ConfigError> {
+    match reader.is_set(key) {
+        false => Ok(StampFrom::Field("header.stamp".to_owned())),
+        true if reader.text(key)? == RECEIPT => Ok(StampFrom::Receipt),
+        true => Ok(StampFrom::Field(reader.field(key)?)),
+    }
+}
+
+fn field(path: &str) -> CountFrom {
+    CountFrom::Field(path.to_owned())
+}
+
+/// A count that was set, as a number or as the path of a field; none where it is empty or unset.
+fn count(reader: &Reader<'_>, key: &str) -> Result<Option<CountFrom>, ConfigError> {
+    if !reader.is_set(key) {
+        return Ok(None);
+    }
+    match reader.value(key) {
+        Some(ParamValue::Int(1)) => Ok(Some(CountFrom::One)),
+        Some(ParamValue::Int(_)) => Ok(Some(CountFrom::Constant(reader.count(key)?))),
+        _ => Ok(optional_field(reader, key)?.flatten().map(CountFrom::Field)),
+    }
+}
+
+/// The path of a field: none where it is unset, none inside where it is set to be empty.
+fn optional_field(reader: &Reader<'_>, key: &str) -> Result<Option<Option<String>>, ConfigError> {
+    match reader.is_set(key) {
+        false => Ok(None),
+        true if reader.text(key)?.is_empty() => Ok(Some(None)),
+        true => Ok(Some(Some(reader.field(key)?))),
+    }
+}
+
+fn field_or(reader: &Reader<'_>, key: &str, known: Option<&str>) -> Result<String, ConfigError> {
+    match known {
+        Some(known) if !reader.is_set(key) => Ok(known.to_owned()),
+        _ => reader.field(key),
+    }
+}
+
+/// A message type as ROS 2 writes it in full.
+fn message_type(reader: &Reader<'_>, key: &str) -> Result<String, ConfigError> {
+    let type_name = reader.text(key)?;
+    let is_word = |word: &str, first: fn(&char) -> bool| {
+        word.starts_with(|character: char| first(&character))
+            && word.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')
+    };
+    match type_name.split('/').collect::<Vec<_>>().as_slice() {
+        [package, "msg", name]
+            if is_word(package, char::is_ascii_lowercase) && is_word(name, char::is_ascii_uppercase) =>
+        {
+            Ok(type_name)
+        }
+        [package, name] if is_word(package, char::is_ascii_lowercase) && is_word(name, char::is_ascii_uppercase) => {
+            Err(reader.refused(key, format!("is not a message type: write {package}/msg/{name}")))
+        }
+        _ => Err(reader.refused(key, "is not a message type, such as sensor_msgs/msg/JointState")),
+    }
+}
+
+/// Milliseconds as nanoseconds; the table keeps them far below what an `i64` holds.
+fn millis_to_ns(ms: f64) -> i64 {
+    (ms * 1e6).round() as i64
+}

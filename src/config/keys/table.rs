@@ -1,0 +1,357 @@
+//! The table itself.
+
+use super::{ParamDefault, ParamKey, ParamKind, ParamRange};
+
+use ParamDefault::{Depends, Double, Doubles, EmptyArray, Int, Required, Str};
+use ParamKind as Kind;
+use ParamRange::{Above, Closed, Int as Ints, OneOf};
+
+const OFFSET_MS: ParamRange = Closed { min: -10_000.0, max: 10_000.0 };
+const CONTACT_FORCE: ParamRange = Above { min: 0.0, max: 1000.0 };
+const CONTACT_FRAMES: ParamRange = Ints { min: 1, max: 1000 };
+
+/// Every parameter, in the order in which they are documented.
+pub static KEYS: &[ParamKey] = &[
+    ParamKey::new("regions", Kind::StrArray, Required, "Names of the patches to estimate, each with one force"),
+    ParamKey::new("tactile_sources", Kind::StrArray, Required, "Names of the streams of taxels"),
+    ParamKey::new("joint_sources", Kind::StrArray, EmptyArray, "Names of the streams of joint angles"),
+    // One stream of taxels.
+    ParamKey::new("tactile.<source>.topic", Kind::Str, Required, "Topic of the taxels"),
+    ParamKey::new(
+        "tactile.<source>.type",
+        Kind::Str,
+        Str("tactile_pose_fusion/msg/TaxelArray"),
+        "Message type: any, with the fields below telling where its numbers are",
+    ),
+    ParamKey::new("tactile.<source>.n_taxels", Kind::Int, Required, "Taxels in a sample")
+        .range(Ints { min: 1, max: 4096 }),
+    ParamKey::new(
+        "tactile.<source>.field",
+        Kind::Str,
+        Depends("values for TaxelArray, data for Float32MultiArray, else required"),
+        "Path of the numbers: rows x taxels, row-major",
+    ),
+    ParamKey::new(
+        "tactile.<source>.stamp",
+        Kind::Str,
+        Depends("header.stamp; required for Float32MultiArray, which has no header"),
+        "Path of the last row's stamp, or receipt: the time at which the message came in",
+    ),
+    ParamKey::new(
+        "tactile.<source>.rows",
+        Kind::IntOrField,
+        Depends("rows for TaxelArray, else 1"),
+        "Consecutive samples in a message: a number, or the path of a field",
+    )
+    .range(Ints { min: 1, max: 65_536 }),
+    ParamKey::new(
+        "tactile.<source>.cols",
+        Kind::IntOrField,
+        Str(""),
+        "Taxels in a row, checked against n_taxels: a number, the path of a field, or empty for no such check",
+    )
+    .range(Ints { min: 1, max: 4096 }),
+    ParamKey::new(
+        "tactile.<source>.row_period",
+        Kind::Str,
+        Depends("row_period for TaxelArray unless row_period_ms is set, else empty"),
+        "Path of the time between rows, a builtin_interfaces/msg/Duration; empty where there is one row",
+    ),
+    ParamKey::new(
+        "tactile.<source>.row_period_ms",
+        Kind::Double,
+        Depends("unset"),
+        "Time between rows, instead of row_period",
+    )
+    .range(Above { min: 0.0, max: 10_000.0 })
+    .unit("ms"),
+    ParamKey::new(
+        "tactile.<source>.sequence",
+        Kind::Str,
+        Depends("sequence for TaxelArray, else empty"),
+        "Path of the sender's message count, by which loss is seen; empty where there is none",
+    ),
+    ParamKey::new("tactile.<source>.sign", Kind::Int, Int(1), "-1 where a lower reading means more pressure")
+        .range(ParamRange::Ints(&[1, -1])),
+    ParamKey::new(
+        "tactile.<source>.frame_clock",
+        Kind::Str,
+        Str("tactile"),
+        "tactile: each sample is a frame, for sources at the model's rate; grid: frames at the model's rate",
+    )
+    .range(OneOf(&["tactile", "grid"])),
+    ParamKey::new("tactile.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
+        .range(OFFSET_MS)
+        .unit("ms"),
+    // One stream of joint angles.
+    ParamKey::new("joint.<source>.topic", Kind::Str, Required, "Topic of the joint angles"),
+    ParamKey::new(
+        "joint.<source>.type",
+        Kind::Str,
+        Str("sensor_msgs/msg/JointState"),
+        "Message type: any, with the fields below telling where its angles are",
+    ),
+    ParamKey::new(
+        "joint.<source>.field",
+        Kind::Str,
+        Depends("position for JointState, else required"),
+        "Path of the angles",
+    ),
+    ParamKey::new(
+        "joint.<source>.names_field",
+        Kind::Str,
+        Depends("name for JointState"),
+        "Path of the angles' names; other types than JointState need this or names",
+    ),
+    ParamKey::new(
+        "joint.<source>.names",
+        Kind::StrArray,
+        Depends("unset"),
+        "Names of the angles, in order, for a type that carries none",
+    ),
+    ParamKey::new(
+        "joint.<source>.stamp",
+        Kind::Str,
+        Str("header.stamp"),
+        "Path of the stamp, or receipt: the time at which the message came in",
+    ),
+    ParamKey::new("joint.<source>.degrees", Kind::Bool, ParamDefault::Bool(false), "Whether the source sends degrees"),
+    ParamKey::new(
+        "joint.<source>.scale",
+        Kind::Double,
+        Double(1.0),
+        "Factor from the source's unit to rad, or to degrees if degrees is true; not 0",
+    ),
+    ParamKey::new("joint.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
+        .range(OFFSET_MS)
+        .unit("ms"),
+    // One model; models are named by the regions.
+    ParamKey::new(
+        "model.<name>.path",
+        Kind::Str,
+        Required,
+        "The ONNX file, relative to the folder of this file (given with -p: to the working directory)",
+    ),
+    ParamKey::new(
+        "model.<name>.backend",
+        Kind::Str,
+        Str("auto"),
+        "auto: ONNX Runtime where it is found, else RTen, which is built in",
+    )
+    .range(OneOf(&["auto", "onnxruntime", "rten"])),
+    ParamKey::new("model.<name>.unit", Kind::Str, Str(""), "Unit of the model's forces; empty: what the file says")
+        .range(OneOf(&["", "gF", "N"])),
+    ParamKey::new(
+        "model.<name>.rate_hz",
+        Kind::Double,
+        Double(0.0),
+        "Frames a second that the model was trained on; 0: what the file says",
+    )
+    .range(Closed { min: 0.0, max: 10_000.0 })
+    .unit("Hz"),
+    ParamKey::new("model.<name>.inputs.tactile", Kind::Str, Str("tactile"), "Name of the input [N, window, taxels]"),
+    ParamKey::new("model.<name>.inputs.pose", Kind::Str, Str("pose"), "Name of the input [N, window, joints]"),
+    ParamKey::new("model.<name>.outputs.force", Kind::Str, Str("force"), "Name of the force output"),
+    ParamKey::new(
+        "model.<name>.outputs.force_base",
+        Kind::Str,
+        Str("force_base"),
+        "Name of the output of the tactile branch alone, if there is one",
+    ),
+    ParamKey::new(
+        "model.<name>.outputs.force_residual",
+        Kind::Str,
+        Str("force_residual"),
+        "Name of the output that the pose adds, if there is one",
+    ),
+    // One patch.
+    ParamKey::new(
+        "region.<name>.model",
+        Kind::Str,
+        Required,
+        "Name of its model; regions that share one run as a batch",
+    ),
+    ParamKey::new(
+        "region.<name>.tactile_source",
+        Kind::Str,
+        Depends("the only tactile source; required where there are several"),
+        "Where its taxels come from",
+    ),
+    ParamKey::new(
+        "region.<name>.taxels",
+        Kind::IntArray,
+        EmptyArray,
+        "Its taxels as indices from 0 into a sample, in the order of the model's input; empty: all of them",
+    )
+    .range(Ints { min: 0, max: 4095 }),
+    ParamKey::new(
+        "region.<name>.joints",
+        Kind::StrArray,
+        EmptyArray,
+        "Its joints by name, in the order of the model's input; empty for a model without pose",
+    ),
+    ParamKey::new("region.<name>.frame_id", Kind::Str, Required, "Frame in which its wrench is told, right-handed"),
+    ParamKey::new(
+        "region.<name>.normal",
+        Kind::DoubleArray(3),
+        Doubles(&[0.0, 0.0, 1.0]),
+        "Direction of the force on the hand by the object, in the patch's own frame; any length but 0",
+    ),
+    ParamKey::new(
+        "region.<name>.mount.translation",
+        Kind::DoubleArray(3),
+        Doubles(&[0.0, 0.0, 0.0]),
+        "Where the patch sits in frame_id",
+    )
+    .unit("m"),
+    ParamKey::new(
+        "region.<name>.mount.rotation",
+        Kind::DoubleArray(4),
+        Doubles(&[0.0, 0.0, 0.0, 1.0]),
+        "How the patch is turned in frame_id: a unit quaternion x, y, z, w",
+    ),
+    ParamKey::new("region.<name>.contact.force_on", Kind::Double, Depends("contact.force_on"), "For this region only")
+        .range(CONTACT_FORCE)
+        .unit("N")
+        .at_run_time(),
+    ParamKey::new(
+        "region.<name>.contact.force_off",
+        Kind::Double,
+        Depends("contact.force_off"),
+        "For this region only",
+    )
+    .range(CONTACT_FORCE)
+    .unit("N")
+    .at_run_time(),
+    ParamKey::new("region.<name>.contact.on_frames", Kind::Int, Depends("contact.on_frames"), "For this region only")
+        .range(CONTACT_FRAMES)
+        .unit("frames")
+        .at_run_time(),
+    ParamKey::new("region.<name>.contact.off_frames", Kind::Int, Depends("contact.off_frames"), "For this region only")
+        .range(CONTACT_FRAMES)
+        .unit("frames")
+        .at_run_time(),
+    // Contact.
+    ParamKey::new(
+        "contact.force_on",
+        Kind::Double,
+        Double(0.024_516_625), // 2.5 gF, the touch threshold of the paper, Sec. VI
+        "At or above this force there may be contact; the default is 2.5 gF",
+    )
+    .range(CONTACT_FORCE)
+    .unit("N")
+    .at_run_time(),
+    ParamKey::new(
+        "contact.force_off",
+        Kind::Double,
+        Double(0.014_709_975), // 1.5 gF
+        "Below this force contact may end; less than force_on; the default is 1.5 gF",
+    )
+    .range(CONTACT_FORCE)
+    .unit("N")
+    .at_run_time(),
+    ParamKey::new(
+        "contact.on_frames",
+        Kind::Int,
+        Int(2),
+        "Consecutive frames at or above force_on that begin a contact",
+    )
+    .range(CONTACT_FRAMES)
+    .unit("frames")
+    .at_run_time(),
+    ParamKey::new("contact.off_frames", Kind::Int, Int(3), "Consecutive frames below force_off that end a contact")
+        .range(CONTACT_FRAMES)
+        .unit("frames")
+        .at_run_time(),
+    // Time.
+    ParamKey::new(
+        "timing.max_gap_ms",
+        Kind::Double,
+        Double(50.0),
+        "Missing taxels up to this long are interpolated; a longer gap starts the window anew",
+    )
+    .range(Closed { min: 0.0, max: 10_000.0 })
+    .unit("ms"),
+    ParamKey::new(
+        "timing.joint_slack_ms",
+        Kind::Double,
+        Double(10.0),
+        "How much data time a frame waits for the joint state after it; 0 for the lowest latency",
+    )
+    .range(Closed { min: 0.0, max: 1000.0 })
+    .unit("ms"),
+    ParamKey::new(
+        "timing.max_pose_age_ms",
+        Kind::Double,
+        Double(50.0),
+        "How long the last joint state is held; past that the estimate is tactile-only and flagged STALE_POSE",
+    )
+    .range(Closed { min: 0.0, max: 60_000.0 })
+    .unit("ms"),
+    ParamKey::new(
+        "timing.time_jump_ms",
+        Kind::Double,
+        Double(200.0),
+        "A stamp this far back is a jump of time, which resets the pipeline, and not a late sample",
+    )
+    .range(Closed { min: 1.0, max: 60_000.0 })
+    .unit("ms"),
+    // Calibration and who wears what.
+    ParamKey::new(
+        "calibration.file",
+        Kind::Str,
+        Str(""),
+        "Where the calibration is kept, relative to the folder of this file; empty: not kept",
+    ),
+    ParamKey::new("calibration.duration_s", Kind::Double, Double(10.0), "How long a calibration in the air takes")
+        .range(Above { min: 0.5, max: 600.0 })
+        .unit("s")
+        .at_run_time(),
+    ParamKey::new(
+        "calibration.min_s",
+        Kind::Double,
+        Double(2.0),
+        "Least unloaded data that makes a calibration; at most duration_s",
+    )
+    .range(Above { min: 0.0, max: 600.0 })
+    .unit("s")
+    .at_run_time(),
+    ParamKey::new(
+        "calibration.max_force",
+        Kind::Double,
+        Double(0.5),
+        "An estimate above this is a hand that touches something",
+    )
+    .range(Above { min: 0.0, max: 1000.0 })
+    .unit("N")
+    .at_run_time(),
+    ParamKey::new(
+        "calibration.max_loaded_fraction",
+        Kind::Double,
+        Double(0.1),
+        "Largest part of the data that may be loaded before the calibration fails",
+    )
+    .range(Closed { min: 0.0, max: 1.0 })
+    .at_run_time(),
+    ParamKey::new("glove", Kind::Str, Str(""), "Serial number of the glove, kept with calibrations and recordings"),
+    ParamKey::new("user", Kind::Str, Str(""), "Who wears it, kept with calibrations and recordings"),
+    ParamKey::new(
+        "stage_topic",
+        Kind::Str,
+        Str("/stage"),
+        "Topic of the annotations of a recording, tactile_pose_fusion/msg/Stage",
+    ),
+    // What every ROS 2 node has.
+    ParamKey::new(
+        "use_sim_time",
+        Kind::Bool,
+        ParamDefault::Bool(false),
+        "Whether the time is that of /clock, as in any ROS 2 node",
+    ),
+    ParamKey::new(
+        "start_type_description_service",
+        Kind::Bool,
+        ParamDefault::Bool(true),
+        "Known to every ROS 2 node, and without effect here",
+    ),
+];
