@@ -6,7 +6,6 @@ pub mod keys;
 mod names;
 pub mod param_file;
 mod scalar;
-pub mod specs;
 mod text;
 mod yaml;
 
@@ -14,7 +13,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-pub use domain::{CalibrationConfig, Config, JointTopic, ModelConfig, TaxelTopic};
+pub use domain::{CalibrationConfig, Config, ModelConfig};
 pub use error::ConfigError;
 pub use names::{NameError, NodeName, resolve_name};
 pub use param_file::{Origin, Param, ParamError, ParamTree, parse_param_file, parse_param_files};

@@ -15,31 +15,10 @@ use super::error::ConfigError;
 use super::keys::{KEYS, ParamKey};
 use super::names::NodeName;
 use super::param_file::{Origin, ParamTree};
-use super::specs::{BackendChoice, JointFields, ModelSpec, TaxelFields, TensorNames};
 use crate::fusion::{ForceUnit, FusionConfig, Timing};
+use crate::model::{BackendChoice, ModelSpec, TensorNames};
+use crate::msg::binding::{JointFields, TaxelFields, Topic};
 use crate::units::{Newton, from_millis};
-
-/// A topic with taxels. The source of the same index is in [`FusionConfig::tactile_sources`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TaxelTopic {
-    /// Absolute name, before remapping.
-    pub topic: String,
-    /// Message type, `package/msg/Name`.
-    pub type_name: String,
-    /// Where the message keeps its samples.
-    pub fields: TaxelFields,
-}
-
-/// A topic with joint angles. The source of the same index is in [`FusionConfig::joint_sources`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct JointTopic {
-    /// Absolute name, before remapping.
-    pub topic: String,
-    /// Message type, `package/msg/Name`.
-    pub type_name: String,
-    /// Where the message keeps its angles.
-    pub fields: JointFields,
-}
 
 /// A model by name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is an index into these.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,9 +52,9 @@ pub struct Config {
     /// What the fusion core is told.
     pub fusion: FusionConfig,
     /// Topics of the tactile sources, by source index.
-    pub tactile: Vec<TaxelTopic>,
+    pub tactile: Vec<Topic<TaxelFields>>,
     /// Topics of the joint sources, by source index.
-    pub joints: Vec<JointTopic>,
+    pub joints: Vec<Topic<JointFields>>,
     /// The models that regions use, in the order in which regions first name them.
     pub models: Vec<ModelConfig>,
     /// How a calibration is made.

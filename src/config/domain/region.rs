@@ -6,11 +6,10 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector
 
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
-use super::super::specs::NamesFrom;
 use super::super::text::{list, one_line};
-use super::JointTopic;
 use super::reader::Reader;
 use crate::fusion::{ContactThresholds, Patch, RegionConfig, TactileSource, TactileSourceIdx};
+use crate::msg::binding::{JointFields, NamesFrom, Topic};
 use crate::units::Newton;
 
 /// How far from 1 the norm of a rotation may be, for the rounding of people who write quaternions with 3 decimals.
@@ -34,7 +33,7 @@ pub(super) fn all(
     names: &[String],
     models: &[String],
     sources: &[TactileSource],
-    joints: &[JointTopic],
+    joints: &[Topic<JointFields>],
 ) -> Result<Vec<RegionConfig>, ConfigError> {
     contact(reader, None)?; // so that a bad pair is refused also where every region overrides it
     let one = |name: &String| {
@@ -95,7 +94,7 @@ fn taxels(reader: &Reader<'_>, key: &str, source: &TactileSource) -> Result<Vec<
     Ok(taxels)
 }
 
-fn region_joints(reader: &Reader<'_>, key: &str, topics: &[JointTopic]) -> Result<Vec<String>, ConfigError> {
+fn region_joints(reader: &Reader<'_>, key: &str, topics: &[Topic<JointFields>]) -> Result<Vec<String>, ConfigError> {
     let joints = reader.unique_texts(key)?;
     if !joints.is_empty() && topics.is_empty() {
         return Err(reader.refused(key, "needs a source of joint angles, but joint_sources is empty"));

@@ -2,14 +2,10 @@
 
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
-use super::super::specs::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields};
 use super::reader::Reader;
-use super::{JointTopic, TaxelTopic};
 use crate::fusion::{FrameClock, JointSource, TactileSource};
+use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields, Topic};
 
-const TAXEL_ARRAY: &str = "tactile_pose_fusion/msg/TaxelArray";
-const FLOAT32_MULTI_ARRAY: &str = "std_msgs/msg/Float32MultiArray";
-const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
 const RECEIPT: &str = "receipt";
 
 /// Reads each source of a list.
@@ -22,7 +18,7 @@ pub(super) fn all<S, T>(
 }
 
 /// A stream of taxels.
-pub(super) fn tactile(reader: &Reader<'_>, name: &str) -> Result<(TactileSource, TaxelTopic), ConfigError> {
+pub(super) fn tactile(reader: &Reader<'_>, name: &str) -> Result<(TactileSource, Topic<TaxelFields>), ConfigError> {
     let key = |tail: &str| format!("tactile.{name}.{tail}");
     let type_name = message_type(reader, &key("type"))?;
     let n_taxels = reader.count(&key("n_taxels"))?;
@@ -37,7 +33,7 @@ pub(super) fn tactile(reader: &Reader<'_>, name: &str) -> Result<(TactileSource,
             _ => FrameClock::Tactile,
         },
     };
-    Ok((source, TaxelTopic { topic: reader.topic(&key("topic"))?, type_name, fields }))
+    Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
 }
 
 fn taxel_fields(
@@ -46,13 +42,8 @@ fn taxel_fields(
     type_name: &str,
     n_taxels: usize,
 ) -> Result<TaxelFields, ConfigError> {
-    let is_ours = type_name == TAXEL_ARRAY;
-    let known_field = match type_name {
-        TAXEL_ARRAY => Some("values"),
-        FLOAT32_MULTI_ARRAY => Some("data"),
-        _ => None,
-    };
-    let rows = count(reader, &key("rows"))?.unwrap_or(if is_ours { field("rows") } else { CountFrom::One });
+    let known = TaxelFields::for_type(type_name);
+    let said_rows = count(reader, &key("rows"))?;
     let cols_key = key("cols");
     let cols = count(reader, &cols_key)?;
     let cols_constant = match cols {
@@ -63,20 +54,19 @@ fn taxel_fields(
     if cols_constant.is_some_and(|cols| cols != n_taxels) {
         return Err(reader.refused(&cols_key, format!("must equal {} = {n_taxels}", key("n_taxels"))));
     }
-    let row_period = row_period(reader, key, is_ours)?;
-    if rows != CountFrom::One && row_period == PeriodFrom::None {
+    let row_period = row_period(reader, key, known.as_ref())?;
+    if said_rows.as_ref().is_some_and(|rows| *rows != CountFrom::One) && row_period == PeriodFrom::None {
         let about = format!("with {} there may be several rows, whose times are not known without it", key("rows"));
         return Err(reader.missing_because(&format!("{} or {}", key("row_period"), key("row_period_ms")), &about));
     }
+    let rows = said_rows.or_else(|| known.as_ref().map(|known| known.rows.clone())).unwrap_or(CountFrom::One);
     let sequence = match optional_field(reader, &key("sequence"))? {
-        None if is_ours => Some("sequence".to_owned()),
-        None => None,
+        None => known.as_ref().and_then(|known| known.sequence.clone()),
         Some(path) => path,
     };
     let stamp_key = key("stamp");
-    let stamp = if type_name == FLOAT32_MULTI_ARRAY {
-        let about =
-            format!("{FLOAT32_MULTI_ARRAY} has no header, so its stamp can only be the time of receipt; write receipt");
+    let stamp = if known.as_ref().is_some_and(|known| known.stamp.is_none()) {
+        let about = format!("{type_name} has no header, so its stamp can only be the time of receipt; write receipt");
         match reader.is_set(&stamp_key) {
             true if reader.text(&stamp_key)? == RECEIPT => StampFrom::Receipt,
             true => return Err(reader.refused(&stamp_key, format!("is not there: {about}"))),
@@ -85,10 +75,15 @@ fn taxel_fields(
     } else {
         stamp(reader, &stamp_key)?
     };
-    Ok(TaxelFields { stamp, values: field_or(reader, &key("field"), known_field)?, rows, cols, row_period, sequence })
+    let values = field_or(reader, &key("field"), known.as_ref().map(|known| known.values.as_str()))?;
+    Ok(TaxelFields { stamp: Some(stamp), values, rows, cols, row_period, sequence })
 }
 
-fn row_period(reader: &Reader<'_>, key: &impl Fn(&str) -> String, is_ours: bool) -> Result<PeriodFrom, ConfigError> {
+fn row_period(
+    reader: &Reader<'_>,
+    key: &impl Fn(&str) -> String,
+    known: Option<&TaxelFields>,
+) -> Result<PeriodFrom, ConfigError> {
     let (period_key, constant_key) = (key("row_period"), key("row_period_ms"));
     let period = optional_field(reader, &period_key)?;
     if reader.is_set(&constant_key) {
@@ -100,20 +95,20 @@ fn row_period(reader: &Reader<'_>, key: &impl Fn(&str) -> String, is_ours: bool)
     }
     Ok(match period {
         Some(Some(path)) => PeriodFrom::Field(path),
-        None if is_ours => PeriodFrom::Field("row_period".to_owned()),
-        Some(None) | None => PeriodFrom::None,
+        None => known.map_or(PeriodFrom::None, |known| known.row_period.clone()),
+        Some(None) => PeriodFrom::None,
     })
 }
 
 /// A stream of joint angles.
-pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, JointTopic), ConfigError> {
+pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Topic<JointFields>), ConfigError> {
     let key = |tail: &str| format!("joint.{name}.{tail}");
     let type_name = message_type(reader, &key("type"))?;
-    let is_joint_state = type_name == JOINT_STATE;
+    let known = JointFields::for_type(&type_name);
     let (names_field, names) = (key("names_field"), key("names"));
     let names = match (reader.is_set(&names_field), reader.is_set(&names)) {
-        (_, true) if is_joint_state => {
-            return Err(reader.refused(&names, format!("is for types without names, and {JOINT_STATE} carries them")));
+        (_, true) if known.is_some() => {
+            return Err(reader.refused(&names, format!("is for types without names, and {type_name} carries them")));
         }
         (true, true) => return Err(reader.refused(&names, format!("and {names_field} exclude each other"))),
         (false, true) => match reader.unique_texts(&names)? {
@@ -121,11 +116,13 @@ pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Joi
             constant => NamesFrom::Constant(constant),
         },
         (true, false) => NamesFrom::Field(reader.field(&names_field)?),
-        (false, false) if is_joint_state => NamesFrom::Field("name".to_owned()),
-        (false, false) => {
-            let about = "joints are told apart by name, so say which field has the names, or what they are";
-            return Err(reader.missing_because(&format!("{names_field} or {names}"), about));
-        }
+        (false, false) => match &known {
+            Some(known) => known.names.clone(),
+            None => {
+                let about = "joints are told apart by name, so say which field has the names, or what they are";
+                return Err(reader.missing_because(&format!("{names_field} or {names}"), about));
+            }
+        },
     };
     let scale_key = key("scale");
     let unit = if reader.bool(&key("degrees"))? { std::f64::consts::PI / 180.0 } else { 1.0 };
@@ -139,11 +136,11 @@ pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Joi
         scale,
     };
     let fields = JointFields {
-        stamp: stamp(reader, &key("stamp"))?,
-        positions: field_or(reader, &key("field"), is_joint_state.then_some("position"))?,
+        stamp: Some(stamp(reader, &key("stamp"))?),
+        positions: field_or(reader, &key("field"), known.as_ref().map(|known| known.positions.as_str()))?,
         names,
     };
-    Ok((source, JointTopic { topic: reader.topic(&key("topic"))?, type_name, fields }))
+    Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
 }
 
 /// A stamp whose default is the header's.
