@@ -177,6 +177,10 @@ fn each_flaw_has_its_own_line() {
         ),
         (Flaw::TwoForces, "output force has shape [N, 2], expected [N] or [N, 1], one force a window"),
         (
+            Flaw::TwoForcesUntold,
+            "a trial run of 3 windows failed: output force gave 6 values for 3 windows, expected one each",
+        ),
+        (
             Flaw::FixedBatch(16),
             "input tactile has shape [16, 8, 4], a batch fixed at 16 windows; export it with a dynamic batch (or a batch of 1)",
         ),

@@ -43,8 +43,7 @@ pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result
         let alone = run(path, session, names.len(), trial.window(window_idx))?;
         for ((name, batched), alone) in names.iter().zip(&batched).zip(&alone) {
             let (batched, alone) = (batched[window_idx], alone[0]);
-            // Written so that a NaN from the single run is refused too.
-            if !((batched - alone).abs() <= BATCH_TOLERANCE * scale) {
+            if differ(batched, alone, BATCH_TOLERANCE * scale) {
                 return Err(ModelError::MixesWindows {
                     path: path.to_path_buf(),
                     output: name.clone(),
@@ -62,7 +61,7 @@ pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result
         }
         if terms.contract.n_joints > 0 {
             let moved = run(path, session, names.len(), trial.batch_with_other_poses())?;
-            if moved[1].iter().zip(&batched[1]).any(|(moved, base)| (moved - base).abs() > BASE_TOLERANCE * scale) {
+            if moved[1].iter().zip(&batched[1]).any(|(moved, base)| differ(*moved, *base, BASE_TOLERANCE * scale)) {
                 session.drop_base();
                 notes.push(format!(
                     "output {base_name} moves when only the pose moves, so it can't stand in when the pose is stale: it is not used"
@@ -88,6 +87,12 @@ fn run(
     Ok(outputs)
 }
 
+/// Whether two forces lie further apart than `tolerance`; a NaN differs from everything.
+fn differ(a: f32, b: f32, tolerance: f32) -> bool {
+    let distance = (a - b).abs();
+    distance.is_nan() || distance > tolerance
+}
+
 /// The paper's convention: what the residual branch predicts is the artifact, and it is taken away.
 fn check_convention(
     path: &Path,
@@ -98,7 +103,7 @@ fn check_convention(
     scale: f32,
 ) -> Result<(), ModelError> {
     let [forces, bases, residuals] = outputs else { return Ok(()) };
-    let far = |a: f32, b: f32| !((a - b).abs() <= BATCH_TOLERANCE * scale);
+    let far = |a: f32, b: f32| differ(a, b, BATCH_TOLERANCE * scale);
     let windows: Vec<[f32; 3]> = (0..N).map(|idx| [forces[idx], bases[idx], residuals[idx]]).collect();
     let Some([got, b, r]) = windows.iter().copied().find(|[f, b, r]| far(*f, b - r)) else { return Ok(()) };
     let added = windows.iter().all(|[f, b, r]| !far(*f, b + r));

@@ -50,19 +50,18 @@ impl Session {
     }
 
     /// Runs `windows` and replaces what `outputs` held, in the order force, base, residual.
-    pub(super) fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), RegressError> {
-        let refuse = |what: String| RegressError(format!("model {}: {what}", self.label));
+    pub(super) fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
         outputs.iter_mut().for_each(Vec::clear);
         let tactile_len = self.contract.window * self.contract.n_taxels;
         let pose_len = self.contract.window * self.contract.n_joints;
         let fits = |len: usize, of_one: usize| windows.n.checked_mul(of_one) == Some(len);
         if !fits(windows.tactile.len(), tactile_len) || !fits(windows.pose.len(), pose_len) {
-            return Err(refuse(format!(
+            return Err(format!(
                 "expected {} windows of {tactile_len} tactile and {pose_len} pose numbers, got {} and {}",
                 windows.n,
                 windows.tactile.len(),
                 windows.pose.len(),
-            )));
+            ));
         }
         let mut done = 0;
         while done < windows.n {
@@ -72,14 +71,12 @@ impl Session {
                 tactile: &windows.tactile[done * tactile_len..(done + n) * tactile_len],
                 pose: &windows.pose[done * pose_len..(done + n) * pose_len],
             };
-            self.runtime.infer(part, outputs).map_err(|said| refuse(one_line(&said)))?;
+            self.runtime.infer(part, outputs).map_err(|said| one_line(&said))?;
             for (name, output) in self.output_names.iter().zip(outputs.iter()) {
                 let given = output.len().saturating_sub(done);
                 if given != n {
                     let name = one_line(name);
-                    return Err(refuse(format!(
-                        "output {name} gave {given} values for {n} windows, expected one each"
-                    )));
+                    return Err(format!("output {name} gave {given} values for {n} windows, expected one each"));
                 }
             }
             done += n;
@@ -99,6 +96,6 @@ impl Regressor for Session {
         let wanted = if self.contract.has_base { 2 } else { 1 };
         let result = self.infer(windows, &mut outputs[..wanted]);
         [out.force, out.base] = outputs;
-        result
+        result.map_err(|what| RegressError(format!("model {}: {what}", self.label)))
     }
 }

@@ -50,6 +50,8 @@ pub enum Flaw {
     LongerPose,
     /// `force` is `[N, 2]`.
     TwoForces,
+    /// `force` is `[N, 2]`, and the file tells no shape.
+    TwoForcesUntold,
     /// The batch is this number, and nothing else.
     FixedBatch(i64),
     /// A further input that nobody feeds.
@@ -208,7 +210,7 @@ impl LinearModel {
                 node("Div", &[base, base], "one", vec![]);
                 node("Mul", &["sound_force", "one"], force, vec![]);
             }
-            Some(Flaw::TwoForces) => {
+            Some(Flaw::TwoForces | Flaw::TwoForcesUntold) => {
                 node("Sub", &[base, residual], "one_force", vec![]);
                 node("Concat", &["one_force", "one_force"], force, vec![AttributeProto::int("axis", 1)]);
             }
@@ -266,9 +268,15 @@ impl LinearModel {
         let n_outputs = if self.branch_outputs { 3 } else { 1 };
         let width = |idx: usize| if idx == 0 && self.flaw == Some(Flaw::TwoForces) { 2 } else { 1 };
         let names = self.names[2..].iter().take(n_outputs).enumerate();
-        names
+        let mut outputs: Vec<ValueInfoProto> = names
             .map(|(idx, name)| ValueInfoProto::float32(name, vec![self.batch(), DimensionProto::fixed(width(idx))]))
-            .collect()
+            .collect();
+        if self.flaw == Some(Flaw::TwoForcesUntold)
+            && let Some(tensor) = outputs[0].r#type.as_mut().and_then(|r#type| r#type.tensor_type.as_mut())
+        {
+            tensor.shape = None;
+        }
+        outputs
     }
 
     fn batch(&self) -> DimensionProto {

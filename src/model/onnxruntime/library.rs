@@ -99,7 +99,7 @@ fn system_names() -> Vec<String> {
 fn load(path: &Path) -> Result<Library, String> {
     // The library writes to stderr on its own; everything that matters comes back as an error as well.
     let silent: ort::logging::LoggerFunction = Arc::new(|_, _, _, _, _| {});
-    let builder = ort::init_from(path).map_err(|e| e.to_string())?;
+    let builder = ort::init_from(path).map_err(|e| in_full(&e))?;
     let environment = builder
         .with_name(env!("CARGO_PKG_NAME"))
         .with_telemetry(false)
@@ -110,6 +110,15 @@ fn load(path: &Path) -> Result<Library, String> {
     let path = if path.is_absolute() { path.to_path_buf() } else { mapped().unwrap_or_else(|| path.to_path_buf()) };
     let version = version_of(&path).unwrap_or_else(|| "unknown".to_string());
     Ok(Library { environment, path, version })
+}
+
+/// An error with what lies beneath it; of a library that doesn't load, the loader's own words.
+fn in_full(error: &ort::LoadDynamicError) -> String {
+    let ort::LoadDynamicError::Dlopen { error: refused, .. } = error else { return error.to_string() };
+    match std::error::Error::source(refused) {
+        Some(loader) => format!("it does not load: {loader}"),
+        None => error.to_string(),
+    }
 }
 
 /// The file that the system's loader took, on Linux.
@@ -173,7 +182,7 @@ mod tests {
         let file = folder.path().join("libonnxruntime.so");
         fs::write(&file, "not a library").unwrap();
         let refused = find(Some(file.clone().into_os_string()), None).unwrap_err();
-        assert!(refused.starts_with(&format!("ORT_DYLIB_PATH is {}: failed to load", file.display())), "{refused}");
+        assert!(refused.starts_with(&format!("ORT_DYLIB_PATH is {}: it does not load: ", file.display())), "{refused}");
     }
 
     #[test]
