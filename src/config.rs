@@ -4,7 +4,7 @@ mod domain;
 mod error;
 pub mod keys;
 mod names;
-pub mod param_file;
+mod param_file;
 mod scalar;
 mod text;
 mod yaml;
@@ -14,9 +14,9 @@ use std::io::Read;
 use std::path::Path;
 
 pub use domain::{CalibrationConfig, Config, ModelConfig};
-pub use error::ConfigError;
+pub use error::{ConfigError, ParamError};
 pub use names::{NameError, NodeName, resolve_name};
-pub use param_file::{Origin, Param, ParamError, ParamTree, parse_param_file, parse_param_files};
+pub use param_file::{Origin, Param, ParamTree, parse_param_file, parse_param_files};
 pub use scalar::ParamValue;
 
 /// The node's full name unless it is given another one.

@@ -1,7 +1,6 @@
-//! Why a configuration is refused.
+//! Why a parameter file or a configuration is refused.
 
 use super::names::NameError;
-use super::param_file::ParamError;
 
 /// A configuration that is refused. Every text names where, which key, what came and what was expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -31,7 +30,7 @@ pub enum ConfigError {
         hint: String,
     },
     /// A value of another type.
-    #[error("{origin}: {key} = {value} is a {got}, expected {expected}")]
+    #[error("{origin}: {key} = {value} is of type {got}, expected {expected}")]
     WrongType {
         /// Where it was set.
         origin: String,
@@ -77,5 +76,96 @@ pub enum ConfigError {
         value: String,
         /// What is wrong with it.
         problem: String,
+    },
+}
+
+/// A parameter file, or an override, that can't be read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ParamError {
+    /// The text is not YAML, or not such YAML as a parameter file may be.
+    #[error("{file}:{line}: not a parameter file: {reason}")]
+    Yaml {
+        /// The file.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A key above `ros__parameters` that is no node name.
+    #[error("{file}:{line}: `{name}` is not a valid node name: {reason}")]
+    NodeName {
+        /// The file.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// The name with its namespaces.
+        name: String,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// A value where `ros__parameters` was expected.
+    #[error(
+        "{file}:{line}: `{name}` has no `ros__parameters:` (two underscores) below it: write the parameters below that key"
+    )]
+    NoParametersKey {
+        /// The file.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// The name with its namespaces.
+        name: String,
+    },
+    /// A parameter without a value.
+    #[error("{file}:{line}: {key} has no value: give it one, or remove the key")]
+    NoValue {
+        /// The file.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// The dotted key.
+        key: String,
+    },
+    /// A parameter that a section sets twice.
+    #[error("{file}:{line}: {key} was already set in line {first_line}: keep one of them")]
+    Duplicate {
+        /// The file.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// The dotted key.
+        key: String,
+        /// Line of the other one.
+        first_line: usize,
+    },
+    /// An array that no parameter can have.
+    #[error("{file}:{line}: {key} is not an array of one type: {reason}")]
+    Array {
+        /// The file.
+        file: String,
+        /// From 1.
+        line: usize,
+        /// The dotted key.
+        key: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// No section is meant for the node.
+    #[error("{files}: no parameters for the node {node}: the file has {names}")]
+    NoSection {
+        /// The files, separated by commas.
+        files: String,
+        /// The node's full name.
+        node: String,
+        /// The names that are there.
+        names: String,
+    },
+    /// An override that is not `key:=value`.
+    #[error("command line: `-p {rule}` is not an override: {reason}")]
+    Override {
+        /// What came after `-p`.
+        rule: String,
+        /// What is wrong.
+        reason: String,
     },
 }

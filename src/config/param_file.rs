@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
+use super::error::ParamError;
 use super::names::NodePattern;
 use super::scalar::{MixedArray, ParamValue, resolve};
 use super::text::{list, one_line, printable};
@@ -47,97 +48,6 @@ pub struct Param {
     pub value: ParamValue,
     /// Where it was set.
     pub origin: Origin,
-}
-
-/// A parameter file, or an override, that can't be read.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ParamError {
-    /// The text is not YAML, or not such YAML as a parameter file may be.
-    #[error("{file}:{line}: not a parameter file: {reason}")]
-    Yaml {
-        /// The file.
-        file: String,
-        /// From 1.
-        line: usize,
-        /// What is wrong.
-        reason: String,
-    },
-    /// A key above `ros__parameters` that is no node name.
-    #[error("{file}:{line}: `{name}` is not a valid node name: {reason}")]
-    NodeName {
-        /// The file.
-        file: String,
-        /// From 1.
-        line: usize,
-        /// The name with its namespaces.
-        name: String,
-        /// What is wrong.
-        reason: &'static str,
-    },
-    /// A value where `ros__parameters` was expected.
-    #[error(
-        "{file}:{line}: `{name}` has no `ros__parameters:` (two underscores) below it: write the parameters below that key"
-    )]
-    NoParametersKey {
-        /// The file.
-        file: String,
-        /// From 1.
-        line: usize,
-        /// The name with its namespaces.
-        name: String,
-    },
-    /// A parameter without a value.
-    #[error("{file}:{line}: {key} has no value: give it one, or remove the key")]
-    NoValue {
-        /// The file.
-        file: String,
-        /// From 1.
-        line: usize,
-        /// The dotted key.
-        key: String,
-    },
-    /// A parameter that a section sets twice.
-    #[error("{file}:{line}: {key} was already set in line {first_line}: keep one of them")]
-    Duplicate {
-        /// The file.
-        file: String,
-        /// From 1.
-        line: usize,
-        /// The dotted key.
-        key: String,
-        /// Line of the other one.
-        first_line: usize,
-    },
-    /// An array that no parameter can have.
-    #[error("{file}:{line}: {key} is not an array of one type: {reason}")]
-    Array {
-        /// The file.
-        file: String,
-        /// From 1.
-        line: usize,
-        /// The dotted key.
-        key: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// No section is meant for the node.
-    #[error("{files}: no parameters for the node {node}: the file has {names}")]
-    NoSection {
-        /// The files, separated by commas.
-        files: String,
-        /// The node's full name.
-        node: String,
-        /// The names that are there.
-        names: String,
-    },
-    /// An override that is not `key:=value`.
-    #[error("command line: `-p {rule}` is not an override: {reason}")]
-    Override {
-        /// What came after `-p`.
-        rule: String,
-        /// What is wrong.
-        reason: String,
-    },
 }
 
 /// The parameters that are meant for one node, by dotted key.

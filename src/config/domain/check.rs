@@ -17,7 +17,7 @@ pub(super) fn keys_and_values(tree: &ParamTree) -> Result<(), ConfigError> {
         if !known.kind.fits(&param.value) {
             let expected = match (known.kind, &param.value) {
                 (ParamKind::Str, ParamValue::EmptyArray) => "string".to_owned(),
-                (ParamKind::Str, _) => format!("string: write it in quotes, \"{value}\""),
+                (ParamKind::Str, _) => "string: write it in quotes".to_owned(),
                 (ParamKind::StrArray, ParamValue::Str(_)) => format!("string[]: write [{value}]"),
                 (kind, _) => kind.to_string(),
             };

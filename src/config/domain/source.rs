@@ -55,11 +55,12 @@ fn taxel_fields(
         return Err(reader.refused(&cols_key, format!("must equal {} = {n_taxels}", key("n_taxels"))));
     }
     let row_period = row_period(reader, key, known.as_ref())?;
-    if said_rows.as_ref().is_some_and(|rows| *rows != CountFrom::One) && row_period == PeriodFrom::None {
+    let rows = said_rows.or_else(|| known.as_ref().map(|known| known.rows.clone())).unwrap_or(CountFrom::One);
+    // A layout most often says one row; a message of several that has no period is dropped and counted.
+    if !matches!(rows, CountFrom::One | CountFrom::Layout(_)) && row_period == PeriodFrom::None {
         let about = format!("with {} there may be several rows, whose times are not known without it", key("rows"));
         return Err(reader.missing_because(&format!("{} or {}", key("row_period"), key("row_period_ms")), &about));
     }
-    let rows = said_rows.or_else(|| known.as_ref().map(|known| known.rows.clone())).unwrap_or(CountFrom::One);
     let sequence = match optional_field(reader, &key("sequence"))? {
         None => known.as_ref().and_then(|known| known.sequence.clone()),
         Some(path) => path,

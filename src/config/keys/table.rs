@@ -40,7 +40,7 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new(
         "tactile.<source>.rows",
         Kind::IntOrField,
-        Depends("rows for TaxelArray, else 1"),
+        Depends("rows for TaxelArray, what the layout says for Float32MultiArray, else 1"),
         "Consecutive samples in a message: a number, or the path of a field",
     )
     .range(Ints { min: 1, max: 65_536 }),

@@ -1,0 +1,426 @@
+//! Every parameter that can't be meant is refused, in one line that names file, line, key, value and what is allowed.
+
+use tactile_pose_fusion::config::{Config, DEFAULT_NODE, ParamTree, parse_param_file};
+use tactile_pose_fusion::fusion::FrameClock;
+use tactile_pose_fusion::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields};
+
+const BASE: &str = "\
+/**:
+  ros__parameters:
+    regions: [index]
+    tactile_sources: [glove]
+    joint_sources: [hand]
+    tactile.glove: {topic: taxels, n_taxels: 6}
+    joint.hand: {topic: /joints}
+    model.tip: {path: tip.onnx}
+    region.index: {model: tip, joints: [dip, pip], frame_id: index_tip}
+";
+
+fn tree() -> ParamTree {
+    parse_param_file(BASE, "params/index.yaml", DEFAULT_NODE).unwrap()
+}
+
+/// The configuration with overrides, which are the shortest way to set a key.
+fn with(overrides: &[&str]) -> Result<Config, String> {
+    let mut tree = tree();
+    for rule in overrides {
+        assert_eq!(tree.set_override(rule), Ok(true), "{rule}");
+    }
+    Config::from_tree(&tree).map_err(|e| e.to_string())
+}
+
+/// The configuration of the base file with lines added to it, from line 10 on.
+fn with_lines(lines: &str) -> Result<Config, String> {
+    let text = format!("{BASE}{lines}");
+    parse_param_file(&text, "params/index.yaml", DEFAULT_NODE)
+        .map_err(|e| e.to_string())
+        .and_then(|tree| Config::from_tree(&tree).map_err(|e| e.to_string()))
+}
+
+/// The configuration of the base file without one of its lines.
+fn without(line: &str) -> Result<Config, String> {
+    let text: String = BASE.lines().filter(|kept| !kept.contains(line)).map(|kept| format!("{kept}\n")).collect();
+    let tree = parse_param_file(&text, "params/index.yaml", DEFAULT_NODE).unwrap();
+    Config::from_tree(&tree).map_err(|e| e.to_string())
+}
+
+#[test]
+fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
+    let table = [
+        (
+            "    contact.force_of: 0.01\n",
+            "params/index.yaml:10: contact.force_of is not a parameter of this node: did you mean contact.force_on?",
+        ),
+        (
+            "    contact.forceoff: 0.01\n",
+            "params/index.yaml:10: contact.forceoff is not a parameter of this node: did you mean contact.force_off?",
+        ),
+        (
+            "    tactile.glove.n_taxel: 6\n",
+            "params/index.yaml:10: tactile.glove.n_taxel is not a parameter of this node: did you mean tactile.glove.n_taxels?",
+        ),
+        (
+            "    robot_description: x\n",
+            "params/index.yaml:10: robot_description is not a parameter of this node: params/example.yaml explains those that there are",
+        ),
+        (
+            "    tactile.glov.sign: 1\n",
+            "params/index.yaml:10: tactile.glov.sign is not a parameter of this node: tactile_sources = [glove] has no \"glov\"",
+        ),
+        (
+            "    joint.arm.scale: 1\n",
+            "params/index.yaml:10: joint.arm.scale is not a parameter of this node: joint_sources = [hand] has no \"arm\"",
+        ),
+        (
+            "    region.thumb.model: tip\n",
+            "params/index.yaml:10: region.thumb.model is not a parameter of this node: regions = [index] has no \"thumb\"",
+        ),
+        (
+            "    model.palm.path: x\n",
+            "params/index.yaml:10: model.palm.path is not a parameter of this node: the models that regions use = [tip] has no \"palm\"",
+        ),
+        (
+            "    contact.force_off: 0.06\n    contact.force_on: 0.0245\n",
+            "params/index.yaml:10: contact.force_off = 0.06 N must be below contact.force_on = 0.0245 N",
+        ),
+        (
+            "    contact.force_on: 0.01\n",
+            "params/index.yaml:10: contact.force_off = 0.014709975 N must be below contact.force_on = 0.01 N; contact.force_off is the default, set it too",
+        ),
+        (
+            "    region.index.contact.force_off: 0.03\n",
+            "params/index.yaml:10: region.index.contact.force_off = 0.03 N must be below contact.force_on = 0.024516625 N",
+        ),
+        ("    contact.force_on: 0\n", "params/index.yaml:10: contact.force_on = 0 N must be in (0, 1000] N"),
+        ("    contact.force_on: .nan\n", "params/index.yaml:10: contact.force_on = .nan N must be in (0, 1000] N"),
+        (
+            "    contact.force_on: \"0.1\"\n",
+            "params/index.yaml:10: contact.force_on = \"0.1\" is of type string, expected double",
+        ),
+        (
+            "    contact.on_frames: 2.0\n",
+            "params/index.yaml:10: contact.on_frames = 2.0 is of type double, expected int",
+        ),
+        (
+            "    contact.on_frames: 0\n",
+            "params/index.yaml:10: contact.on_frames = 0 frames must be in [1, 1000] frames",
+        ),
+        ("    timing.max_gap_ms: -1\n", "params/index.yaml:10: timing.max_gap_ms = -1 ms must be in [0, 10000] ms"),
+        (
+            "    timing.time_jump_ms: 0.5\n",
+            "params/index.yaml:10: timing.time_jump_ms = 0.5 ms must be in [1, 60000] ms",
+        ),
+        ("    glove: 17\n", "params/index.yaml:10: glove = 17 is of type int, expected string: write it in quotes"),
+        ("    tactile.glove.sign: 2\n", "params/index.yaml:10: tactile.glove.sign = 2 must be 1 or -1"),
+        (
+            "    tactile.glove.frame_clock: fast\n",
+            "params/index.yaml:10: tactile.glove.frame_clock = \"fast\" must be \"tactile\" or \"grid\"",
+        ),
+        (
+            "    tactile.glove.stamp_offset_ms: 10001.0\n",
+            "params/index.yaml:10: tactile.glove.stamp_offset_ms = 10001.0 ms must be in [-10000, 10000] ms",
+        ),
+        (
+            "    tactile.glove.type: std_msgs/msg/Float32MultiArray\n",
+            "params/index.yaml: tactile.glove.stamp is required: std_msgs/msg/Float32MultiArray has no header, so its stamp can only be the time of receipt; write receipt",
+        ),
+        (
+            "    tactile.glove.type: std_msgs/msg/Float32MultiArray\n    tactile.glove.stamp: header.stamp\n",
+            "params/index.yaml:11: tactile.glove.stamp = \"header.stamp\" is not there: std_msgs/msg/Float32MultiArray has no header, so its stamp can only be the time of receipt; write receipt",
+        ),
+        (
+            "    tactile.glove.type: my_msgs/msg/Glove\n",
+            "params/index.yaml: tactile.glove.field is required: Path of the numbers: rows x taxels, row-major",
+        ),
+        (
+            "    tactile.glove.type: my_msgs/Glove\n",
+            "params/index.yaml:10: tactile.glove.type = \"my_msgs/Glove\" is not a message type: write my_msgs/msg/Glove",
+        ),
+        (
+            "    tactile.glove.type: Glove\n",
+            "params/index.yaml:10: tactile.glove.type = \"Glove\" is not a message type, such as sensor_msgs/msg/JointState",
+        ),
+        (
+            "    tactile.glove.field: a..b\n",
+            "params/index.yaml:10: tactile.glove.field = \"a..b\" is not the path of a field, such as header.stamp or layout.dim[0].size",
+        ),
+        (
+            "    tactile.glove.cols: 5\n",
+            "params/index.yaml:10: tactile.glove.cols = 5 must equal tactile.glove.n_taxels = 6",
+        ),
+        ("    tactile.glove.rows: 0\n", "params/index.yaml:10: tactile.glove.rows = 0 must be in [1, 65536]"),
+        (
+            "    tactile.glove.row_period: \"\"\n",
+            "params/index.yaml: tactile.glove.row_period or tactile.glove.row_period_ms is required: with tactile.glove.rows there may be several rows, whose times are not known without it",
+        ),
+        (
+            "    tactile.glove.row_period: a\n    tactile.glove.row_period_ms: 1\n",
+            "params/index.yaml:11: tactile.glove.row_period_ms = 1 and tactile.glove.row_period = \"a\" exclude each other",
+        ),
+        (
+            "    tactile.glove.row_period_ms: 0\n",
+            "params/index.yaml:10: tactile.glove.row_period_ms = 0 ms must be in (0, 10000] ms",
+        ),
+        (
+            "    joint.hand.scale: 0\n",
+            "params/index.yaml:10: joint.hand.scale = 0 must not be 0, nor so small or large that angles vanish",
+        ),
+        ("    joint.hand.scale: .inf\n", "params/index.yaml:10: joint.hand.scale = .inf must be finite"),
+        (
+            "    joint.hand.names: [a]\n",
+            "params/index.yaml:10: joint.hand.names = [a] is for types without names, and sensor_msgs/msg/JointState carries them",
+        ),
+        (
+            "    joint.hand.type: my_msgs/msg/Hand\n",
+            "params/index.yaml: joint.hand.names_field or joint.hand.names is required: joints are told apart by name, so say which field has the names, or what they are",
+        ),
+        (
+            "    joint.hand.type: my_msgs/msg/Hand\n    joint.hand.names: [dip]\n    joint.hand.names_field: joint_names\n",
+            "params/index.yaml:11: joint.hand.names = [dip] and joint.hand.names_field exclude each other",
+        ),
+        (
+            "    joint.hand.type: my_msgs/msg/Hand\n    joint.hand.names: [dip]\n",
+            "params/index.yaml: joint.hand.field is required: Path of the angles",
+        ),
+        (
+            "    joint.hand.type: my_msgs/msg/Hand\n    joint.hand.names: [dip]\n    joint.hand.field: a\n",
+            "params/index.yaml:9: region.index.joints = [dip, pip] has \"pip\", but the joint sources send dip",
+        ),
+        (
+            "    model.tip.backend: tensorrt\n",
+            "params/index.yaml:10: model.tip.backend = \"tensorrt\" must be \"auto\" or \"onnxruntime\" or \"rten\"",
+        ),
+        ("    model.tip.unit: kg\n", "params/index.yaml:10: model.tip.unit = \"kg\" must be \"\" or \"gF\" or \"N\""),
+        ("    model.tip.inputs.pose: \"\"\n", "params/index.yaml:10: model.tip.inputs.pose = \"\" must not be empty"),
+        (
+            "    region.index.taxels: [0, 6]\n",
+            "params/index.yaml:10: region.index.taxels = [0, 6] has 6, but taxels of the source glove are 0 to 5",
+        ),
+        ("    region.index.taxels: [-1]\n", "params/index.yaml:10: region.index.taxels = [-1] must be in [0, 4095]"),
+        ("    region.index.taxels: [1, 1]\n", "params/index.yaml:10: region.index.taxels = [1, 1] has 1 twice"),
+        (
+            "    region.index.tactile_source: palm\n",
+            "params/index.yaml:10: region.index.tactile_source = \"palm\" is not among tactile_sources = [glove]",
+        ),
+        (
+            "    region.index.normal: [0, 0, 0]\n",
+            "params/index.yaml:10: region.index.normal = [0, 0, 0] must not be zero: it is a direction",
+        ),
+        (
+            "    region.index.normal: [0, 0]\n",
+            "params/index.yaml:10: region.index.normal = [0, 0] is of type int[], expected double[3]",
+        ),
+        (
+            "    region.index.mount.rotation: [0, 0, 0, 2]\n",
+            "params/index.yaml:10: region.index.mount.rotation = [0, 0, 0, 2] has the norm 2: it must be a unit quaternion x, y, z, w, within 0.001",
+        ),
+        (
+            "    calibration.duration_s: 1\n",
+            "params/index.yaml:10: calibration.min_s = 2.0 s must be at most calibration.duration_s = 1.0 s; calibration.min_s is the default, set it too",
+        ),
+        (
+            "    calibration.duration_s: 0.5\n",
+            "params/index.yaml:10: calibration.duration_s = 0.5 s must be in (0.5, 600] s",
+        ),
+        (
+            "    calibration.max_loaded_fraction: 1.5\n",
+            "params/index.yaml:10: calibration.max_loaded_fraction = 1.5 must be in [0, 1]",
+        ),
+        (
+            "    stage_topic: a b\n",
+            "params/index.yaml:10: stage_topic = \"a b\" is not a valid topic name: it may hold only letters, digits, '_', '/', '~' and substitutions in '{}'",
+        ),
+    ];
+    for (lines, message) in table {
+        assert_eq!(with_lines(lines).unwrap_err(), message, "{lines}");
+    }
+}
+
+#[test]
+fn each_missing_or_impossible_list_is_refused() {
+    let table = [
+        (
+            without("regions:"),
+            "params/index.yaml: regions is required: Names of the patches to estimate, each with one force",
+        ),
+        (without("tactile_sources:"), "params/index.yaml: tactile_sources is required: Names of the streams of taxels"),
+        (
+            without("model.tip:"),
+            "params/index.yaml: model.tip.path is required: The ONNX file, relative to the folder of this file (given with -p: to the working directory)",
+        ),
+        (
+            without("region.index:"),
+            "params/index.yaml: region.index.model is required: Name of its model; regions that share one run as a batch",
+        ),
+        (without("tactile.glove:"), "params/index.yaml: tactile.glove.n_taxels is required: Taxels in a sample"),
+        (without("joint.hand:"), "params/index.yaml: joint.hand.topic is required: Topic of the joint angles"),
+        (with(&["regions:=[]"]), "command line: regions = [] must name at least one"),
+        (
+            with(&["regions:=index"]),
+            "command line: regions = \"index\" is of type string, expected string[]: write [\"index\"]",
+        ),
+        (with(&["regions:=[index, index]"]), "command line: regions = [index, index] has \"index\" twice"),
+        (
+            with(&["regions:=[Index]"]),
+            "command line: regions = [Index] has \"Index\", which must start with a small letter and hold only small letters, digits and '_'",
+        ),
+        (
+            with(&["tactile_sources:=[glove, palm]", "tactile.palm.topic:=p", "tactile.palm.n_taxels:=4"]),
+            "params/index.yaml: region.index.tactile_source is required: there are several tactile sources: glove, palm",
+        ),
+        (
+            with(&["region.index.joints:=[dip, dip]"]),
+            "command line: region.index.joints = [dip, dip] has \"dip\" twice",
+        ),
+        (with(&["region.index.frame_id:=\"\""]), "command line: region.index.frame_id = \"\" must not be empty"),
+        (
+            with(&["region.index.model:=a.b"]),
+            "command line: region.index.model = \"a.b\" must start with a small letter and hold only small letters, digits and '_'",
+        ),
+    ];
+    for (config, message) in table {
+        assert_eq!(config.unwrap_err(), message);
+    }
+    let text = BASE.replace("    joint_sources: [hand]\n", "").replace("    joint.hand: {topic: /joints}\n", "");
+    let tree = parse_param_file(&text, "p.yaml", DEFAULT_NODE).unwrap();
+    let message =
+        "p.yaml:7: region.index.joints = [dip, pip] needs a source of joint angles, but joint_sources is empty";
+    assert_eq!(Config::from_tree(&tree).unwrap_err().to_string(), message);
+}
+
+#[test]
+fn the_shortest_file_gives_the_defaults() {
+    let config = with(&[]).unwrap();
+    assert_eq!(config.tactile[0].name, "/taxels");
+    let fields = TaxelFields {
+        stamp: Some(StampFrom::Field("header.stamp".into())),
+        values: "values".into(),
+        rows: CountFrom::Field("rows".into()),
+        cols: None,
+        row_period: PeriodFrom::Field("row_period".into()),
+        sequence: Some("sequence".into()),
+    };
+    assert_eq!(config.tactile[0].fields, fields);
+    assert_eq!(config.models[0].spec.path.to_str(), Some("params/tip.onnx"));
+    assert_eq!(config.fusion.timing.max_gap.as_millis(), 50);
+    assert_eq!(config.calibration.file, None);
+    assert_eq!((config.glove, config.user), (None, None));
+}
+
+#[test]
+fn a_message_without_header_takes_receipt_and_its_own_defaults() {
+    let config = with(&[
+        "tactile.glove.type:=std_msgs/msg/Float32MultiArray",
+        "tactile.glove.stamp:=receipt",
+        "tactile.glove.sign:=-1",
+        "tactile.glove.frame_clock:=grid",
+        "tactile.glove.stamp_offset_ms:=-1.5",
+    ])
+    .unwrap();
+    let fields = TaxelFields {
+        stamp: Some(StampFrom::Receipt),
+        values: "data".into(),
+        rows: CountFrom::Layout("layout".into()),
+        cols: None,
+        row_period: PeriodFrom::None,
+        sequence: None,
+    };
+    assert_eq!(config.tactile[0].fields, fields);
+    let source = &config.fusion.tactile_sources[0];
+    assert!(source.inverted);
+    assert_eq!(source.frame_clock, FrameClock::Grid);
+    assert_eq!(source.stamp_offset_ns, -1_500_000);
+}
+
+#[test]
+fn any_message_type_is_described_by_its_fields() {
+    let config = with(&[
+        "tactile.glove.type:=my_msgs/msg/Glove",
+        "tactile.glove.field:=layers[1].raw",
+        "tactile.glove.stamp:=stamp",
+        "tactile.glove.rows:=layout.dim[0].size",
+        "tactile.glove.cols:=6",
+        "tactile.glove.row_period_ms:=2.5",
+        "joint.hand.type:=my_msgs/msg/Hand",
+        "joint.hand.field:=angles",
+        "joint.hand.names:=[pip, dip]",
+        "joint.hand.stamp:=receipt",
+        "joint.hand.degrees:=true",
+        "joint.hand.scale:=2",
+    ])
+    .unwrap();
+    let fields = TaxelFields {
+        stamp: Some(StampFrom::Field("stamp".into())),
+        values: "layers[1].raw".into(),
+        rows: CountFrom::Field("layout.dim[0].size".into()),
+        cols: Some(CountFrom::Constant(6)),
+        row_period: PeriodFrom::Constant(2_500_000),
+        sequence: None,
+    };
+    assert_eq!(config.tactile[0].fields, fields);
+    let fields = JointFields {
+        stamp: Some(StampFrom::Receipt),
+        positions: "angles".into(),
+        names: NamesFrom::Constant(vec!["pip".into(), "dip".into()]),
+    };
+    assert_eq!(config.joints[0].fields, fields);
+    assert_eq!(config.fusion.joint_sources[0].scale, 2.0 * std::f64::consts::PI / 180.0);
+}
+
+#[test]
+fn regions_share_models_and_override_thresholds() {
+    let config = with(&[
+        "regions:=[index, palm, thumb]",
+        "region.thumb.model:=tip",
+        "region.thumb.frame_id:=thumb_tip",
+        "region.thumb.taxels:=[3, 1]",
+        "region.thumb.normal:=[0, 0, -2]",
+        "region.palm.model:=flat",
+        "region.palm.frame_id:=palm",
+        "model.flat.path:=/models/flat.onnx",
+        "model.flat.rate_hz:=200",
+        "region.palm.contact.force_on:=0.5",
+        "region.palm.mount.translation:=[0.02, 0.0, 0.0]",
+        "region.palm.mount.rotation:=[0.0, 0.0, 0.7072, 0.7071]",
+    ])
+    .unwrap();
+    let names: Vec<&str> = config.models.iter().map(|model| model.name.as_str()).collect();
+    assert_eq!(names, ["tip", "flat"]);
+    assert_eq!(config.models[1].spec.rate_hz, Some(200.0));
+    let [index, palm, thumb] = config.fusion.regions.as_slice() else { panic!() };
+    assert_eq!((index.model, palm.model, thumb.model), (0, 1, 0));
+    assert_eq!(thumb.taxels, [3, 1]);
+    assert_eq!(thumb.patch.normal_in_patch.z, -1.0);
+    assert_eq!(palm.contact.force_on.0, 0.5);
+    assert_eq!(index.contact.force_on.0, 0.024516625);
+    assert_eq!(palm.patch.frame_from_patch.translation.x, 0.02);
+    assert!((palm.patch.frame_from_patch.rotation.norm() - 1.0).abs() < 1e-15); // rounding of one normalization
+    assert!(palm.joints.is_empty());
+}
+
+#[test]
+fn a_namespaced_node_resolves_its_topics_there() {
+    let text = BASE.replace("topic: taxels", "topic: ~/taxels");
+    let tree = parse_param_file(&text, "p.yaml", "/left/fusion").unwrap();
+    let config = Config::from_tree(&tree).unwrap();
+    assert_eq!(config.tactile[0].name, "/left/fusion/taxels");
+    assert_eq!(config.node.namespace(), "/left");
+}
+
+#[test]
+fn files_that_cannot_be_read_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("none.yaml");
+    let message = tactile_pose_fusion::config::load(&missing, DEFAULT_NODE).unwrap_err().to_string();
+    assert!(message.starts_with(&format!("{}: can't be read: No such file", missing.display())), "{message}");
+    let binary = folder.path().join("binary.yaml");
+    std::fs::write(&binary, [0xff, 0xfe, 0x00]).unwrap();
+    let message = tactile_pose_fusion::config::load(&binary, DEFAULT_NODE).unwrap_err().to_string();
+    assert_eq!(message, format!("{}: can't be read: it is not UTF-8 text", binary.display()));
+    let long = folder.path().join("long.yaml");
+    std::fs::write(&long, vec![b'x'; 300_000]).unwrap();
+    let message = tactile_pose_fusion::config::load(&long, DEFAULT_NODE).unwrap_err().to_string();
+    assert_eq!(message, format!("{}: can't be read: it has more than 262144 bytes", long.display()));
+    let message = tactile_pose_fusion::config::load(folder.path(), DEFAULT_NODE).unwrap_err().to_string();
+    assert!(message.contains("can't be read: Is a directory"), "{message}");
+}
