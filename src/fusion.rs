@@ -59,12 +59,34 @@ pub struct Fusion {
 /// What became of everything that went in.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Counters<'a> {
-    /// Per tactile source: its name, its counts, its measured frame rate in Hz.
-    pub tactile: Vec<(&'a str, TactileCounters, Option<f64>)>,
-    /// Per joint source: its name and its counts.
-    pub joints: Vec<(&'a str, JointCounters)>,
-    /// Per region: its name and its counts.
-    pub regions: Vec<(&'a str, RegionCounters)>,
+    /// Per tactile source.
+    pub tactile: Vec<TactileCount<'a>>,
+    /// Per joint source.
+    pub joints: Vec<Count<'a, JointCounters>>,
+    /// Per region.
+    pub regions: Vec<Count<'a, RegionCounters>>,
+}
+
+/// Counts with the name of what was counted.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Count<'a, C> {
+    /// Name in the parameters.
+    pub name: &'a str,
+    /// The counts.
+    #[serde(flatten)]
+    pub counts: C,
+}
+
+/// Counts of a tactile source.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TactileCount<'a> {
+    /// Name in the parameters.
+    pub name: &'a str,
+    /// The counts.
+    #[serde(flatten)]
+    pub counts: TactileCounters,
+    /// Frames a second as they came, gaps left out.
+    pub measured_rate_hz: Option<f64>,
 }
 
 #[derive(Debug)]
@@ -240,10 +262,14 @@ impl Fusion {
         let regions = self.cfg.regions.iter().zip(&self.regions);
         Counters {
             tactile: tactile
-                .map(|(cfg, source)| (cfg.name.as_str(), *source.cutter.counters(), source.cutter.measured_rate_hz()))
+                .map(|(cfg, Source { cutter, .. })| TactileCount {
+                    name: &cfg.name,
+                    counts: *cutter.counters(),
+                    measured_rate_hz: cutter.measured_rate_hz(),
+                })
                 .collect(),
-            joints: joints.map(|(cfg, counters)| (cfg.name.as_str(), *counters)).collect(),
-            regions: regions.map(|(cfg, region)| (cfg.name.as_str(), region.counters)).collect(),
+            joints: joints.map(|(cfg, counts)| Count { name: &cfg.name, counts: *counts }).collect(),
+            regions: regions.map(|(cfg, region)| Count { name: &cfg.name, counts: region.counters }).collect(),
         }
     }
 

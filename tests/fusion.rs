@@ -54,7 +54,7 @@ fn without_a_baseline_there_is_no_estimate() {
     let mut core = Fusion::new(config(2, vec![region("index", &[0, 1], &["dip"])]), vec![Sum::boxed(4, 2, 1)]).unwrap();
     let estimates = run(&mut core, &steady(10, 0, 10));
     assert!(estimates.iter().all(|(_, e)| e.force.is_none() && e.flags == Flags::UNCALIBRATED));
-    assert_eq!(core.counters().regions[0].1.uncalibrated, 10);
+    assert_eq!(core.counters().regions[0].counts.uncalibrated, 10);
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn a_model_without_a_base_branch_gives_nothing_on_a_stale_pose() {
     let estimates = run(&mut core, &steady(30, 0, 10));
     let last = &estimates[29].1;
     assert_eq!((last.force, last.force_base, last.flags), (None, None, Flags::STALE_POSE));
-    assert!(core.counters().regions[0].1.stale_pose > 0);
+    assert!(core.counters().regions[0].counts.stale_pose > 0);
 }
 
 #[test]
@@ -95,8 +95,8 @@ fn short_gaps_are_filled_and_long_ones_start_over() {
     assert!(at(100).is_none(), "a filled frame is no estimate");
     assert_eq!(at(260).unwrap().flags, Flags::WARMUP);
     let counters = core.counters();
-    assert_eq!((counters.tactile[0].1.missing_frames, counters.tactile[0].1.gaps), (2, 1));
-    assert_eq!((counters.regions[0].1.filled_frames, counters.regions[0].1.window_resets), (2, 1));
+    assert_eq!((counters.tactile[0].counts.missing_frames, counters.tactile[0].counts.gaps), (2, 1));
+    assert_eq!((counters.regions[0].counts.filled_frames, counters.regions[0].counts.window_resets), (2, 1));
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn a_looped_stream_resets_and_is_counted() {
     }
     assert_eq!(second[0].1.flags, Flags::WARMUP);
     let counters = core.counters();
-    assert_eq!((counters.tactile[0].1.time_jumps, counters.joints[0].1.time_jumps), (1, 1));
+    assert_eq!((counters.tactile[0].counts.time_jumps, counters.joints[0].counts.time_jumps), (1, 1));
 }
 
 #[test]
@@ -265,13 +265,13 @@ proptest! {
         }
         prop_assert_eq!(core.n_pending(), 0);
         let counters = core.counters();
-        let t = counters.tactile[0].1;
+        let t = counters.tactile[0].counts;
         prop_assert_eq!(t.rows, t.used + t.duplicate + t.out_of_order + t.wrong_length + t.no_row_period);
         prop_assert_eq!(t.used, t.frames);
         prop_assert_eq!(t.frames, estimates.len() as u64);
-        let j = counters.joints[0].1;
+        let j = counters.joints[0].counts;
         prop_assert_eq!(j.messages, j.used + j.unknown + j.duplicate + j.out_of_order + j.non_finite + j.malformed);
-        let r = counters.regions[0].1;
+        let r = counters.regions[0].counts;
         prop_assert_eq!(r.frames, r.estimates + r.warmup + r.uncalibrated + r.stale_pose + r.non_finite);
     }
 }
