@@ -52,7 +52,7 @@ pub enum BindingError {
     },
     /// A message counter that wraps too early to be told from lost messages.
     #[error(
-        "sequence: field '{path}' of {type_name} is {found}, but a counter of at least 32 bits must be there; leave it out"
+        "sequence: field '{path}' of {type_name} is {found}, but an unsigned counter of at least 32 bits must be there; leave it out"
     )]
     NarrowSequence {
         /// The path.

@@ -5,6 +5,9 @@ use super::definition::Primitive;
 /// Encapsulation header of little-endian plain CDR.
 pub(super) const LITTLE_ENDIAN_HEADER: [u8; 4] = [0, 1, 0, 0];
 
+/// What a zstd frame begins with; no encapsulation does.
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd]; // RFC 8878, 3.1.1
+
 /// Why bytes can't be read as plain CDR.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CdrError {
@@ -20,6 +23,9 @@ pub enum CdrError {
         /// The identifier that came.
         id: u16,
     },
+    /// The message is compressed by itself, as rosbag2 does in its compression mode `message`.
+    #[error("expected plain CDR, got a zstd frame: decompress the bag first, as in 'ros2 bag convert'")]
+    Compressed,
     /// The bytes end before the field does.
     #[error("expected {needed} more bytes at offset {at}, got {left}")]
     Truncated {
@@ -86,6 +92,7 @@ impl<'a> CdrReader<'a> {
         };
         match u16::from_be_bytes([header[0], header[1]]) {
             id @ (0 | 1) => Ok(CdrReader { body, at: 0, little_endian: id == 1 }),
+            _ if *header == ZSTD_MAGIC => Err(CdrError::Compressed),
             id => Err(CdrError::Encapsulation { id }),
         }
     }

@@ -1,1 +1,178 @@
+use super::*;
 
+fn parsed(text: &str) -> MessageDefinition {
+    MessageDefinition::parse("pkg/T", text).expect("it parses")
+}
+
+fn types(text: &str) -> Vec<String> {
+    parsed(text).fields.iter().map(|field| format!("{} {}", field.ty, field.name)).collect()
+}
+
+fn refused(text: &str) -> String {
+    MessageDefinition::parse("pkg/T", text).expect_err("it is refused").to_string()
+}
+
+fn tree_error(text: &str) -> String {
+    TypeTree::from_schema("pkg/T", text).expect_err("it is refused").to_string()
+}
+
+#[test]
+fn every_form_of_type_is_read() {
+    let text = "bool a\nbyte b\nchar c\nfloat32[] d\nfloat64[3] e\nint8[<=4] f\nstring<=5 g\nstring<=5[<=6] h\nwstring \
+                i\nwstring<=7[2] j\nOther k\nother_pkg/Other[] l\nother_pkg/msg/Other m\ntime n\nduration[] o\nuint64[ 2 \
+                ] p\nother_pkg/srv/Do_Request q\r\n";
+    assert_eq!(
+        types(text),
+        [
+            "bool a",
+            "byte b",
+            "char c",
+            "float32[] d",
+            "float64[3] e",
+            "int8[<=4] f",
+            "string<=5 g",
+            "string<=5[<=6] h",
+            "wstring i",
+            "wstring<=7[2] j",
+            "pkg/msg/Other k",
+            "other_pkg/msg/Other[] l",
+            "other_pkg/msg/Other m",
+            "builtin_interfaces/msg/Time n",
+            "builtin_interfaces/msg/Duration[] o",
+            "uint64[2] p",
+            "other_pkg/srv/Do_Request q",
+        ]
+    );
+}
+
+#[test]
+fn comments_defaults_and_constants_are_told_apart() {
+    let text = "\u{feff}# top\n\n  float64 w 1.5 # one # two\nint32 X=-5#five\nstring S = \"a # b\" # c\nstring D 'it\\'s' # \
+                d\nstring[] L ['#', \"]\"]  # e\nstring RAW=two words # f\nuint8 y# don't\n\tint32 z";
+    let definition = parsed(text);
+    let fields: Vec<_> =
+        definition.fields.iter().map(|field| (field.name.as_str(), field.default.as_deref())).collect();
+    assert_eq!(
+        fields,
+        [("w", Some("1.5")), ("D", Some("it's")), ("L", Some("['#', \"]\"]")), ("y", None), ("z", None)]
+    );
+    let constants: Vec<_> =
+        definition.constants.iter().map(|constant| (constant.name.as_str(), constant.value.as_str())).collect();
+    assert_eq!(constants, [("X", "-5"), ("S", "a # b"), ("RAW", "two words")]);
+}
+
+#[test]
+fn lines_that_say_nothing_are_refused_with_their_number() {
+    assert_eq!(refused("int32 a\nint32"), "definition of pkg/msg/T, line 2: expected a type and a name in 'int32'");
+    for (text, reason) in [
+        ("int32 a\nint32 a", "a second field 'a'"),
+        ("int32 A=1\nint32 A=1", "a second constant 'A'"),
+        ("int32 A=", "constant 'A' has no value"),
+        ("int32[] A=1", "constant 'A' can't be an array"),
+        ("Other A=1", "constant 'A' must be a primitive or a string"),
+        ("int32[0] a", "an array or bound of 0"),
+        ("int32[-1] a", "'-1' is not a count"),
+        ("int32[99999999999] a", "is not a count"),
+        ("int32[ a", "expected a type and a name"),
+        ("int32[2 ]x a", "brackets left open"),
+        ("int32<=3 a", "'int32' can't have a bound"),
+        ("int32 a-b", "unexpected text after 'a'"),
+        ("int32 9a", "'9a' is not a field name"),
+        ("int32 -", "expected a field name"),
+        ("a/b/c/d e", "'a/b/c/d' is not a type"),
+        ("string S=\"open", "a string without its closing quote"),
+        ("string S=\"a\" b", "unexpected text after the value"),
+        ("string[] s ['a'", "a list without its closing bracket"),
+        ("---", "expected a type and a name"),
+    ] {
+        assert!(refused(text).contains(reason), "{text}: {}", refused(text));
+    }
+    let name = MessageDefinition::parse("T", "").expect_err("no package").to_string();
+    assert_eq!(name, "'T' is not a type name: expected package/msg/Name");
+}
+
+#[test]
+fn old_and_new_type_names_are_the_same() {
+    assert_eq!(canonical_type_name("sensor_msgs/JointState"), "sensor_msgs/msg/JointState");
+    assert_eq!(canonical_type_name(" sensor_msgs/msg/JointState"), "sensor_msgs/msg/JointState");
+    assert_eq!(canonical_type_name("pkg/srv/Do_Event"), "pkg/srv/Do_Event");
+}
+
+#[test]
+fn concatenated_schemas_resolve_by_any_form_of_name() {
+    let line = "=".repeat(80);
+    let text = format!(
+        "Header header\nInner[] inner\n{line}\nMSG: std_msgs/msg/Header\nbuiltin_interfaces/Time stamp\nstring \
+         frame_id\n\n{line}\r\nMSG: pkg/Inner\r\nfloat32 x\n{line}\nMSG: pkg/Inner\nfloat32 x\n"
+    );
+    let tree = TypeTree::from_schema("pkg/T", &text).expect("it resolves");
+    assert_eq!(tree.type_name(), "pkg/msg/T");
+    assert_eq!(tree.root().field("header").map(|field| field.ty.to_string()).as_deref(), Some("std_msgs/msg/Header"));
+    let names: Vec<&str> = tree.dependencies().map(|definition| definition.type_name.as_str()).collect();
+    assert_eq!(names, ["builtin_interfaces/msg/Time", "pkg/msg/Inner", "std_msgs/msg/Header"]);
+    // Some writers put a heading over the first text as well.
+    let headed = format!("{line}\nMSG: pkg/T\n{text}");
+    assert_eq!(TypeTree::from_schema("pkg/T", &headed).expect("it resolves"), tree);
+}
+
+#[test]
+fn missing_types_are_asked_for_and_then_named() {
+    let mut asked = vec![];
+    let tree = TypeTree::resolve("pkg/T", "Inner a\nother/Deep b\n", &mut |name| {
+        asked.push(name.to_owned());
+        (!name.starts_with("builtin")).then(|| "builtin_interfaces/Duration d\n".to_owned())
+    });
+    assert_eq!(tree.expect("it resolves").dependencies().count(), 3);
+    assert_eq!(asked, ["pkg/msg/Inner", "builtin_interfaces/msg/Duration", "other/msg/Deep"]);
+    assert_eq!(
+        tree_error("other/Deep b\n"),
+        "pkg/msg/T uses other/msg/Deep, which is not defined; give the .msg file of other/msg/Deep"
+    );
+    assert!(tree_error("Header header\n").starts_with("pkg/msg/T uses pkg/msg/Header, which is not defined"));
+}
+
+#[test]
+fn types_that_never_end_are_refused() {
+    let line = "=".repeat(80);
+    assert!(tree_error("T[] inner\n").starts_with("pkg/msg/T contains itself, by way of pkg/msg/T"));
+    let circle = format!("A a\n{line}\nMSG: pkg/A\nB b\n{line}\nMSG: pkg/B\nA a\n");
+    assert!(tree_error(&circle).starts_with("pkg/msg/A contains itself, by way of pkg/msg/B"));
+    let mut deep = "L0 a\n".to_owned();
+    let mut wide = "L0 a\nL0 b\n".to_owned();
+    for level in 0..40 {
+        let next = level + 1;
+        deep.push_str(&format!("{line}\nMSG: pkg/L{level}\nL{next} a\n"));
+        wide.push_str(&format!("{line}\nMSG: pkg/L{level}\n"));
+        wide.push_str(&if level < 25 { format!("L{next} a\nL{next} b\n") } else { "int8 a\n".to_owned() });
+    }
+    assert_eq!(tree_error(&deep), "pkg/msg/T nests more than 32 messages deep; a message of a robot does not");
+    assert!(tree_error(&wide).contains("has more than 65536 fields"), "{}", tree_error(&wide));
+}
+
+#[test]
+fn separators_without_a_name_are_refused() {
+    let text = format!("int32 a\n{}\nint32 b\n", "=".repeat(80));
+    assert_eq!(
+        tree_error(&text),
+        "schema of pkg/msg/T, line 3: expected 'MSG: package/Name' after the separator, got 'int32 b'"
+    );
+}
+
+#[test]
+fn a_service_text_makes_its_event_request_and_response() {
+    let text = "int64 a\n---\nint64 sum\n";
+    let event = TypeTree::from_schema("pkg/srv/Add_Event", text).expect("it resolves");
+    let fields: Vec<String> = event.root().fields.iter().map(|field| format!("{} {}", field.ty, field.name)).collect();
+    assert_eq!(
+        fields,
+        [
+            "service_msgs/msg/ServiceEventInfo info",
+            "pkg/srv/Add_Request[<=1] request",
+            "pkg/srv/Add_Response[<=1] response"
+        ]
+    );
+    let response = TypeTree::from_schema("pkg/srv/Add_Response", text).expect("it resolves");
+    assert!(response.root().field("sum").is_some() && response.root().field("a").is_none());
+    assert!(TypeTree::from_schema("pkg/srv/Add", text).is_err());
+    assert!(tree_error(text).contains("parts divided by '---'"));
+}
