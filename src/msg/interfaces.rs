@@ -62,15 +62,15 @@ impl ContactState {
 
     /// `flags`: the window of the model is not full yet.
     pub const WARMUP: u32 = 1;
-    /// `flags`: no baseline has been taken.
+    /// `flags`: there is no baseline to subtract.
     pub const UNCALIBRATED: u32 = 2;
-    /// `flags`: the joint angles are too old, so the force is without pose correction.
+    /// `flags`: a joint angle of the window is unknown or too old, so the force is without pose correction.
     pub const STALE_POSE: u32 = 4;
     /// `flags`: no taxels came in time.
     pub const STALE_TACTILE: u32 = 8;
     /// `flags`: a joint angle lies outside of what the model was trained on.
     pub const POSE_OUT_OF_RANGE: u32 = 16;
-    /// `flags`: a taxel of the region is stuck or missing.
+    /// `flags`: a taxel of the region never moved while the baseline was taken.
     pub const FAULTY_TAXEL: u32 = 32;
     /// `flags`: an input or the output of the model was not finite.
     pub const NON_FINITE: u32 = 64;
