@@ -1,6 +1,11 @@
 //! One file a subcommand of `tpf`: parse, call, render.
 
+mod calibrate;
 mod progress;
+mod replay;
+mod setup;
+mod summary;
+mod zero;
 
 use std::io::Write;
 
@@ -15,7 +20,10 @@ pub struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {}
+enum Command {
+    Replay(replay::Args),
+    Calibrate(calibrate::Args),
+}
 
 /// How a command ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,7 +57,10 @@ impl<E: std::error::Error> From<E> for Failure {
 /// # Errors
 /// [`Failure`] with the one line to show.
 pub fn run(cli: Cli) -> Result<Outcome, Failure> {
-    match cli.command {}
+    match cli.command {
+        Command::Replay(args) => replay::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
+    }
 }
 
 /// Writes a result to stdout. A reader that has gone away (`| head`) is no failure of ours.

@@ -1,9 +1,8 @@
 //! What the fusion core promises, shown with a model whose answers can be worked out by hand.
 
-#[path = "common/fake.rs"]
-mod fake;
+mod common;
 
-use fake::*;
+use common::fake::*;
 use proptest::prelude::*;
 use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::units::{Newton, Stamp};

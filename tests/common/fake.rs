@@ -1,5 +1,4 @@
 //! A regressor whose answer can be worked out by hand, and a fusion setup around it.
-#![allow(dead_code)] // each test binary uses its part
 
 use std::time::Duration;
 

@@ -3,7 +3,10 @@
 
 use std::path::PathBuf;
 
+pub mod bags;
+pub mod fake;
 pub mod onnx;
+pub mod tpf;
 
 /// The folder of shared data and fixtures: `TPF_SHARED`, else `../shared` beside the repository.
 ///
@@ -16,4 +19,21 @@ pub fn shared() -> Option<PathBuf> {
     }
     eprintln!("skipped: ../shared is not here");
     None
+}
+
+/// Whether the tests of ONNX Runtime can run. Where it is not found, says so on stderr, or fails when
+/// `TPF_REQUIRE_ORT` is set.
+pub fn onnx_runtime_is_here() -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let path = onnx::LinearModel::new(4, 1, 1).write(folder.path(), "model.onnx");
+    let mut spec = tactile_pose_fusion::model::ModelSpec::new(path);
+    spec.backend = tactile_pose_fusion::model::BackendChoice::OnnxRuntime;
+    match tactile_pose_fusion::model::load(&spec) {
+        Ok(_) => true,
+        Err(error) if std::env::var_os("TPF_REQUIRE_ORT").is_some() => panic!("{error}"),
+        Err(error) => {
+            eprintln!("skipped ONNX Runtime: {error}");
+            false
+        }
+    }
 }

@@ -153,10 +153,6 @@ fn stamp(reader: &Reader<'_>, key: &str) -> Result<StampFrom, ConfigError> {
     }
 }
 
-fn field(path: &str) -> CountFrom {
-    CountFrom::Field(path.to_owned())
-}
-
 /// A count that was set, as a number or as the path of a field; none where it is empty or unset.
 fn count(reader: &Reader<'_>, key: &str) -> Result<Option<CountFrom>, ConfigError> {
     if !reader.is_set(key) {

@@ -1,0 +1,121 @@
+//! The zero-load baseline from a bag: from its annotated stretches, or from its first seconds.
+
+use super::inputs::{Input, InputError, Inputs};
+use super::{BagError, BagReader};
+use crate::fusion::{
+    Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, Event, FusionConfig, TactileBlock,
+};
+use crate::units::{NANOS_PER_SEC, Stamp, nanos};
+
+/// Which part of a bag is at zero load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ZeroLoad {
+    /// The stretches that stage annotations say are.
+    Annotated,
+    /// The first seconds of each tactile source.
+    First(f64),
+}
+
+/// Why a bag gives no baseline.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the texts say it
+pub enum BaselineError {
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    #[error(transparent)]
+    Input(#[from] InputError),
+    #[error("tactile source {source_name}: {error}")]
+    Refused { source_name: String, error: CalibrationError },
+}
+
+/// A baseline of each tactile source, and the zero-load time that each was taken from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Baselines {
+    /// `[tactile sources]`.
+    pub baselines: Vec<Baseline>,
+    /// `[tactile sources]`, s.
+    pub spans_s: Vec<f64>,
+    /// `[tactile sources]`: stamp of the last sample that was used.
+    pub ends: Vec<Stamp>,
+}
+
+/// Reads a bag for its baselines.
+///
+/// # Errors
+/// [`BaselineError`] when the bag can't be read, or what is at zero load in it is too short or has a dead taxel.
+pub fn collect_baselines(
+    reader: &mut BagReader,
+    inputs: &mut Inputs,
+    cfg: &FusionConfig,
+    zero_load: ZeroLoad,
+    limits: &CalibrationLimits,
+) -> Result<Baselines, BaselineError> {
+    let hole_ns = nanos(cfg.timing.max_gap).max(NANOS_PER_SEC / 2); // slow sensors have long steps, not holes
+    let mut sources: Vec<Collector> = cfg
+        .tactile_sources
+        .iter()
+        .map(|source| Collector {
+            n_taxels: source.n_taxels,
+            offset_ns: source.stamp_offset_ns,
+            builder: BaselineBuilder::new(source.n_taxels, hole_ns),
+            first: None,
+            last: Stamp(i64::MIN),
+            done: false,
+        })
+        .collect();
+    // The annotation in force, and the one before it for samples that arrive after the change but are older.
+    let mut annotation: Option<(Stamp, bool)> = None;
+    while let Some(message) = reader.next_message()? {
+        match inputs.decode(&message)? {
+            Input::Event(Event::Tactile(block)) => {
+                let collector = &mut sources[block.source.0];
+                collector.take(&block, |stamp, first| match zero_load {
+                    ZeroLoad::Annotated => annotation.is_some_and(|(since, at_rest)| at_rest && stamp >= since),
+                    ZeroLoad::First(seconds) => stamp.nanos_since(first) as f64 <= seconds * 1e9,
+                });
+            }
+            Input::Stage { stamp, zero_load } => annotation = Some((stamp, zero_load)),
+            Input::Event(Event::Joints(_)) | Input::None => {}
+        }
+        if matches!(zero_load, ZeroLoad::First(_)) && sources.iter().all(|source| source.done) {
+            break;
+        }
+    }
+    let finish = |(collector, source): (&Collector, &crate::fusion::TactileSource)| {
+        let refused = |error| BaselineError::Refused { source_name: source.name.clone(), error };
+        collector.builder.finish(limits).map_err(refused)
+    };
+    Ok(Baselines {
+        baselines: sources.iter().zip(&cfg.tactile_sources).map(finish).collect::<Result<_, _>>()?,
+        spans_s: sources.iter().map(|collector| collector.builder.span_s()).collect(),
+        ends: sources.iter().map(|collector| collector.last).collect(),
+    })
+}
+
+struct Collector {
+    n_taxels: usize,
+    offset_ns: i64,
+    builder: BaselineBuilder,
+    first: Option<Stamp>,
+    last: Stamp,
+    done: bool,
+}
+
+impl Collector {
+    fn take(&mut self, block: &TactileBlock<'_>, at_rest: impl Fn(Stamp, Stamp) -> bool) {
+        if block.rows.checked_mul(self.n_taxels) != Some(block.values.len()) {
+            return; // replay counts it
+        }
+        for (row_idx, row) in block.values.chunks_exact(self.n_taxels).enumerate() {
+            let before_last = (block.rows - 1 - row_idx) as i64;
+            let stamp = block.stamp.offset(self.offset_ns - block.row_period_ns.saturating_mul(before_last));
+            let first = *self.first.get_or_insert(stamp);
+            if at_rest(stamp, first) {
+                self.builder.handle_sample(stamp, row);
+                self.last = self.last.max(stamp);
+            } else {
+                self.done = true;
+            }
+        }
+    }
+}

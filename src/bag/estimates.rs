@@ -1,0 +1,126 @@
+//! Estimates into a bag: one wrench topic a region, one contacts topic, and a fingerprint of all that was written.
+
+use sha2::{Digest, Sha256};
+
+use super::{BEST_EFFORT_QOS, BagError, BagWriter, NewChannel, OutChannel};
+use crate::fusion::{FusionConfig, Tick};
+use crate::msg::{ContactArray, Outgoing, WireType, WrenchStamped, definition_text, rihs01, to_cdr_into};
+use crate::units::Newton;
+
+/// Names of the topics that estimates go to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EstimateTopics {
+    /// `[regions]`.
+    pub wrenches: Vec<String>,
+    /// One for all.
+    pub contacts: String,
+}
+
+impl EstimateTopics {
+    /// The topics of a node: `~/REGION/wrench` and `~/contacts`.
+    ///
+    /// `node`: fully qualified, as in `/left/tactile_pose_fusion`.
+    pub fn of_node(node: &str, cfg: &FusionConfig) -> Self {
+        EstimateTopics {
+            wrenches: cfg.regions.iter().map(|region| format!("{node}/{}/wrench", region.name)).collect(),
+            contacts: format!("{node}/contacts"),
+        }
+    }
+
+    /// All of them.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.wrenches.iter().chain([&self.contacts]).map(String::as_str)
+    }
+}
+
+/// Writes ticks.
+#[derive(Debug)]
+pub struct EstimateWriter {
+    outgoing: Outgoing,
+    wrenches: Vec<Channel>,
+    contacts: Channel,
+    cdr: Vec<u8>,
+    fingerprint: Sha256,
+}
+
+#[derive(Debug)]
+struct Channel {
+    topic: String,
+    handle: OutChannel,
+    sequence: u32,
+}
+
+impl EstimateWriter {
+    /// Adds the channels of these topics to a bag.
+    ///
+    /// # Shapes
+    /// `mdf`: `[regions]`.
+    /// # Errors
+    /// [`BagError`] when the bag can't be written.
+    pub fn new(
+        bag: &mut BagWriter,
+        topics: &EstimateTopics,
+        cfg: &FusionConfig,
+        mdf: &[Option<Newton>],
+    ) -> Result<Self, BagError> {
+        let wrenches =
+            topics.wrenches.iter().map(|topic| channel::<WrenchStamped>(bag, topic)).collect::<Result<_, _>>()?;
+        Ok(EstimateWriter {
+            outgoing: Outgoing::new(cfg, mdf),
+            wrenches,
+            contacts: channel::<ContactArray>(bag, &topics.contacts)?,
+            cdr: Vec::new(),
+            fingerprint: Sha256::new(),
+        })
+    }
+
+    /// Writes the messages of a tick, received when the event came that completed its frame.
+    ///
+    /// # Errors
+    /// [`BagError`] when the bag can't be written.
+    pub fn write(&mut self, bag: &mut BagWriter, tick: &Tick) -> Result<(), BagError> {
+        let EstimateWriter { outgoing, wrenches, contacts, cdr, fingerprint } = self;
+        for estimate in &tick.estimates {
+            if let Some(wrench) = outgoing.wrench(tick.stamp, estimate) {
+                to_cdr_into(wrench, cdr);
+                wrenches[estimate.region].write(bag, tick, cdr, fingerprint)?;
+            }
+        }
+        to_cdr_into(outgoing.contact_array(tick), cdr);
+        contacts.write(bag, tick, cdr, fingerprint)
+    }
+
+    /// SHA-256 over topic and bytes of every message so far: equal for equal estimates, whatever else the bag holds.
+    pub fn sha256(&self) -> String {
+        self.fingerprint.clone().finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl Channel {
+    fn write(
+        &mut self,
+        bag: &mut BagWriter,
+        tick: &Tick,
+        cdr: &[u8],
+        fingerprint: &mut Sha256,
+    ) -> Result<(), BagError> {
+        fingerprint.update(self.topic.as_bytes());
+        fingerprint.update(cdr);
+        bag.write(self.handle, self.sequence, tick.received, tick.received, cdr)?;
+        self.sequence = self.sequence.wrapping_add(1);
+        Ok(())
+    }
+}
+
+fn channel<T: WireType>(bag: &mut BagWriter, topic: &str) -> Result<Channel, BagError> {
+    let schema_text = definition_text(T::TYPE_NAME).expect("the definition of a written type is compiled in");
+    let type_hash = rihs01(T::TYPE_NAME).expect("the definition of a written type is compiled in");
+    let handle = bag.add_channel(NewChannel {
+        topic,
+        type_name: T::TYPE_NAME,
+        schema_text: &schema_text,
+        qos_yaml: BEST_EFFORT_QOS,
+        type_hash: &type_hash,
+    })?;
+    Ok(Channel { topic: topic.to_owned(), handle, sequence: 0 })
+}

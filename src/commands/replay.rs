@@ -1,0 +1,163 @@
+//! `tpf replay`: a recorded bag in, newtons and contact out.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::progress::Progress;
+use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
+use super::summary::{ModelSummary, Summary};
+use super::zero::{LoadCheck, ZeroArgs};
+use super::{Failure, Outcome, print, say};
+use crate::bag::{
+    BagReader, BagRecord, BagWriter, EstimateTopics, EstimateWriter, Input, Inputs, PassThrough, WriteOptions,
+};
+use crate::config::Config;
+use crate::fusion::Fusion;
+
+/// Frames in one inference call unless told otherwise: most of the gain, and a lag that no one notices offline.
+const DEFAULT_BATCH: usize = 32;
+
+/// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// MCAP files or bag folders; several are parts of one recording
+    #[arg(required = true, value_name = "BAG")]
+    bags: Vec<PathBuf>,
+    #[command(flatten)]
+    params: ParamArgs,
+    /// Bag to write: NAME.mcap for a file, any other name for a bag folder
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    #[command(flatten)]
+    models: ModelArgs,
+    #[command(flatten)]
+    zero: ZeroArgs,
+    /// Frames in one inference call; 1 gives the bytes that the live node gives
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_BATCH, value_parser = batch)]
+    batch: usize,
+    /// Copy everything in the input into the output, untouched
+    #[arg(long)]
+    merge: bool,
+    /// Replace an output that is already there
+    #[arg(long)]
+    overwrite: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let mut cfg = args.params.load()?;
+    cfg.fusion.batch = args.batch;
+    args.models.apply(&mut cfg)?;
+    let mut reader = BagReader::open(&args.bags)?;
+    let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
+    let topics = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
+    if args.merge
+        && let Some(taken) = topics.names().find(|name| reader.channels().iter().any(|channel| channel.topic == *name))
+    {
+        return Err(Failure(format!(
+            "topic {taken} is already in the input, --merge would mix two runs; choose another --node, or leave --merge out"
+        )));
+    }
+    let options = WriteOptions { overwrite: args.overwrite, inputs: args.bags.clone(), ..WriteOptions::default() };
+    let mut writer = BagWriter::create(&args.output, options)?;
+    let models = load_models(&cfg)?;
+    let zero = args.zero.find(&cfg, &args.bags, &models.infos)?;
+    let mdf: Vec<_> = cfg.fusion.regions.iter().map(|region| models.infos[region.model].contract.mdf).collect();
+    let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &mdf)?;
+    let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
+    zero.install(&mut fusion)?;
+
+    let started = Instant::now();
+    let pass_through = args.merge.then(PassThrough::default);
+    let mut replay =
+        Replay { cfg: &cfg, fusion, inputs, writer, estimates, check: zero.check, pass_through, span: None };
+    let mut progress = Progress::bytes("replay", reader.bytes_total());
+    replay.run(&mut reader, &mut progress)?;
+    drop(progress);
+
+    let Replay { fusion, inputs, writer, estimates, span, .. } = replay;
+    let losses: Vec<String> = reader.losses().iter().map(ToString::to_string).collect();
+    let sha256 = estimates.sha256();
+    let finished = writer.finish()?;
+    let summary = Summary {
+        inputs: args.bags.iter().map(|bag| shown(bag)).collect(),
+        output: shown(&finished.path),
+        baseline: zero.from,
+        models: cfg
+            .models
+            .iter()
+            .zip(&models.infos)
+            .map(|(model, info)| ModelSummary::new(&model.name, info))
+            .collect(),
+        data_s: span.map_or(0.0, |(first, last)| last.nanos_since(first) as f64 * 1e-9),
+        wall_s: started.elapsed().as_secs_f64(),
+        topics: inputs.counters().clone(),
+        counters: fusion.counters(),
+        estimates_sha256: sha256,
+        losses,
+    };
+    finished.notes.iter().for_each(|note| say(note));
+    summary.warnings(&fusion).iter().for_each(|warning| say(warning));
+    print(&if args.json { summary.to_json()? } else { summary.to_string() })?;
+    Ok(if summary.losses.is_empty() && !inputs.has_unreadable() { Outcome::Done } else { Outcome::InputLost })
+}
+
+/// What runs while messages come.
+struct Replay<'c> {
+    cfg: &'c Config,
+    fusion: Fusion,
+    inputs: Inputs,
+    writer: BagWriter,
+    estimates: EstimateWriter,
+    check: Option<LoadCheck>,
+    pass_through: Option<PassThrough>,
+    span: Option<(crate::units::Stamp, crate::units::Stamp)>,
+}
+
+impl Replay<'_> {
+    fn run(&mut self, reader: &mut BagReader, progress: &mut Progress) -> Result<(), Failure> {
+        loop {
+            progress.set(reader.bytes_read());
+            let Some(record) = reader.next_record()? else { break };
+            if let Some(pass_through) = &mut self.pass_through {
+                pass_through.copy(&record, &mut self.writer)?;
+            }
+            let BagRecord::Message(message) = record else { continue };
+            if let Input::Event(event) = self.inputs.decode(&message)? {
+                self.fusion.handle(event);
+                self.drain()?;
+            }
+        }
+        self.fusion.handle_end();
+        self.drain()?;
+        self.inputs.check_end(self.fusion.missing_joints())?;
+        match self.check.take() {
+            Some(check) => check.judge(self.cfg),
+            None => Ok(()),
+        }
+    }
+
+    fn drain(&mut self) -> Result<(), Failure> {
+        while let Some(tick) = self.fusion.poll()? {
+            let (first, last) = self.span.get_or_insert((tick.stamp, tick.stamp));
+            (*first, *last) = ((*first).min(tick.stamp), (*last).max(tick.stamp));
+            self.estimates.write(&mut self.writer, tick)?;
+            if let Some(check) = &mut self.check
+                && !check.takes(tick)
+            {
+                check.judge(self.cfg)?;
+                self.check = None;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn batch(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(batch @ 1..=4096) => Ok(batch),
+        _ => Err(format!("expected 1 to 4096 frames, got {text:?}")),
+    }
+}

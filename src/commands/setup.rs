@@ -1,0 +1,127 @@
+//! From command line and parameter file to models, topics and the core: what replay and calibrate have in common.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use super::{Failure, say};
+use crate::bag::InputTopics;
+use crate::config::{Config, DEFAULT_NODE, load_tree};
+use crate::fusion::{CalibrationLimits, Regressor};
+use crate::model::{self, BackendChoice, ModelInfo};
+
+/// Where the parameters come from.
+#[derive(Debug, clap::Args)]
+pub(super) struct ParamArgs {
+    /// ROS 2 parameter file: topics, taxels, joints, models, thresholds (params/example.yaml explains every key)
+    #[arg(long, value_name = "FILE", required = true)]
+    params_file: Vec<PathBuf>,
+    /// Set one parameter over the file's, as in --ros-args -p
+    #[arg(short, long = "param", value_name = "KEY:=VALUE")]
+    param: Vec<String>,
+    /// Full name of the node whose parameters are meant and whose topics are written
+    #[arg(long, value_name = "NAME", default_value = DEFAULT_NODE)]
+    node: String,
+}
+
+/// Which models run, and in what.
+#[derive(Debug, clap::Args)]
+pub(super) struct ModelArgs {
+    /// Model to use instead of the one in the parameters
+    #[arg(long, value_name = "ONNX")]
+    model: Option<PathBuf>,
+    /// Runtime for the models; auto takes ONNX Runtime where it is found
+    #[arg(long, value_enum)]
+    backend: Option<Backend>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Backend {
+    Auto,
+    Onnxruntime,
+    Rten,
+}
+
+impl ParamArgs {
+    /// The configuration that the parameters make.
+    pub(super) fn load(&self) -> Result<Config, Failure> {
+        let mut tree = load_tree(&self.params_file, &self.node)?;
+        for rule in &self.param {
+            if !tree.set_override(rule)? {
+                return Err(Failure(format!("-p {rule} is for another node than {}; correct it or --node", self.node)));
+            }
+        }
+        Ok(Config::from_tree(&tree)?)
+    }
+}
+
+/// Models that are ready to run, in the order of the configuration.
+pub(super) struct Models {
+    /// What is known of each.
+    pub(super) infos: Vec<ModelInfo>,
+    /// What runs each.
+    pub(super) regressors: Vec<Box<dyn Regressor>>,
+}
+
+impl ModelArgs {
+    /// Puts what the command line says about models into the configuration.
+    pub(super) fn apply(&self, cfg: &mut Config) -> Result<(), Failure> {
+        if let Some(path) = &self.model {
+            let [only] = cfg.models.as_mut_slice() else {
+                let names: Vec<&str> = cfg.models.iter().map(|model| model.name.as_str()).collect();
+                return Err(Failure(format!(
+                    "--model stands for one model, the parameters have {}: {}; set -p model.NAME.path:=FILE for each",
+                    names.len(),
+                    names.join(", ")
+                )));
+            };
+            only.spec.path.clone_from(path);
+        }
+        if let Some(backend) = self.backend {
+            for model in &mut cfg.models {
+                model.spec.backend = match backend {
+                    Backend::Auto => BackendChoice::Auto,
+                    Backend::Onnxruntime => BackendChoice::OnnxRuntime,
+                    Backend::Rten => BackendChoice::Rten,
+                };
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Loads the models of a configuration and says in which runtime each runs.
+pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
+    let mut models = Models { infos: Vec::new(), regressors: Vec::new() };
+    for model_cfg in &cfg.models {
+        let model = model::load(&model_cfg.spec)?;
+        if let Some(backend) = &model.info.backend {
+            say(&format!("model {}: {} in {backend}", model_cfg.name, model_cfg.spec.path.display()));
+        }
+        for note in &model.info.notes {
+            say(&format!("model {}: {note}", model_cfg.name));
+        }
+        models.infos.push(model.info);
+        models.regressors.push(model.regressor);
+    }
+    Ok(models)
+}
+
+/// The topics of a bag that feed this configuration.
+pub(super) fn input_topics(cfg: &Config) -> InputTopics {
+    InputTopics { taxels: cfg.tactile.clone(), joints: cfg.joints.clone(), stage: cfg.stage_topic.clone() }
+}
+
+/// When a calibration is refused.
+pub(super) fn calibration_limits(cfg: &Config) -> CalibrationLimits {
+    CalibrationLimits {
+        min_s: cfg.calibration.min_duration.as_secs_f64(),
+        max_force: cfg.calibration.max_force,
+        max_loaded_fraction: cfg.calibration.max_loaded_fraction,
+    }
+}
+
+/// How a path is told in results: as it was given.
+pub(super) fn shown(path: &Path) -> String {
+    path.display().to_string()
+}

@@ -1,0 +1,163 @@
+//! What a replay tells at its end: what came, what was made of it, and what was lost on the way.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Write};
+
+use serde::Serialize;
+
+use super::Failure;
+use super::zero::ZeroFrom;
+use crate::bag::TopicCounters;
+use crate::fusion::{Counters, FrameClock, Fusion};
+use crate::model::{BackendInfo, ModelInfo};
+
+/// How far the measured rate of a source may lie from its model's before it is worth a word.
+const RATE_TOLERANCE: f64 = 0.2;
+
+#[derive(Debug, Serialize)]
+pub(super) struct ModelSummary {
+    name: String,
+    file: String,
+    sha256: String,
+    backend: Option<BackendInfo>,
+}
+
+impl ModelSummary {
+    pub(super) fn new(name: &str, info: &ModelInfo) -> Self {
+        let (file, sha256) = (super::setup::shown(&info.path), info.sha256.clone());
+        ModelSummary { name: name.to_owned(), file, sha256, backend: info.backend.clone() }
+    }
+}
+
+/// A replay in numbers.
+#[derive(Debug, Serialize)]
+pub(super) struct Summary<'a> {
+    pub(super) inputs: Vec<String>,
+    pub(super) output: String,
+    pub(super) baseline: ZeroFrom,
+    pub(super) models: Vec<ModelSummary>,
+    /// Stamps of the frames, last minus first.
+    pub(super) data_s: f64,
+    pub(super) wall_s: f64,
+    pub(super) topics: BTreeMap<String, TopicCounters>,
+    #[serde(flatten)]
+    pub(super) counters: Counters<'a>,
+    pub(super) estimates_sha256: String,
+    pub(super) losses: Vec<String>,
+}
+
+impl Summary<'_> {
+    pub(super) fn to_json(&self) -> Result<String, Failure> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+
+    fn frames(&self) -> u64 {
+        self.counters.tactile.iter().map(|source| source.counts.frames).sum()
+    }
+
+    fn estimates(&self) -> u64 {
+        self.counters.regions.iter().map(|region| region.counts.estimates).sum()
+    }
+
+    /// What a person should know who only looks at stderr.
+    pub(super) fn warnings(&self, fusion: &Fusion) -> Vec<String> {
+        let mut warnings: Vec<String> = self.losses.iter().map(|loss| format!("input lost: {loss}")).collect();
+        for (topic, counters) in &self.topics {
+            if let Some(first) = &counters.first_error {
+                let n: u64 = counters.unreadable.values().sum();
+                warnings.push(format!("{topic}: {n} messages could not be read, the first: {first}"));
+            }
+        }
+        let cfg = fusion.config();
+        for (source_idx, source) in cfg.tactile_sources.iter().enumerate() {
+            let region_idx = cfg.regions.iter().position(|region| region.source.0 == source_idx);
+            let measured = self.counters.tactile[source_idx].measured_rate_hz;
+            let (Some(region_idx), Some(measured), FrameClock::Tactile) = (region_idx, measured, source.frame_clock)
+            else {
+                continue;
+            };
+            let model_hz = fusion.contract(region_idx).rate_hz;
+            if (measured / model_hz - 1.0).abs() > RATE_TOLERANCE {
+                warnings.push(format!(
+                    "tactile source {name} came at {measured:.1} Hz and its model was trained on {model_hz} Hz: set tactile.{name}.frame_clock to grid",
+                    name = source.name
+                ));
+            }
+        }
+        warnings
+    }
+}
+
+impl fmt::Display for Summary<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let times = self.data_s / self.wall_s.max(1e-9);
+        writeln!(f, "{}: {} frames, {} estimates", self.output, self.frames(), self.estimates())?;
+        writeln!(f, "  {:.2} s of data in {:.2} s: {times:.1} x real time", self.data_s, self.wall_s)?;
+        writeln!(f, "  zero from {}", self.baseline)?;
+        for source in &self.counters.tactile {
+            let c = &source.counts;
+            let rate = source.measured_rate_hz.map(|rate| format!(" at {rate:.1} Hz")).unwrap_or_default();
+            let counts = listed(&[
+                ("bursts spread", c.bursts),
+                ("messages lost by the sender's count", c.lost_messages),
+                ("frames missing and interpolated", c.missing_frames),
+                ("gaps", c.gaps),
+                ("time jumps", c.time_jumps),
+            ]);
+            let drops = dropped(&[
+                ("duplicate", c.duplicate),
+                ("out of order", c.out_of_order),
+                ("wrong length", c.wrong_length),
+                ("no row period", c.no_row_period),
+                ("empty", c.empty),
+            ]);
+            writeln!(
+                f,
+                "  tactile {}: {} messages, {} of {} rows used, {} frames{rate}{counts}{drops}",
+                source.name, c.messages, c.used, c.rows, c.frames
+            )?;
+        }
+        for source in &self.counters.joints {
+            let c = &source.counts;
+            let counts = listed(&[("lacked some joints", c.partial), ("time jumps", c.time_jumps)]);
+            let drops = dropped(&[
+                ("without a known joint", c.unknown),
+                ("duplicate", c.duplicate),
+                ("out of order", c.out_of_order),
+                ("not finite", c.non_finite),
+                ("malformed", c.malformed),
+            ]);
+            writeln!(f, "  joints {}: {} of {} messages used{counts}{drops}", source.name, c.used, c.messages)?;
+        }
+        for region in &self.counters.regions {
+            let c = &region.counts;
+            let degraded = listed(&[
+                ("tactile-only for want of pose", c.base_only),
+                ("with pose out of range", c.pose_out_of_range),
+                ("contacts", c.onsets),
+            ]);
+            let without = listed(&[
+                ("warming up", c.warmup),
+                ("uncalibrated", c.uncalibrated),
+                ("without pose", c.stale_pose),
+                ("not finite", c.non_finite),
+            ]);
+            let without = if without.is_empty() { without } else { format!("; no estimate{without}") };
+            writeln!(f, "  region {}: {} estimates{degraded}{without}", region.name, c.estimates)?;
+        }
+        writeln!(f, "  estimates sha256 {}", self.estimates_sha256)
+    }
+}
+
+/// The counts that are not zero, as `, 3 gaps, 1 time jumps`.
+fn listed(counts: &[(&str, u64)]) -> String {
+    counts.iter().filter(|(_, n)| *n > 0).fold(String::new(), |mut text, (what, n)| {
+        let _ = write!(text, ", {n} {what}"); // a String takes every write
+        text
+    })
+}
+
+/// The drops that are not zero, as `; dropped 3 duplicate, 1 empty`.
+fn dropped(counts: &[(&str, u64)]) -> String {
+    listed(counts).strip_prefix(", ").map(|drops| format!("; dropped {drops}")).unwrap_or_default()
+}

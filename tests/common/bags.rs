@@ -1,0 +1,108 @@
+//! Bags written message by message, as a recorder would.
+
+use std::path::Path;
+
+use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagReader, BagWriter, NewChannel, OutChannel, WriteOptions};
+use tactile_pose_fusion::msg::*;
+use tactile_pose_fusion::units::Stamp;
+
+/// A bag with `/taxels`, `/joints` and, where they are written, other topics.
+pub struct Bag {
+    pub writer: BagWriter,
+    n_taxel_messages: u32,
+}
+
+impl Bag {
+    pub fn create(path: &Path) -> Bag {
+        Bag { writer: BagWriter::create(path, WriteOptions::default()).unwrap(), n_taxel_messages: 0 }
+    }
+
+    pub fn channel<T: WireType>(&mut self, topic: &str) -> OutChannel {
+        let schema_text = definition_text(T::TYPE_NAME).unwrap();
+        let type_hash = rihs01(T::TYPE_NAME).unwrap();
+        let channel = NewChannel {
+            topic,
+            type_name: T::TYPE_NAME,
+            schema_text: &schema_text,
+            qos_yaml: BEST_EFFORT_QOS,
+            type_hash: &type_hash,
+        };
+        self.writer.add_channel(channel).unwrap()
+    }
+
+    /// A message of any written type, received at `at`.
+    pub fn send<T: WireType>(&mut self, topic: &str, at: Stamp, message: &T) {
+        self.send_bytes::<T>(topic, at, &to_cdr(message));
+    }
+
+    /// Bytes that claim to be a message of a type.
+    pub fn send_bytes<T: WireType>(&mut self, topic: &str, at: Stamp, cdr: &[u8]) {
+        let channel = self.channel::<T>(topic);
+        self.writer.write(channel, 0, at, at, cdr).unwrap();
+    }
+
+    /// One row of `/taxels`.
+    pub fn taxels(&mut self, at: Stamp, values: &[f32]) {
+        let sequence = self.n_taxel_messages;
+        self.n_taxel_messages += 1;
+        let message = TaxelArray {
+            header: Header { stamp: at.into(), frame_id: "index_tip".into() },
+            sequence,
+            rows: 1,
+            row_period: Duration::default(),
+            values: values.to_vec(),
+        };
+        self.send("/taxels", at, &message);
+    }
+
+    /// A state of `/joints`.
+    pub fn joints(&mut self, at: Stamp, names: &[&str], position: &[f64]) {
+        let message = JointState {
+            header: Header { stamp: at.into(), frame_id: String::new() },
+            name: names.iter().map(|name| name.to_string()).collect(),
+            position: position.to_vec(),
+            velocity: vec![],
+            effort: vec![],
+        };
+        self.send("/joints", at, &message);
+    }
+
+    pub fn finish(self) {
+        self.writer.finish().unwrap();
+    }
+}
+
+/// One message of a topic as it stands in a bag.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recorded {
+    pub topic: String,
+    pub type_name: String,
+    pub log_time: Stamp,
+    pub data: Vec<u8>,
+}
+
+/// Every message of a bag, in its order.
+pub fn messages(path: &Path) -> Vec<Recorded> {
+    let mut reader = BagReader::open(&[path.to_path_buf()]).unwrap();
+    let mut messages = Vec::new();
+    while let Some(message) = reader.next_message().unwrap() {
+        messages.push(Recorded {
+            topic: message.channel.topic.clone(),
+            type_name: message.channel.type_name().to_owned(),
+            log_time: message.log_time,
+            data: message.data.to_vec(),
+        });
+    }
+    assert!(reader.losses().is_empty(), "{:?}", reader.losses());
+    messages
+}
+
+/// Every message of a topic, decoded.
+pub fn decoded<T: WireType>(path: &Path, topic: &str) -> Vec<T> {
+    let on_topic = messages(path).into_iter().filter(|message| message.topic == topic);
+    on_topic.map(|message| from_cdr(&message.data).unwrap()).collect()
+}
+
+pub fn stamp_of(header: &Header) -> Stamp {
+    Stamp::from_sec_nanosec(header.stamp.sec, header.stamp.nanosec)
+}
