@@ -1,1 +1,20 @@
 //! MCAP bags: recorded messages in, estimates out.
+//!
+//! This layer moves messages as bytes: [`BagReader`] streams them out of one or several recordings in bounded memory,
+//! [`BagWriter`] writes a bag that `ros2 bag`, Foxglove and PlotJuggler open, and [`BagStats`] sums up what is in one.
+//! What the bytes mean is read elsewhere, by the schema that each [`BagChannel`] carries.
+
+mod error;
+mod layout;
+mod qos;
+mod read;
+mod stats;
+mod write;
+
+pub use error::BagError;
+pub use qos::BEST_EFFORT_QOS;
+pub use read::{
+    BagAttachment, BagChannel, BagMessage, BagMetadata, BagReader, BagRecord, BagSchema, BagSummary, Loss, RECORD_LIMIT,
+};
+pub use stats::{BagStats, GAP_FACTOR, TopicStats};
+pub use write::{BagWriter, Compression, Finished, NewChannel, OutChannel, WriteOptions};

@@ -1,0 +1,163 @@
+//! Everything that stops a bag from being read or written, each with what to do about it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::units::Stamp;
+
+/// Why a bag could not be read or written.
+///
+/// Damage inside of a readable file is none of these: it is a [`Loss`](super::Loss), and what can be read is read.
+#[derive(Debug, thiserror::Error)]
+pub enum BagError {
+    /// There is nothing at the path.
+    #[error("{}: not found: expected a .mcap file or a folder that `ros2 bag record` wrote", .path.display())]
+    NotFound {
+        /// The path as it was given.
+        path: PathBuf,
+    },
+    /// The operating system refused.
+    #[error("{}: can't {action}: {source}", .path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was being done, as in "can't ...".
+        action: &'static str,
+        /// The system's word on it.
+        source: io::Error,
+    },
+    /// There is something at the path, but no MCAP bag.
+    #[error("{}: not an MCAP bag: {why}", .path.display())]
+    NotABag {
+        /// The path as it was given, or a file of the folder.
+        path: PathBuf,
+        /// What it looks like, and what to do.
+        why: String,
+    },
+    /// The `metadata.yaml` of a bag folder doesn't lead to MCAP files.
+    #[error("{}: {why}", .path.display())]
+    Metadata {
+        /// The `metadata.yaml`.
+        path: PathBuf,
+        /// What is wrong with it, and what to do.
+        why: String,
+    },
+    /// The recording is not of ROS 2.
+    #[error("{}: has the MCAP profile {profile:?}, expected \"ros2\": convert it, for example with rosbags-convert", .path.display())]
+    Profile {
+        /// The file.
+        path: PathBuf,
+        /// The profile that its header names.
+        profile: String,
+    },
+    /// Chunks are packed in a way that can't be unpacked.
+    #[error("{}: has chunks with compression {got:?}, expected none, lz4 or zstd: rewrite it with `mcap compress`", .path.display())]
+    Compression {
+        /// The file.
+        path: PathBuf,
+        /// The compression that a chunk names.
+        got: String,
+    },
+    /// One file was given twice, which would double every message.
+    #[error("{}: given twice: name each recording once", .path.display())]
+    DuplicateInput {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A topic that is needed was not recorded.
+    #[error("topic {topic} is not in the bag; there are: {}", list(.there))]
+    MissingTopic {
+        /// The topic that is needed.
+        topic: String,
+        /// `topic [type]` of each that is there, in order of name.
+        there: Vec<String>,
+    },
+    /// A topic that is needed is not serialized as ROS 2 does by default.
+    #[error(
+        "topic {topic} has the message encoding {got:?}, expected \"cdr\": record it with the default serialization format"
+    )]
+    Encoding {
+        /// The topic that is needed.
+        topic: String,
+        /// The encoding that its channel names.
+        got: String,
+    },
+    /// The output is there already.
+    #[error("{}: is there already: remove it, choose another name, or allow overwriting", .path.display())]
+    Exists {
+        /// The output.
+        path: PathBuf,
+    },
+    /// The output is what can't be replaced even where overwriting is allowed.
+    #[error("{}: is not a bag and is not replaced: choose another name", .path.display())]
+    NotReplaceable {
+        /// The output.
+        path: PathBuf,
+    },
+    /// The output is one of the inputs, or holds one.
+    #[error("{}: is also an input, and an input is never changed: choose another output", .path.display())]
+    OutputIsInput {
+        /// The output.
+        path: PathBuf,
+    },
+    /// The folder that would hold the output is not there.
+    #[error("{}: the folder {} is not there: create it first", .path.display(), .parent.display())]
+    NoParent {
+        /// The output.
+        path: PathBuf,
+        /// The folder that is missing.
+        parent: PathBuf,
+    },
+    /// The disk, or the user's share of it, is full.
+    #[error("{}: the disk is full: nothing is left behind; free some space and run again", .path.display())]
+    DiskFull {
+        /// The output.
+        path: PathBuf,
+    },
+    /// A time that MCAP can't hold.
+    #[error(
+        "topic {topic}: a message at {stamp} lies before 1970, and MCAP holds no negative time: correct the clock offset"
+    )]
+    NegativeTime {
+        /// The topic of the message.
+        topic: String,
+        /// The time that was to be written.
+        stamp: Stamp,
+    },
+    /// The MCAP writer refused, for example more channels than the format can number.
+    #[error("{}: can't write: {why}", .path.display())]
+    Format {
+        /// The output.
+        path: PathBuf,
+        /// What it refused.
+        why: String,
+    },
+}
+
+impl BagError {
+    /// An error of the operating system while `action` was done to `path`; a full disk is told apart.
+    pub(super) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
+        let path = path.to_path_buf();
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => BagError::DiskFull { path },
+            _ => BagError::Io { path, action, source },
+        }
+    }
+
+    /// An error of the MCAP writer.
+    pub(super) fn mcap(path: &Path, error: mcap::McapError) -> Self {
+        match error {
+            mcap::McapError::Io(source) => Self::io(path, "write", source),
+            other => BagError::Format { path: path.to_path_buf(), why: one_line(&other.to_string()) },
+        }
+    }
+}
+
+/// `text` with its line ends made spaces, for messages that others wrote.
+pub(super) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn list(there: &[String]) -> String {
+    if there.is_empty() { "none".to_owned() } else { there.join(", ") }
+}

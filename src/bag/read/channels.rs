@@ -1,0 +1,157 @@
+//! Channels of all inputs in one table, and what the ids of one file mean in it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::fields::Fields;
+
+/// The definition that a channel's messages follow.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BagSchema {
+    /// Type name, as `sensor_msgs/msg/JointState`; some recorders leave `/msg/` out.
+    pub name: String,
+    /// How `data` is written: `ros2msg` or `ros2idl` in ROS 2 bags.
+    pub encoding: String,
+    /// The definition's text, with those that it depends on.
+    pub data: Vec<u8>,
+}
+
+/// One topic as one recorder wrote it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BagChannel {
+    /// Number of this channel, unique over all inputs of a reader, counted from 0 in the order of finding.
+    pub id: usize,
+    /// Which input it belongs to, counted from 0 in the order given.
+    pub input: usize,
+    /// Topic name.
+    pub topic: String,
+    /// How messages are serialized: `cdr` in ROS 2 bags.
+    pub message_encoding: String,
+    /// The definition of the messages, where the recorder wrote one.
+    pub schema: Option<Arc<BagSchema>>,
+    /// What the recorder noted: `offered_qos_profiles`, `topic_type_hash`.
+    pub metadata: BTreeMap<String, String>,
+}
+
+impl BagChannel {
+    /// Type name of the messages; empty where the recorder wrote no schema.
+    pub fn type_name(&self) -> &str {
+        self.schema.as_ref().map_or("", |schema| &schema.name)
+    }
+}
+
+/// The channels of all inputs. Equal channels of one input are one, so the parts of a split bag share theirs.
+#[derive(Debug, Default)]
+pub(super) struct ChannelTable {
+    channels: Vec<Arc<BagChannel>>,
+    by_topic: BTreeMap<(usize, String), Vec<usize>>,
+}
+
+impl ChannelTable {
+    pub(super) fn all(&self) -> &[Arc<BagChannel>] {
+        &self.channels
+    }
+
+    fn intern(&mut self, channel: BagChannel) -> usize {
+        let of_topic = self.by_topic.entry((channel.input, channel.topic.clone())).or_default();
+        let known = of_topic.iter().copied().find(|&id| {
+            let known = &self.channels[id];
+            known.message_encoding == channel.message_encoding
+                && known.schema == channel.schema
+                && known.metadata == channel.metadata
+        });
+        known.unwrap_or_else(|| {
+            let id = self.channels.len();
+            of_topic.push(id);
+            self.channels.push(Arc::new(BagChannel { id, ..channel }));
+            id
+        })
+    }
+}
+
+/// The most bytes of schemas and channels that one file may define; real bags stay under a few MB.
+const MAX_DEFINITION_BYTES: usize = 256 << 20;
+
+/// What the schema and channel ids of one file mean.
+#[derive(Debug, Default)]
+pub(super) struct Definitions {
+    schemas: BTreeMap<u16, Arc<BagSchema>>,
+    channels: BTreeMap<u16, usize>,
+    bytes: usize,
+}
+
+impl Definitions {
+    /// Place in the table of the channel that this file calls `id`.
+    pub(super) fn channel(&self, id: u16) -> Option<usize> {
+        self.channels.get(&id).copied()
+    }
+
+    /// Take in a schema record.
+    ///
+    /// # Errors
+    /// What is wrong with it, for a person.
+    pub(super) fn handle_schema(&mut self, body: &[u8]) -> Result<(), String> {
+        let mut fields = Fields(body);
+        let parsed = (|| {
+            let id = fields.u16()?;
+            let schema =
+                BagSchema { name: fields.string()?, encoding: fields.string()?, data: fields.block()?.to_vec() };
+            Some((id, schema))
+        })();
+        let Some((id, schema)) = parsed else { return Err("a schema record is malformed".to_owned()) };
+        match self.schemas.get(&id) {
+            Some(known) if **known == schema => Ok(()),
+            Some(known) => {
+                let (old, new) = (known.name.clone(), schema.name.clone());
+                self.grow(body.len())?;
+                self.schemas.insert(id, Arc::new(schema));
+                Err(format!("schema {id} is defined twice, as {old} and as {new}; the later one counts from here on"))
+            }
+            None => {
+                self.grow(body.len())?;
+                self.schemas.insert(id, Arc::new(schema));
+                Ok(())
+            }
+        }
+    }
+
+    /// Take in a channel record of input `input`.
+    ///
+    /// # Errors
+    /// What is wrong with it, for a person.
+    pub(super) fn handle_channel(&mut self, body: &[u8], input: usize, table: &mut ChannelTable) -> Result<(), String> {
+        let mut fields = Fields(body);
+        let parsed =
+            (|| Some((fields.u16()?, fields.u16()?, fields.string()?, fields.string()?, fields.string_map()?)))();
+        let Some((id, schema_id, topic, message_encoding, metadata)) = parsed else {
+            return Err("a channel record is malformed".to_owned());
+        };
+        let schema = self.schemas.get(&schema_id).cloned();
+        let no_schema = schema_id != 0 && schema.is_none();
+        let complaint = no_schema
+            .then(|| format!("channel {id} ({topic}) refers to schema {schema_id}, which the file doesn't define"));
+        let known = self.channel(id);
+        let n_before = table.all().len();
+        self.grow(0)?;
+        let place = table.intern(BagChannel { id: 0, input, topic, message_encoding, schema, metadata });
+        self.channels.insert(id, place);
+        if table.all().len() > n_before {
+            self.bytes = self.bytes.saturating_add(body.len());
+        }
+        if let Some(old) = known.filter(|&old| old != place) {
+            let (old, new) = (&table.all()[old].topic, &table.all()[place].topic);
+            return Err(format!(
+                "channel {id} is defined twice and differently, as {old} and as {new}; the later one counts from here on"
+            ));
+        }
+        complaint.map_or(Ok(()), Err)
+    }
+
+    fn grow(&mut self, by: usize) -> Result<(), String> {
+        self.bytes = self.bytes.saturating_add(by);
+        if self.bytes > MAX_DEFINITION_BYTES {
+            return Err(format!("more than {MAX_DEFINITION_BYTES} bytes of definitions; this one is not read"));
+        }
+        Ok(())
+    }
+}

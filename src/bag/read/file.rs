@@ -1,0 +1,416 @@
+//! One MCAP file, record by record in the order of the file, with what is damaged left out and said.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use mcap::MAGIC;
+use mcap::records::op;
+
+use super::channels::{ChannelTable, Definitions};
+use super::chunk::{ChunkHeader, ChunkRecords, ChunkTrouble, MIN_HEADER_LEN};
+use super::fields::Fields;
+use super::head::{self, Head};
+use super::loss::Losses;
+use super::{BagError, RECORD_LIMIT};
+
+const READ_BUFFER: usize = 256 << 10;
+
+/// A record begins with its opcode and a 64-bit length.
+const RECORD_HEAD_LEN: u64 = 1 + 8;
+
+/// A header names a profile and a library.
+const MAX_HEADER_LEN: u64 = 1 << 20;
+
+/// No compression has a name as long as this; what claims one is damaged.
+const MAX_COMPRESSION_NAME: u32 = 32;
+
+/// Where the reader of a file stands besides the file itself.
+pub(super) struct Context<'a> {
+    /// Channels of all inputs.
+    pub(super) table: &'a mut ChannelTable,
+    /// Where damage is noted.
+    pub(super) losses: &'a mut Losses,
+    /// Which input the file belongs to.
+    pub(super) input: usize,
+    /// Whether attachments and metadata are passed over unread.
+    pub(super) messages_only: bool,
+}
+
+struct OpenChunk {
+    records: ChunkRecords,
+    start: u64,
+    /// The first byte behind the chunk record.
+    end: u64,
+    n_messages: u64,
+}
+
+/// One file that is being read.
+pub(super) struct McapFile {
+    path: PathBuf,
+    source: BufReader<File>,
+    /// The next byte of the file to be read.
+    pos: u64,
+    size: u64,
+    chunk: Option<OpenChunk>,
+    definitions: Definitions,
+    n_messages: u64,
+    /// Messages of channels that the file does not define: how many, and the first one's place and channel.
+    unknown_channel: Option<(u64, u64, u16)>,
+    data_ended: bool,
+    done: bool,
+}
+
+impl McapFile {
+    /// Open `path`, which begins with the MCAP magic.
+    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
+        let file = File::open(path).map_err(|error| BagError::io(path, "open", error))?;
+        let size = file.metadata().map_err(|error| BagError::io(path, "open", error))?.len();
+        let mut source = BufReader::with_capacity(READ_BUFFER, file);
+        let mut magic = Vec::new();
+        let sniffed = Read::by_ref(&mut source).take(MAGIC.len() as u64).read_to_end(&mut magic);
+        sniffed.map_err(|error| BagError::io(path, "read", error))?;
+        if magic != MAGIC {
+            return Err(super::locate::not_mcap(path));
+        }
+        Ok(McapFile {
+            path: path.to_path_buf(),
+            source,
+            pos: MAGIC.len() as u64,
+            size,
+            chunk: None,
+            definitions: Definitions::default(),
+            n_messages: 0,
+            unknown_channel: None,
+            data_ended: false,
+            done: false,
+        })
+    }
+
+    /// Refuse a recording of ROS 1 by its header, before anything else is read.
+    pub(super) fn check_header(&mut self) -> Result<(), BagError> {
+        let mut head = [0; RECORD_HEAD_LEN as usize];
+        if !self.read_exact(&mut head)? {
+            return Ok(()); // noted as cut off when the messages are read
+        }
+        let [opcode, len @ ..] = head;
+        let len = u64::from_le_bytes(len);
+        if opcode != op::HEADER || len > MAX_HEADER_LEN {
+            return Ok(());
+        }
+        let mut body = vec![0; len as usize];
+        if self.read_exact(&mut body)? { self.handle_header(&body) } else { Ok(()) }
+    }
+
+    fn handle_header(&self, body: &[u8]) -> Result<(), BagError> {
+        match Fields(body).string() {
+            Some(profile) if profile == "ros1" => Err(BagError::Profile { path: self.path.clone(), profile }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Size of the file when it was last asked for, in bytes.
+    pub(super) fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// Bytes read so far.
+    pub(super) fn bytes_read(&self) -> u64 {
+        self.pos
+    }
+
+    /// The next message, attachment or metadata: its body is put into `body`. `None` at the end of what can be read.
+    pub(super) fn next(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<Head>, BagError> {
+        while !self.done {
+            let opcode = match &mut self.chunk {
+                Some(_) => self.next_of_chunk(body, cx)?,
+                None => self.next_of_file(body, cx)?,
+            };
+            if let Some(opcode) = opcode
+                && let Some(head) = self.handle_record(opcode, body, cx)?
+            {
+                return Ok(Some(head));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Make sense of one record; `None` for those that the caller doesn't see.
+    fn handle_record(&mut self, opcode: u8, body: &[u8], cx: &mut Context<'_>) -> Result<Option<Head>, BagError> {
+        let at = self
+            .chunk
+            .as_ref()
+            .map_or(self.pos.saturating_sub(body.len() as u64 + RECORD_HEAD_LEN), |chunk| chunk.start);
+        let complaint = match opcode {
+            op::HEADER => {
+                self.handle_header(body)?;
+                None
+            }
+            op::SCHEMA => self.definitions.handle_schema(body).err(),
+            op::CHANNEL => self.definitions.handle_channel(body, cx.input, cx.table).err(),
+            op::MESSAGE => match head::message(body) {
+                Ok((channel_id, message)) => match self.definitions.channel(channel_id) {
+                    Some(channel) => {
+                        self.n_messages += 1;
+                        if let Some(chunk) = &mut self.chunk {
+                            chunk.n_messages += 1;
+                        }
+                        return Ok(Some(Head::Message { channel, message }));
+                    }
+                    None => {
+                        self.unknown_channel.get_or_insert((0, at, channel_id)).0 += 1;
+                        None
+                    }
+                },
+                Err(complaint) => Some(complaint),
+            },
+            op::ATTACHMENT => match head::attachment(body) {
+                Some(head) => return Ok((!cx.messages_only).then_some(head)),
+                None => Some("an attachment is malformed and not read".to_owned()),
+            },
+            op::METADATA => match head::metadata(body) {
+                Some(head) => return Ok((!cx.messages_only).then_some(head)),
+                None => Some("a metadata record is malformed and not read".to_owned()),
+            },
+            op::DATA_END => {
+                self.data_ended = true;
+                None
+            }
+            op::FOOTER => {
+                self.handle_footer(cx)?;
+                None
+            }
+            _ => None,
+        };
+        // Behind the end of the data stand copies and indexes: what is wrong there loses nothing.
+        if let Some(complaint) = complaint.filter(|_| !self.data_ended) {
+            cx.losses.push(&self.path, at, format!("at byte {at}: {complaint}"));
+        }
+        Ok(None)
+    }
+
+    fn next_of_chunk(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<u8>, BagError> {
+        let Some(chunk) = &mut self.chunk else { return Ok(None) };
+        let unread_before = chunk.records.unread;
+        let next = chunk.records.next(&mut self.source, body);
+        self.pos += unread_before - chunk.records.unread;
+        let (start, end, n_messages) = (chunk.start, chunk.end, chunk.n_messages);
+        let complaint = match next {
+            Ok(Some(opcode)) => return Ok(Some(opcode)),
+            Ok(None) => None,
+            Err(ChunkTrouble::CutOff) => {
+                self.cut_off(start, cx);
+                return Ok(None);
+            }
+            Err(ChunkTrouble::Io(error)) => return Err(BagError::io(&self.path, "read", error)),
+            Err(ChunkTrouble::Checksum) => Some(format!(
+                "the checksum of the chunk at byte {start} is wrong: the {n_messages} messages read from it may be damaged"
+            )),
+            Err(ChunkTrouble::Damaged(why)) => Some(format!(
+                "the chunk at byte {start} is damaged ({why}): {n_messages} messages were read from it, the rest of it is lost"
+            )),
+        };
+        self.chunk = None;
+        if let Some(complaint) = complaint {
+            cx.losses.push(&self.path, start, complaint);
+        }
+        if !self.reaches(end) {
+            self.cut_off(start, cx);
+            return Ok(None);
+        }
+        self.skip_to(end)?;
+        Ok(None)
+    }
+
+    fn next_of_file(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<u8>, BagError> {
+        let start = self.pos;
+        let mut head = [0; RECORD_HEAD_LEN as usize];
+        if !self.read_exact(&mut head)? {
+            self.cut_off(start, cx);
+            return Ok(None);
+        }
+        let [opcode, len @ ..] = head;
+        let len = u64::from_le_bytes(len);
+        if opcode == 0 || (opcode > op::DATA_END && opcode < 0x80) {
+            self.garbage(start, &format!("opcode {opcode:#04x} is none of MCAP's"), cx);
+            return Ok(None);
+        }
+        if opcode == op::CHUNK && !self.data_ended {
+            return self.open_chunk(start, len, body, cx);
+        }
+        let Some(end) = self.pos.checked_add(len).filter(|&end| self.reaches(end)) else {
+            // A length that no recorder writes is damage; one that fits a recording was cut short.
+            if len > RECORD_LIMIT as u64 {
+                self.garbage(start, &format!("a record claims {len} bytes"), cx);
+            } else {
+                self.cut_off(start, cx);
+            }
+            return Ok(None);
+        };
+        let wanted = match opcode {
+            op::ATTACHMENT | op::METADATA => !cx.messages_only,
+            op::MESSAGE_INDEX | op::CHUNK_INDEX | op::ATTACHMENT_INDEX | op::METADATA_INDEX => false,
+            op::SUMMARY_OFFSET | op::STATISTICS | op::CHUNK => false,
+            opcode => opcode < 0x80,
+        };
+        if !wanted {
+            self.skip_to(end)?;
+            return Ok(None);
+        }
+        if len > RECORD_LIMIT as u64 {
+            if !self.data_ended {
+                let what =
+                    format!("a record of {len} bytes at byte {start} is over the limit of {RECORD_LIMIT} and not read");
+                cx.losses.push(&self.path, start, what);
+            }
+            self.skip_to(end)?;
+            return Ok(None);
+        }
+        body.clear();
+        let read = Read::by_ref(&mut self.source).take(len).read_to_end(body);
+        let read = read.map_err(|error| BagError::io(&self.path, "read", error))? as u64;
+        self.pos += read;
+        if read < len {
+            self.cut_off(start, cx);
+            return Ok(None);
+        }
+        Ok(Some(opcode))
+    }
+
+    /// Start on the chunk at `start`; its head is read through `body`.
+    fn open_chunk(
+        &mut self,
+        start: u64,
+        len: u64,
+        body: &mut Vec<u8>,
+        cx: &mut Context<'_>,
+    ) -> Result<Option<u8>, BagError> {
+        body.resize(MIN_HEADER_LEN, 0);
+        if !self.read_exact(body)? {
+            self.cut_off(start, cx);
+            return Ok(None);
+        }
+        let name_len = u32::from_le_bytes([body[28], body[29], body[30], body[31]]);
+        if name_len > MAX_COMPRESSION_NAME {
+            self.garbage(start, &format!("a chunk names its compression in {name_len} bytes"), cx);
+            return Ok(None);
+        }
+        body.resize(MIN_HEADER_LEN + name_len as usize, 0);
+        let mut rest = body.split_off(MIN_HEADER_LEN);
+        let complete = self.read_exact(&mut rest)?;
+        body.append(&mut rest);
+        if !complete {
+            self.cut_off(start, cx);
+            return Ok(None);
+        }
+        let header = ChunkHeader::parse(body);
+        let room = len.checked_sub(body.len() as u64);
+        let (Some(header), Some(room)) = (header, room) else {
+            self.garbage(start, "a chunk's head is malformed", cx);
+            return Ok(None);
+        };
+        if header.compressed_size > room {
+            self.garbage(start, "a chunk claims more records than fit into it", cx);
+            return Ok(None);
+        }
+        if !matches!(header.compression.as_str(), "" | "zstd" | "lz4") {
+            return self.unknown_compression(start, header.compression, cx).map(|()| None);
+        }
+        let end = self.pos.saturating_add(room);
+        self.chunk = Some(OpenChunk { records: ChunkRecords::new(&header), start, end, n_messages: 0 });
+        Ok(None)
+    }
+
+    /// An unknown compression is refused, unless earlier chunks were readable: then it is damage.
+    fn unknown_compression(&mut self, start: u64, got: String, cx: &mut Context<'_>) -> Result<(), BagError> {
+        if self.n_messages == 0 && got.chars().all(|letter| letter.is_ascii_graphic()) {
+            return Err(BagError::Compression { path: self.path.clone(), got });
+        }
+        self.garbage(start, &format!("a chunk names the compression {got:?}"), cx);
+        Ok(())
+    }
+
+    /// Behind the footer stands the magic again, and then nothing.
+    fn handle_footer(&mut self, cx: &mut Context<'_>) -> Result<(), BagError> {
+        let mut magic = [0; MAGIC.len()];
+        let complete = self.read_exact(&mut magic)? && magic == *MAGIC;
+        let rest = self.available().saturating_sub(self.pos);
+        if complete && rest > 0 {
+            let what = format!("{rest} bytes behind the end of the recording, at byte {}, are not read", self.pos);
+            cx.losses.push(&self.path, self.pos, what);
+        }
+        self.finish(cx);
+        Ok(())
+    }
+
+    fn cut_off(&mut self, record_start: u64, cx: &mut Context<'_>) {
+        if !self.data_ended {
+            let size = self.available();
+            let what = if record_start == size {
+                format!("cut off at byte {size}: the end of the file is missing")
+            } else {
+                format!(
+                    "cut off at byte {size}: the end of the file is missing, from within the record at byte {record_start}"
+                )
+            };
+            cx.losses.push(&self.path, size, what);
+        }
+        self.finish(cx);
+    }
+
+    fn garbage(&mut self, at: u64, why: &str, cx: &mut Context<'_>) {
+        if !self.data_ended {
+            let lost = self.available().saturating_sub(at);
+            let what = format!("damaged at byte {at} ({why}): the {lost} bytes from there on are lost");
+            cx.losses.push(&self.path, at, what);
+        }
+        self.finish(cx);
+    }
+
+    fn finish(&mut self, cx: &mut Context<'_>) {
+        if let Some((count, at, channel)) = self.unknown_channel.take() {
+            let what = format!(
+                "{count} messages of channels that the file doesn't define are lost, the first of channel {channel} at byte {at}"
+            );
+            cx.losses.push(&self.path, at, what);
+        }
+        self.chunk = None;
+        self.done = true;
+    }
+
+    /// Whether the file has the bytes up to `end`. Its size is asked for again only there: a recording may still grow.
+    fn reaches(&mut self, end: u64) -> bool {
+        end <= self.size || end <= self.available()
+    }
+
+    /// Size of the file at this moment.
+    fn available(&mut self) -> u64 {
+        if let Ok(metadata) = self.source.get_ref().metadata() {
+            self.size = metadata.len();
+        }
+        self.size
+    }
+
+    /// Fill `into`; `false` where the file ends before.
+    fn read_exact(&mut self, into: &mut [u8]) -> Result<bool, BagError> {
+        match self.source.read_exact(into) {
+            Ok(()) => {
+                self.pos += into.len() as u64;
+                Ok(true)
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => Ok(false),
+            Err(error) => Err(BagError::io(&self.path, "read", error)),
+        }
+    }
+
+    fn skip_to(&mut self, end: u64) -> Result<(), BagError> {
+        let by = end.saturating_sub(self.pos);
+        if by <= self.source.buffer().len() as u64 {
+            self.source.consume(by as usize);
+        } else {
+            self.source.seek(SeekFrom::Start(end)).map_err(|error| BagError::io(&self.path, "read", error))?;
+        }
+        self.pos = end;
+        Ok(())
+    }
+}

@@ -1,0 +1,180 @@
+//! From the path that a person gives to the MCAP files behind it.
+
+use std::cmp::Ordering;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use mcap::MAGIC;
+
+use super::BagError;
+use crate::bag::layout::{self, METADATA_FILE};
+
+const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
+const ZSTD_MAGIC: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
+const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
+const CONVERT: &str = "convert it to MCAP with `ros2 bag convert`";
+
+/// The files of one input, in the order in which they are read.
+#[derive(Debug)]
+pub(super) struct Files {
+    pub(super) paths: Vec<PathBuf>,
+    /// The recorder left no list of files: it was stopped in mid-write, so a file may be empty.
+    pub(super) unlisted: bool,
+}
+
+/// The files behind `input`: itself, or those of a bag folder.
+pub(super) fn files(input: &Path) -> Result<Files, BagError> {
+    let metadata = std::fs::metadata(input).map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => BagError::NotFound { path: input.to_path_buf() },
+        _ => BagError::io(input, "open", error),
+    })?;
+    if metadata.is_dir() {
+        return folder(input);
+    }
+    if !metadata.is_file() {
+        return Err(not_a_bag(input, "it is no regular file, which a bag must be".to_owned()));
+    }
+    Ok(Files { paths: vec![input.to_path_buf()], unlisted: false })
+}
+
+fn folder(folder: &Path) -> Result<Files, BagError> {
+    let listing_path = folder.join(METADATA_FILE);
+    if listing_path.is_file() {
+        return Ok(Files { paths: listed(folder, &listing_path)?, unlisted: false });
+    }
+    let entries = std::fs::read_dir(folder).map_err(|error| BagError::io(folder, "list", error))?;
+    let mut mcaps = Vec::new();
+    let mut has_sqlite = false;
+    for entry in entries {
+        let path = entry.map_err(|error| BagError::io(folder, "list", error))?.path();
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("mcap") if path.is_file() => mcaps.push(path),
+            Some("db3") => has_sqlite = true,
+            _ => {}
+        }
+    }
+    if mcaps.is_empty() {
+        let why = match has_sqlite {
+            true => format!("the folder holds a sqlite3 (.db3) bag: {CONVERT}"),
+            false => "the folder holds no .mcap file and no metadata.yaml".to_owned(),
+        };
+        return Err(not_a_bag(folder, why));
+    }
+    mcaps.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+    Ok(Files { paths: mcaps, unlisted: true })
+}
+
+fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let listing = layout::read(listing_path)?;
+    let refuse = |why: String| Err(BagError::Metadata { path: listing_path.to_path_buf(), why });
+    if listing.storage_identifier != "mcap" {
+        let got = &listing.storage_identifier;
+        return refuse(format!("storage_identifier is {got:?}, expected \"mcap\": {CONVERT}"));
+    }
+    let mode = listing.compression_mode.to_ascii_lowercase();
+    if !matches!(mode.as_str(), "" | "none") {
+        return refuse(format!("compression_mode is {mode:?}, expected none (MCAP packs its own chunks): {CONVERT}"));
+    }
+    if listing.relative_file_paths.is_empty() {
+        return refuse("relative_file_paths is empty: rebuild it with `ros2 bag reindex`".to_owned());
+    }
+    let mut paths = Vec::new();
+    for relative in &listing.relative_file_paths {
+        let path = folder.join(relative);
+        // Bags of early layouts name the folder in the path as well.
+        let in_folder = Path::new(relative).file_name().map(|name| folder.join(name));
+        match [Some(path), in_folder].into_iter().flatten().find(|path| path.is_file()) {
+            Some(path) => paths.push(path),
+            None => return refuse(format!("lists {relative}, which is not there: put it back, or `ros2 bag reindex`")),
+        }
+    }
+    Ok(paths)
+}
+
+/// The error for a file that doesn't begin as MCAP does: it says what the file looks like.
+pub(super) fn not_mcap(path: &Path) -> BagError {
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(64).read_to_end(&mut start));
+    if let Err(error) = read {
+        return BagError::io(path, "read", error);
+    }
+    let is_listing = path.file_name().is_some_and(|name| name == METADATA_FILE);
+    let why = if start.is_empty() {
+        "it is empty".to_owned()
+    } else if is_listing {
+        "it describes a bag: give the folder that it lies in".to_owned()
+    } else if start.starts_with(SQLITE_MAGIC) {
+        format!("it is a sqlite3 (.db3) bag: {CONVERT}")
+    } else if start.starts_with(ROS1_MAGIC) {
+        "it is a ROS 1 bag: convert it, for example with rosbags-convert".to_owned()
+    } else if start.starts_with(ZSTD_MAGIC) {
+        "it is packed with zstd as a whole: unpack it with `zstd -d`".to_owned()
+    } else if MAGIC.starts_with(&start) {
+        format!("it is cut off after {} bytes", start.len())
+    } else if start.iter().all(|&byte| byte == 0) {
+        "it begins with zeros, as files do after a power failure".to_owned()
+    } else if is_text(&start) {
+        "it looks like text, expected a .mcap file".to_owned()
+    } else {
+        let shown: Vec<String> = start.iter().take(MAGIC.len()).map(|byte| format!("{byte:02x}")).collect();
+        format!("it begins with the bytes {}, expected those of MCAP", shown.join(" "))
+    };
+    not_a_bag(path, why)
+}
+
+/// Whether these first bytes of a file are text; the last character may be cut in two.
+fn is_text(start: &[u8]) -> bool {
+    let valid = match std::str::from_utf8(start) {
+        Ok(text) => text,
+        Err(error) if error.error_len().is_none() => {
+            std::str::from_utf8(&start[..error.valid_up_to()]).unwrap_or_default()
+        }
+        Err(_) => return false,
+    };
+    !valid.is_empty() && valid.chars().all(|c| !c.is_control() || c.is_whitespace())
+}
+
+fn not_a_bag(path: &Path, why: String) -> BagError {
+    BagError::NotABag { path: path.to_path_buf(), why }
+}
+
+/// Order of names in which `bag_2` comes before `bag_10`.
+fn natural_order(a: &str, b: &str) -> Ordering {
+    let (mut left, mut right) = (a, b);
+    while !left.is_empty() && !right.is_empty() {
+        let (left_run, left_rest) = split_run(left);
+        let (right_run, right_rest) = split_run(right);
+        let by_run = match (left_run.as_bytes()[0].is_ascii_digit(), right_run.as_bytes()[0].is_ascii_digit()) {
+            (true, true) => {
+                let (left_digits, right_digits) = (left_run.trim_start_matches('0'), right_run.trim_start_matches('0'));
+                left_digits.len().cmp(&right_digits.len()).then_with(|| left_digits.cmp(right_digits))
+            }
+            _ => left_run.cmp(right_run),
+        };
+        if by_run != Ordering::Equal {
+            return by_run;
+        }
+        (left, right) = (left_rest, right_rest);
+    }
+    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
+}
+
+/// The leading digits of a text that is not empty, or all that stands in front of its first digit; and the rest.
+fn split_run(text: &str) -> (&str, &str) {
+    let starts_with_digit = text.starts_with(|c: char| c.is_ascii_digit());
+    let end = text.find(|c: char| c.is_ascii_digit() != starts_with_digit).unwrap_or(text.len());
+    text.split_at(end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_split_bag_sort_by_their_numbers() {
+        let mut names = ["b_10.mcap", "b_2.mcap", "b.mcap", "b_1.mcap", "a_3.mcap", "b_02.mcap"];
+        names.sort_by(|a, b| natural_order(a, b));
+        assert_eq!(names, ["a_3.mcap", "b.mcap", "b_1.mcap", "b_02.mcap", "b_2.mcap", "b_10.mcap"]);
+    }
+}

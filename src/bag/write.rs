@@ -1,0 +1,268 @@
+//! Bags that `ros2 bag`, Foxglove and PlotJuggler open, put in place only when they are complete.
+
+mod output;
+mod recording;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::error::BagError;
+use super::layout::{Contents, TopicEntry};
+use super::qos;
+use super::read::{BagAttachment, BagChannel, BagMetadata};
+use crate::units::Stamp;
+use output::Output;
+use recording::Recording;
+
+/// Name of the notes that rosbag2 keeps within an MCAP file; they speak of that file alone, so they are never copied.
+const ROSBAG2_NOTES: &str = "rosbag2";
+
+const QOS_KEY: &str = "offered_qos_profiles";
+const TYPE_HASH_KEY: &str = "topic_type_hash";
+
+/// How chunks are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Compression {
+    /// Not at all.
+    None,
+    /// Fast, larger.
+    Lz4,
+    /// Small, and still faster than most disks.
+    #[default]
+    Zstd,
+}
+
+/// How a bag is written.
+#[derive(Debug, Clone)]
+pub struct WriteOptions {
+    /// How chunks are packed; zstd by default.
+    pub compression: Compression,
+    /// Whether an output that is there is replaced, when the new one is complete; by default it is refused.
+    pub overwrite: bool,
+    /// Every path that the same run reads, so that none of them is replaced.
+    pub inputs: Vec<PathBuf>,
+    /// The ROS distribution that `metadata.yaml` names. The layout is that of Jazzy, whichever is named.
+    pub ros_distro: String,
+}
+
+impl Default for WriteOptions {
+    fn default() -> Self {
+        WriteOptions {
+            compression: Compression::default(),
+            overwrite: false,
+            inputs: Vec::new(),
+            ros_distro: "jazzy".to_owned(),
+        }
+    }
+}
+
+/// A topic that is about to be written, as cdr with a `ros2msg` schema.
+#[derive(Debug, Clone, Copy)]
+pub struct NewChannel<'a> {
+    /// Topic name, absolute.
+    pub topic: &'a str,
+    /// Type name with `/msg/`, as `geometry_msgs/msg/WrenchStamped`.
+    pub type_name: &'a str,
+    /// The definition with those that it depends on, as rosbag2 concatenates them.
+    pub schema_text: &'a str,
+    /// The QoS that publishers of the topic offer, as [`BEST_EFFORT_QOS`](super::BEST_EFFORT_QOS).
+    pub qos_yaml: &'a str,
+    /// The type's RIHS01 hash; empty where it is not known.
+    pub type_hash: &'a str,
+}
+
+/// A channel of the bag that is being written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct OutChannel(usize);
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finished {
+    /// The file or folder, by the name that was asked for.
+    pub path: PathBuf,
+    /// Number of messages in it.
+    pub n_messages: u64,
+    /// What a person should know, a line each: for example that a `metadata.yaml` was left as it was.
+    pub notes: Vec<String>,
+}
+
+struct Written {
+    mcap_id: u16,
+    topic: TopicEntry,
+}
+
+/// Writes a bag under a temporary name in the folder of the output, and renames it when it is finished.
+///
+/// The same calls write the same bytes. Dropped without [`finish`](Self::finish), it leaves nothing behind.
+pub struct BagWriter {
+    // In front of `output`, so that the file is closed before it is removed.
+    recording: Recording,
+    output: Output,
+    channels: Vec<Written>,
+    ros_distro: String,
+    span: Option<(i64, i64)>,
+}
+
+impl BagWriter {
+    /// Begin a bag: one file where `out` ends in `.mcap`, else a folder with the file and its `metadata.yaml`.
+    ///
+    /// # Errors
+    /// [`BagError::Exists`], [`BagError::OutputIsInput`], [`BagError::NoParent`], [`BagError::NotReplaceable`], or
+    /// what the operating system says.
+    pub fn create(out: &Path, options: WriteOptions) -> Result<Self, BagError> {
+        let (output, file) = Output::create(out, &options)?;
+        let recording = Recording::start(file, out, options.compression)?;
+        Ok(BagWriter { recording, output, channels: Vec::new(), ros_distro: options.ros_distro, span: None })
+    }
+
+    /// Add a topic of ours. The same one again gives the same channel.
+    ///
+    /// # Errors
+    /// [`BagError::Format`] beyond 65535 channels or schemas, [`BagError::DiskFull`], [`BagError::Io`].
+    pub fn add_channel(&mut self, channel: NewChannel<'_>) -> Result<OutChannel, BagError> {
+        let mut metadata = BTreeMap::new();
+        metadata.insert(QOS_KEY.to_owned(), channel.qos_yaml.to_owned());
+        if !channel.type_hash.is_empty() {
+            metadata.insert(TYPE_HASH_KEY.to_owned(), channel.type_hash.to_owned());
+        }
+        let schema = Some((channel.type_name, "ros2msg", channel.schema_text.as_bytes()));
+        self.add(channel.topic, "cdr", schema, metadata)
+    }
+
+    /// Add a channel as another bag has it: schema, encoding and notes, or no schema.
+    ///
+    /// QoS policies that older recorders noted by number are noted by name, as readers of this layout expect.
+    ///
+    /// # Errors
+    /// As [`add_channel`](Self::add_channel).
+    pub fn copy_channel(&mut self, channel: &BagChannel) -> Result<OutChannel, BagError> {
+        let mut metadata = channel.metadata.clone();
+        if let Some(noted) = metadata.get_mut(QOS_KEY)
+            && let Some(profiles) = qos::from_yaml(noted)
+        {
+            *noted = qos::to_yaml(&profiles);
+        }
+        let schema = channel.schema.as_ref().map(|schema| (&*schema.name, &*schema.encoding, &*schema.data));
+        self.add(&channel.topic, &channel.message_encoding, schema, metadata)
+    }
+
+    fn add(
+        &mut self,
+        topic: &str,
+        encoding: &str,
+        schema: Option<(&str, &str, &[u8])>,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<OutChannel, BagError> {
+        let mcap_id = self.recording.add_channel(topic, encoding, schema, &metadata)?;
+        if let Some(known) = self.channels.iter().position(|written| written.mcap_id == mcap_id) {
+            return Ok(OutChannel(known));
+        }
+        let noted = |key| metadata.get(key).cloned().unwrap_or_default();
+        let topic = TopicEntry {
+            name: topic.to_owned(),
+            type_name: schema.map(|(name, ..)| name.to_owned()).unwrap_or_default(),
+            serialization_format: encoding.to_owned(),
+            offered_qos_profiles: qos::from_yaml(&noted(QOS_KEY)).unwrap_or_default(),
+            type_hash: noted(TYPE_HASH_KEY),
+            n_messages: 0,
+        };
+        self.channels.push(Written { mcap_id, topic });
+        Ok(OutChannel(self.channels.len() - 1))
+    }
+
+    /// Write one message. Messages stand in the file in the order of these calls.
+    ///
+    /// # Errors
+    /// [`BagError::NegativeTime`], [`BagError::DiskFull`], [`BagError::Io`].
+    pub fn write(
+        &mut self,
+        channel: OutChannel,
+        sequence: u32,
+        log_time: Stamp,
+        publish_time: Stamp,
+        data: &[u8],
+    ) -> Result<(), BagError> {
+        let Some(written) = self.channels.get_mut(channel.0) else {
+            return Err(self.recording.refuse("the channel is of another bag"));
+        };
+        let unsigned = |stamp: Stamp| {
+            let topic = || written.topic.name.clone();
+            u64::try_from(stamp.0).map_err(|_| BagError::NegativeTime { topic: topic(), stamp })
+        };
+        let header = mcap::records::MessageHeader {
+            channel_id: written.mcap_id,
+            sequence,
+            log_time: unsigned(log_time)?,
+            publish_time: unsigned(publish_time)?,
+        };
+        self.recording.write(&header, data)?;
+        written.topic.n_messages += 1;
+        let (first, last) = self.span.unwrap_or((log_time.0, log_time.0));
+        self.span = Some((first.min(log_time.0), last.max(log_time.0)));
+        Ok(())
+    }
+
+    /// Copy an attached file.
+    ///
+    /// # Errors
+    /// [`BagError::DiskFull`], [`BagError::Io`].
+    pub fn copy_attachment(&mut self, attachment: &BagAttachment<'_>) -> Result<(), BagError> {
+        self.recording.attach(attachment)
+    }
+
+    /// Copy named notes. Those that rosbag2 keeps of a file are left out: the new file gets its own.
+    ///
+    /// # Errors
+    /// [`BagError::DiskFull`], [`BagError::Io`].
+    pub fn copy_metadata(&mut self, notes: &BagMetadata<'_>) -> Result<(), BagError> {
+        if notes.name == ROSBAG2_NOTES {
+            return Ok(());
+        }
+        self.recording.write_metadata(notes.name, notes.metadata.clone())
+    }
+
+    /// Complete the bag, see it onto the disk, and give it the name that was asked for.
+    ///
+    /// Beside a single file a `metadata.yaml` is written when the folder has none, or one of this very file; any other
+    /// is left as it is, which a note says.
+    ///
+    /// # Errors
+    /// [`BagError::DiskFull`], [`BagError::Io`], [`BagError::Exists`] when something took the name meanwhile. Nothing is
+    /// left behind then.
+    pub fn finish(mut self) -> Result<Finished, BagError> {
+        let topics = self.topics();
+        let contents = Contents {
+            file_name: self.output.file_name(),
+            span: self.span,
+            topics: &topics,
+            ros_distro: &self.ros_distro,
+        };
+        let mut notes = BTreeMap::new();
+        notes.insert("ROS_DISTRO".to_owned(), self.ros_distro.clone());
+        notes.insert("serialized_metadata".to_owned(), contents.information().trim_end().to_owned());
+        self.recording.write_metadata(ROSBAG2_NOTES, notes)?;
+        self.recording.finish()?;
+        let document = contents.document();
+        let n_messages = topics.iter().map(|topic| topic.n_messages).sum();
+        let (path, notes) = self.output.put_in_place(&document)?;
+        Ok(Finished { path, n_messages, notes })
+    }
+
+    /// One entry a topic in order of adding, as rosbag2 lists them, though several channels may carry it.
+    fn topics(&self) -> Vec<TopicEntry> {
+        let mut topics: Vec<TopicEntry> = Vec::new();
+        for Written { topic, .. } in &self.channels {
+            let Some(entry) = topics.iter_mut().find(|entry| entry.name == topic.name) else {
+                topics.push(topic.clone());
+                continue;
+            };
+            entry.n_messages += topic.n_messages;
+            for profile in &topic.offered_qos_profiles {
+                if !entry.offered_qos_profiles.contains(profile) {
+                    entry.offered_qos_profiles.push(profile.clone());
+                }
+            }
+        }
+        topics
+    }
+}

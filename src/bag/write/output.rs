@@ -1,0 +1,218 @@
+//! Where a bag is written before it is complete, and how it comes to its name.
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use tempfile::{NamedTempFile, TempDir, TempPath};
+
+use super::{BagError, WriteOptions};
+use crate::bag::layout::{self, METADATA_FILE};
+
+/// A bag that has no name yet; dropped, it is gone.
+pub(super) struct Output {
+    out: PathBuf,
+    /// The folder of `out`.
+    parent: PathBuf,
+    file_name: String,
+    overwrite: bool,
+    place: Place,
+}
+
+enum Place {
+    File(TempPath),
+    Folder(TempDir),
+}
+
+impl Output {
+    /// Check that `out` may be written, and open the file to write to.
+    pub(super) fn create(out: &Path, options: &WriteOptions) -> Result<(Self, File), BagError> {
+        let parent = match out.parent() {
+            Some(parent) if parent.as_os_str().is_empty() => PathBuf::from("."),
+            Some(parent) => parent.to_path_buf(),
+            None => return Err(BagError::NotReplaceable { path: out.to_path_buf() }),
+        };
+        if !parent.is_dir() {
+            return Err(BagError::NoParent { path: out.to_path_buf(), parent });
+        }
+        let Some(name) = out.file_name().map(|name| name.to_string_lossy().into_owned()) else {
+            return Err(BagError::NotReplaceable { path: out.to_path_buf() });
+        };
+        refuse_inputs(out, &parent, &name, &options.inputs)?;
+        let as_file = out.extension().is_some_and(|extension| extension == "mcap");
+        refuse_existing(out, as_file, options.overwrite)?;
+        let io_error = |error| BagError::io(out, "create", error);
+        let prefix = format!(".{name}.");
+        if as_file {
+            let temp = new_file(&parent, &prefix).map_err(io_error)?;
+            let (file, path) = temp.into_parts();
+            let place = Place::File(path);
+            let output =
+                Output { out: out.to_path_buf(), parent, file_name: name, overwrite: options.overwrite, place };
+            return Ok((output, file));
+        }
+        let folder = new_folder(&parent, &prefix).map_err(io_error)?;
+        let file_name = format!("{name}_0.mcap");
+        let file = File::create_new(folder.path().join(&file_name)).map_err(io_error)?;
+        let place = Place::Folder(folder);
+        Ok((Output { out: out.to_path_buf(), parent, file_name, overwrite: options.overwrite, place }, file))
+    }
+
+    /// Name of the MCAP file itself.
+    pub(super) fn file_name(&self) -> &str {
+        &self.file_name
+    }
+
+    /// Give the complete bag its name. Returns that, and what a person should know.
+    pub(super) fn put_in_place(self, metadata: &str) -> Result<(PathBuf, Vec<String>), BagError> {
+        let Output { out, parent, file_name, overwrite, place } = self;
+        let notes = match place {
+            Place::File(temp) => put_file(temp, &out, &parent, &file_name, overwrite, metadata)?,
+            Place::Folder(temp) => put_folder(temp, &out, &parent, overwrite, metadata)?,
+        };
+        // The name is on the disk only when its folder is; not every file system lets a folder be synced.
+        let _ = File::open(&parent).and_then(|folder| folder.sync_all());
+        Ok((out, notes))
+    }
+}
+
+fn put_file(
+    temp: TempPath,
+    out: &Path,
+    parent: &Path,
+    file_name: &str,
+    overwrite: bool,
+    metadata: &str,
+) -> Result<Vec<String>, BagError> {
+    let metadata_path = parent.join(METADATA_FILE);
+    let mut notes = Vec::new();
+    let ours_to_write = match std::fs::symlink_metadata(&metadata_path) {
+        Err(_) => true,
+        Ok(_) => layout::read(&metadata_path).is_ok_and(|listing| listing.relative_file_paths == [file_name]),
+    };
+    // Everything that may fail for want of space comes before the first rename.
+    let new_metadata = if ours_to_write {
+        if holds_other_bags(parent, file_name) {
+            notes.push(format!("{} lists {file_name} alone, not the other bags beside it", metadata_path.display()));
+        }
+        let written = new_file(parent, ".metadata.").and_then(|mut file| {
+            file.write_all(metadata.as_bytes())?;
+            file.as_file().sync_all()?;
+            Ok(file)
+        });
+        Some(written.map_err(|error| BagError::io(&metadata_path, "write", error))?)
+    } else {
+        notes.push(format!(
+            "{} describes another bag and is left as it is; open {} by its own name",
+            metadata_path.display(),
+            out.display()
+        ));
+        None
+    };
+    let renamed = if overwrite { temp.persist(out) } else { temp.persist_noclobber(out) };
+    renamed.map_err(|error| rename_error(out, error.error))?;
+    if let Some(file) = new_metadata {
+        file.persist(&metadata_path).map_err(|error| BagError::io(&metadata_path, "write", error.error))?;
+    }
+    Ok(notes)
+}
+
+fn put_folder(
+    temp: TempDir,
+    out: &Path,
+    parent: &Path,
+    overwrite: bool,
+    metadata: &str,
+) -> Result<Vec<String>, BagError> {
+    let io_error = |error| BagError::io(out, "write", error);
+    let written = File::create_new(temp.path().join(METADATA_FILE)).and_then(|mut file| {
+        file.write_all(metadata.as_bytes())?;
+        file.sync_all()
+    });
+    written.map_err(io_error)?;
+    let _ = File::open(temp.path()).and_then(|folder| folder.sync_all());
+    if std::fs::symlink_metadata(out).is_ok() {
+        // What is there now may not be what was there at the start.
+        refuse_existing(out, false, overwrite)?;
+        let aside = new_folder(parent, ".replaced.").map_err(io_error)?;
+        let old = aside.path().join("old");
+        std::fs::rename(out, &old).map_err(io_error)?;
+        if let Err(error) = std::fs::rename(temp.path(), out) {
+            let _ = std::fs::rename(&old, out);
+            return Err(io_error(error));
+        }
+    } else {
+        std::fs::rename(temp.path(), out).map_err(|error| rename_error(out, error))?;
+    }
+    // It has another name now, and nothing is to be removed.
+    let _ = temp.keep();
+    Ok(Vec::new())
+}
+
+fn rename_error(out: &Path, error: io::Error) -> BagError {
+    match error.kind() {
+        io::ErrorKind::AlreadyExists | io::ErrorKind::DirectoryNotEmpty => BagError::Exists { path: out.to_path_buf() },
+        _ => BagError::io(out, "create", error),
+    }
+}
+
+/// Refuse an output that is an input, lies within the folder of one, or would replace the folder of one.
+fn refuse_inputs(out: &Path, parent: &Path, name: &str, inputs: &[PathBuf]) -> Result<(), BagError> {
+    // The output may not be there yet, its folder is.
+    let by_parent = parent.canonicalize().map_err(|error| BagError::io(parent, "open", error))?.join(name);
+    let by_itself = out.canonicalize().ok();
+    for input in inputs {
+        let Ok(input) = input.canonicalize() else { continue };
+        if input.starts_with(&by_parent)
+            || by_parent.starts_with(&input)
+            || by_itself.as_ref().is_some_and(|out| input.starts_with(out))
+        {
+            return Err(BagError::OutputIsInput { path: out.to_path_buf() });
+        }
+    }
+    Ok(())
+}
+
+/// Refuse what is there, unless it may be overwritten and is a bag of the same kind.
+fn refuse_existing(out: &Path, as_file: bool, overwrite: bool) -> Result<(), BagError> {
+    let path = out.to_path_buf();
+    let Ok(metadata) = std::fs::symlink_metadata(out) else { return Ok(()) };
+    if !overwrite {
+        return Err(BagError::Exists { path });
+    }
+    let replaceable = if as_file { !metadata.is_dir() } else { metadata.is_dir() && holds_only_a_bag(out) };
+    if replaceable { Ok(()) } else { Err(BagError::NotReplaceable { path }) }
+}
+
+/// A folder goes as a whole when it is replaced, so nothing but a bag may be in it.
+fn holds_only_a_bag(folder: &Path) -> bool {
+    let Ok(entries) = std::fs::read_dir(folder) else { return false };
+    let mut names = entries.map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()));
+    names.all(|name| name.is_ok_and(|name| name == METADATA_FILE || name.ends_with(".mcap")))
+}
+
+fn holds_other_bags(folder: &Path, file_name: &str) -> bool {
+    let Ok(entries) = std::fs::read_dir(folder) else { return false };
+    entries.flatten().any(|entry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        name != file_name && (name.ends_with(".mcap") || name.ends_with(".db3"))
+    })
+}
+
+/// A temporary file, with the permissions that any new file gets.
+fn new_file(parent: &Path, prefix: &str) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix).suffix(".tmp");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(parent)
+}
+
+/// A temporary folder, with the permissions that any new folder gets.
+fn new_folder(parent: &Path, prefix: &str) -> io::Result<TempDir> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix).suffix(".tmp");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    builder.tempdir_in(parent)
+}
