@@ -3,7 +3,7 @@
 use super::inputs::{Input, InputError, Inputs};
 use super::{BagError, BagReader};
 use crate::fusion::{
-    Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, Event, FusionConfig, TactileBlock,
+    Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, Event, FusionConfig, TactileBlock, TactileSource,
 };
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
@@ -24,6 +24,10 @@ pub enum BaselineError {
     Bag(#[from] BagError),
     #[error(transparent)]
     Input(#[from] InputError),
+    #[error(
+        "tactile source {source_name}: its messages hold {got} values a row, tactile.{source_name}.n_taxels is {expected}; correct it"
+    )]
+    Length { source_name: String, expected: usize, got: usize },
     #[error("tactile source {source_name}: {error}")]
     Refused { source_name: String, error: CalibrationError },
 }
@@ -61,6 +65,7 @@ pub fn collect_baselines(
             first: None,
             last: Stamp(i64::MIN),
             done: false,
+            wrong_length: None,
         })
         .collect();
     // The annotation in force, and the one before it for samples that arrive after the change but are older.
@@ -81,7 +86,11 @@ pub fn collect_baselines(
             break;
         }
     }
-    let finish = |(collector, source): (&Collector, &crate::fusion::TactileSource)| {
+    let finish = |(collector, source): (&Collector, &TactileSource)| {
+        if let (None, Some(got)) = (collector.first, collector.wrong_length) {
+            let (source_name, expected) = (source.name.clone(), source.n_taxels);
+            return Err(BaselineError::Length { source_name, expected, got });
+        }
         let refused = |error| BaselineError::Refused { source_name: source.name.clone(), error };
         collector.builder.finish(limits).map_err(refused)
     };
@@ -99,11 +108,13 @@ struct Collector {
     first: Option<Stamp>,
     last: Stamp,
     done: bool,
+    wrong_length: Option<usize>, // values in a row of the first message that has another number than the source
 }
 
 impl Collector {
     fn take(&mut self, block: &TactileBlock<'_>, at_rest: impl Fn(Stamp, Stamp) -> bool) {
         if block.rows.checked_mul(self.n_taxels) != Some(block.values.len()) {
+            self.wrong_length.get_or_insert(block.values.len() / block.rows.max(1));
             return; // replay counts it
         }
         for (row_idx, row) in block.values.chunks_exact(self.n_taxels).enumerate() {

@@ -87,8 +87,7 @@ impl Contents<'_> {
         text
     }
 
-    /// The same without its outermost key, as rosbag2 also keeps it within the MCAP file.
-    pub(super) fn information(&self) -> String {
+    fn information(&self) -> String {
         let n_messages: u64 = self.topics.iter().map(|topic| topic.n_messages).sum();
         let (start, duration) = match self.span {
             Some((first, last)) => (first, last.saturating_sub(first)),

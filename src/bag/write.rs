@@ -237,9 +237,9 @@ impl BagWriter {
             topics: &topics,
             ros_distro: &self.ros_distro,
         };
+        // rosbag2 also keeps the whole `metadata.yaml` here, file name included: two runs would differ by their names.
         let mut notes = BTreeMap::new();
         notes.insert("ROS_DISTRO".to_owned(), self.ros_distro.clone());
-        notes.insert("serialized_metadata".to_owned(), contents.information().trim_end().to_owned());
         self.recording.write_metadata(ROSBAG2_NOTES, notes)?;
         self.recording.finish()?;
         let document = contents.document();

@@ -133,6 +133,15 @@ impl Replay<'_> {
         self.fusion.handle_end();
         self.drain()?;
         self.inputs.check_end(self.fusion.missing_joints())?;
+        for source in self.fusion.counters().tactile.iter().filter(|source| source.counts.used == 0) {
+            let name = source.name;
+            return Err(Failure(format!(
+                "tactile source {name}: none of its {} rows could be used, {} had another length than tactile.{name}.n_taxels = {}; correct it",
+                source.counts.rows,
+                source.counts.wrong_length,
+                self.cfg.fusion.tactile_sources.iter().find(|cfg| cfg.name == name).map_or(0, |cfg| cfg.n_taxels),
+            )));
+        }
         match self.check.take() {
             Some(check) => check.judge(self.cfg),
             None => Ok(()),
