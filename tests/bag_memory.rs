@@ -1,5 +1,7 @@
 //! Memory stays bounded however large a chunk is. Alone in its file: the peak is that of the whole process.
 
+#![allow(clippy::print_stderr)] // says what it skips
+
 use std::fs;
 use std::io::BufWriter;
 

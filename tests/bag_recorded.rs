@@ -1,5 +1,7 @@
 //! Every recorded bag opens or is refused with one line, and a bag cut off anywhere yields what is in front of the cut.
 
+#![allow(clippy::print_stderr)] // says what it skips
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -29,8 +31,11 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Log times and lengths of all messages, and the losses.
-fn read(path: &Path) -> Result<(Vec<(i64, usize)>, Vec<String>), BagError> {
+/// Log time and length of each message.
+type Messages = Vec<(i64, usize)>;
+
+/// All messages, and the losses.
+fn read(path: &Path) -> Result<(Messages, Vec<String>), BagError> {
     let mut reader = BagReader::open(&[path.to_path_buf()])?;
     let stated = reader.summary().n_messages;
     let mut messages = Vec::new();
