@@ -7,6 +7,7 @@ mod file;
 mod head;
 mod locate;
 mod loss;
+mod source;
 mod summary;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -59,7 +59,7 @@ pub(super) enum ChunkTrouble {
 pub(super) struct ChunkRecords {
     reader: LinearReader,
     /// Bytes of the chunk's records field that have not been read from the file.
-    pub(super) unread: u64,
+    unread: u64,
 }
 
 impl ChunkRecords {

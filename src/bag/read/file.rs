@@ -1,8 +1,6 @@
 //! One MCAP file, record by record in the order of the file, with what is damaged left out and said.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use mcap::MAGIC;
 use mcap::records::op;
@@ -12,9 +10,8 @@ use super::chunk::{ChunkHeader, ChunkRecords, ChunkTrouble, MIN_HEADER_LEN};
 use super::fields::Fields;
 use super::head::{self, Head};
 use super::loss::Losses;
+use super::source::Source;
 use super::{BagError, RECORD_LIMIT};
-
-const READ_BUFFER: usize = 256 << 10;
 
 /// A record begins with its opcode and a 64-bit length.
 const RECORD_HEAD_LEN: u64 = 1 + 8;
@@ -47,11 +44,7 @@ struct OpenChunk {
 
 /// One file that is being read.
 pub(super) struct McapFile {
-    path: PathBuf,
-    source: BufReader<File>,
-    /// The next byte of the file to be read.
-    pos: u64,
-    size: u64,
+    source: Source,
     chunk: Option<OpenChunk>,
     definitions: Definitions,
     n_messages: u64,
@@ -64,20 +57,14 @@ pub(super) struct McapFile {
 impl McapFile {
     /// Open `path`, which begins with the MCAP magic.
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
-        let file = File::open(path).map_err(|error| BagError::io(path, "open", error))?;
-        let size = file.metadata().map_err(|error| BagError::io(path, "open", error))?.len();
-        let mut source = BufReader::with_capacity(READ_BUFFER, file);
+        let mut source = Source::open(path)?;
         let mut magic = Vec::new();
-        let sniffed = Read::by_ref(&mut source).take(MAGIC.len() as u64).read_to_end(&mut magic);
-        sniffed.map_err(|error| BagError::io(path, "read", error))?;
+        source.read_up_to(MAGIC.len() as u64, &mut magic)?;
         if magic != MAGIC {
             return Err(super::locate::not_mcap(path));
         }
         Ok(McapFile {
-            path: path.to_path_buf(),
             source,
-            pos: MAGIC.len() as u64,
-            size,
             chunk: None,
             definitions: Definitions::default(),
             n_messages: 0,
@@ -90,7 +77,7 @@ impl McapFile {
     /// Refuse a recording of ROS 1 by its header, before anything else is read.
     pub(super) fn check_header(&mut self) -> Result<(), BagError> {
         let mut head = [0; RECORD_HEAD_LEN as usize];
-        if !self.read_exact(&mut head)? {
+        if !self.source.read_exact(&mut head)? {
             return Ok(()); // noted as cut off when the messages are read
         }
         let [opcode, len @ ..] = head;
@@ -99,24 +86,24 @@ impl McapFile {
             return Ok(());
         }
         let mut body = vec![0; len as usize];
-        if self.read_exact(&mut body)? { self.handle_header(&body) } else { Ok(()) }
+        if self.source.read_exact(&mut body)? { self.handle_header(&body) } else { Ok(()) }
     }
 
     fn handle_header(&self, body: &[u8]) -> Result<(), BagError> {
         match Fields(body).string() {
-            Some(profile) if profile == "ros1" => Err(BagError::Profile { path: self.path.clone(), profile }),
+            Some(profile) if profile == "ros1" => Err(BagError::Profile { path: self.source.path.clone(), profile }),
             _ => Ok(()),
         }
     }
 
     /// Size of the file when it was last asked for, in bytes.
     pub(super) fn size(&self) -> u64 {
-        self.size
+        self.source.size
     }
 
     /// Bytes read so far.
     pub(super) fn bytes_read(&self) -> u64 {
-        self.pos
+        self.source.pos
     }
 
     /// The next message, attachment or metadata: its body is put into `body`. `None` at the end of what can be read.
@@ -140,7 +127,7 @@ impl McapFile {
         let at = self
             .chunk
             .as_ref()
-            .map_or(self.pos.saturating_sub(body.len() as u64 + RECORD_HEAD_LEN), |chunk| chunk.start);
+            .map_or(self.source.pos.saturating_sub(body.len() as u64 + RECORD_HEAD_LEN), |chunk| chunk.start);
         let complaint = match opcode {
             op::HEADER => {
                 self.handle_header(body)?;
@@ -184,16 +171,14 @@ impl McapFile {
         };
         // Behind the end of the data stand copies and indexes: what is wrong there loses nothing.
         if let Some(complaint) = complaint.filter(|_| !self.data_ended) {
-            cx.losses.push(&self.path, at, format!("at byte {at}: {complaint}"));
+            cx.losses.push(&self.source.path, at, format!("at byte {at}: {complaint}"));
         }
         Ok(None)
     }
 
     fn next_of_chunk(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<u8>, BagError> {
         let Some(chunk) = &mut self.chunk else { return Ok(None) };
-        let unread_before = chunk.records.unread;
         let next = chunk.records.next(&mut self.source, body);
-        self.pos += unread_before - chunk.records.unread;
         let (start, end, n_messages) = (chunk.start, chunk.end, chunk.n_messages);
         let complaint = match next {
             Ok(Some(opcode)) => return Ok(Some(opcode)),
@@ -202,7 +187,7 @@ impl McapFile {
                 self.cut_off(start, cx);
                 return Ok(None);
             }
-            Err(ChunkTrouble::Io(error)) => return Err(BagError::io(&self.path, "read", error)),
+            Err(ChunkTrouble::Io(error)) => return Err(self.source.error(error)),
             Err(ChunkTrouble::Checksum) => Some(format!(
                 "the checksum of the chunk at byte {start} is wrong: the {n_messages} messages read from it may be damaged"
             )),
@@ -212,20 +197,20 @@ impl McapFile {
         };
         self.chunk = None;
         if let Some(complaint) = complaint {
-            cx.losses.push(&self.path, start, complaint);
+            cx.losses.push(&self.source.path, start, complaint);
         }
-        if !self.reaches(end) {
+        if !self.source.reaches(end) {
             self.cut_off(start, cx);
             return Ok(None);
         }
-        self.skip_to(end)?;
+        self.source.skip_to(end)?;
         Ok(None)
     }
 
     fn next_of_file(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<u8>, BagError> {
-        let start = self.pos;
+        let start = self.source.pos;
         let mut head = [0; RECORD_HEAD_LEN as usize];
-        if !self.read_exact(&mut head)? {
+        if !self.source.read_exact(&mut head)? {
             self.cut_off(start, cx);
             return Ok(None);
         }
@@ -238,7 +223,7 @@ impl McapFile {
         if opcode == op::CHUNK && !self.data_ended {
             return self.open_chunk(start, len, body, cx);
         }
-        let Some(end) = self.pos.checked_add(len).filter(|&end| self.reaches(end)) else {
+        let Some(end) = self.source.pos.checked_add(len).filter(|&end| self.source.reaches(end)) else {
             // A length that no recorder writes is damage; one that fits a recording was cut short.
             if len > RECORD_LIMIT as u64 {
                 self.garbage(start, &format!("a record claims {len} bytes"), cx);
@@ -254,23 +239,20 @@ impl McapFile {
             opcode => opcode < 0x80,
         };
         if !wanted {
-            self.skip_to(end)?;
+            self.source.skip_to(end)?;
             return Ok(None);
         }
         if len > RECORD_LIMIT as u64 {
             if !self.data_ended {
                 let what =
                     format!("a record of {len} bytes at byte {start} is over the limit of {RECORD_LIMIT} and not read");
-                cx.losses.push(&self.path, start, what);
+                cx.losses.push(&self.source.path, start, what);
             }
-            self.skip_to(end)?;
+            self.source.skip_to(end)?;
             return Ok(None);
         }
-        body.clear();
-        let read = Read::by_ref(&mut self.source).take(len).read_to_end(body);
-        let read = read.map_err(|error| BagError::io(&self.path, "read", error))? as u64;
-        self.pos += read;
-        if read < len {
+        self.source.read_up_to(len, body)?;
+        if (body.len() as u64) < len {
             self.cut_off(start, cx);
             return Ok(None);
         }
@@ -286,7 +268,7 @@ impl McapFile {
         cx: &mut Context<'_>,
     ) -> Result<Option<u8>, BagError> {
         body.resize(MIN_HEADER_LEN, 0);
-        if !self.read_exact(body)? {
+        if !self.source.read_exact(body)? {
             self.cut_off(start, cx);
             return Ok(None);
         }
@@ -297,7 +279,7 @@ impl McapFile {
         }
         body.resize(MIN_HEADER_LEN + name_len as usize, 0);
         let mut rest = body.split_off(MIN_HEADER_LEN);
-        let complete = self.read_exact(&mut rest)?;
+        let complete = self.source.read_exact(&mut rest)?;
         body.append(&mut rest);
         if !complete {
             self.cut_off(start, cx);
@@ -309,14 +291,15 @@ impl McapFile {
             self.garbage(start, "a chunk's head is malformed", cx);
             return Ok(None);
         };
-        if header.compressed_size > room {
+        // A chunk that was never closed claims all there could be, and holds what is there.
+        if header.compressed_size > room && len != u64::MAX {
             self.garbage(start, "a chunk claims more records than fit into it", cx);
             return Ok(None);
         }
         if !matches!(header.compression.as_str(), "" | "zstd" | "lz4") {
             return self.unknown_compression(start, header.compression, cx).map(|()| None);
         }
-        let end = self.pos.saturating_add(room);
+        let end = self.source.pos.saturating_add(room);
         self.chunk = Some(OpenChunk { records: ChunkRecords::new(&header), start, end, n_messages: 0 });
         Ok(None)
     }
@@ -324,7 +307,7 @@ impl McapFile {
     /// An unknown compression is refused, unless earlier chunks were readable: then it is damage.
     fn unknown_compression(&mut self, start: u64, got: String, cx: &mut Context<'_>) -> Result<(), BagError> {
         if self.n_messages == 0 && got.chars().all(|letter| letter.is_ascii_graphic()) {
-            return Err(BagError::Compression { path: self.path.clone(), got });
+            return Err(BagError::Compression { path: self.source.path.clone(), got });
         }
         self.garbage(start, &format!("a chunk names the compression {got:?}"), cx);
         Ok(())
@@ -333,11 +316,12 @@ impl McapFile {
     /// Behind the footer stands the magic again, and then nothing.
     fn handle_footer(&mut self, cx: &mut Context<'_>) -> Result<(), BagError> {
         let mut magic = [0; MAGIC.len()];
-        let complete = self.read_exact(&mut magic)? && magic == *MAGIC;
-        let rest = self.available().saturating_sub(self.pos);
+        let complete = self.source.read_exact(&mut magic)? && magic == *MAGIC;
+        let rest = self.source.size_now().saturating_sub(self.source.pos);
         if complete && rest > 0 {
-            let what = format!("{rest} bytes behind the end of the recording, at byte {}, are not read", self.pos);
-            cx.losses.push(&self.path, self.pos, what);
+            let what =
+                format!("{rest} bytes behind the end of the recording, at byte {}, are not read", self.source.pos);
+            cx.losses.push(&self.source.path, self.source.pos, what);
         }
         self.finish(cx);
         Ok(())
@@ -345,7 +329,7 @@ impl McapFile {
 
     fn cut_off(&mut self, record_start: u64, cx: &mut Context<'_>) {
         if !self.data_ended {
-            let size = self.available();
+            let size = self.source.size_now();
             let what = if record_start == size {
                 format!("cut off at byte {size}: the end of the file is missing")
             } else {
@@ -353,16 +337,16 @@ impl McapFile {
                     "cut off at byte {size}: the end of the file is missing, from within the record at byte {record_start}"
                 )
             };
-            cx.losses.push(&self.path, size, what);
+            cx.losses.push(&self.source.path, size, what);
         }
         self.finish(cx);
     }
 
     fn garbage(&mut self, at: u64, why: &str, cx: &mut Context<'_>) {
         if !self.data_ended {
-            let lost = self.available().saturating_sub(at);
+            let lost = self.source.size_now().saturating_sub(at);
             let what = format!("damaged at byte {at} ({why}): the {lost} bytes from there on are lost");
-            cx.losses.push(&self.path, at, what);
+            cx.losses.push(&self.source.path, at, what);
         }
         self.finish(cx);
     }
@@ -372,45 +356,9 @@ impl McapFile {
             let what = format!(
                 "{count} messages of channels that the file doesn't define are lost, the first of channel {channel} at byte {at}"
             );
-            cx.losses.push(&self.path, at, what);
+            cx.losses.push(&self.source.path, at, what);
         }
         self.chunk = None;
         self.done = true;
-    }
-
-    /// Whether the file has the bytes up to `end`. Its size is asked for again only there: a recording may still grow.
-    fn reaches(&mut self, end: u64) -> bool {
-        end <= self.size || end <= self.available()
-    }
-
-    /// Size of the file at this moment.
-    fn available(&mut self) -> u64 {
-        if let Ok(metadata) = self.source.get_ref().metadata() {
-            self.size = metadata.len();
-        }
-        self.size
-    }
-
-    /// Fill `into`; `false` where the file ends before.
-    fn read_exact(&mut self, into: &mut [u8]) -> Result<bool, BagError> {
-        match self.source.read_exact(into) {
-            Ok(()) => {
-                self.pos += into.len() as u64;
-                Ok(true)
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => Ok(false),
-            Err(error) => Err(BagError::io(&self.path, "read", error)),
-        }
-    }
-
-    fn skip_to(&mut self, end: u64) -> Result<(), BagError> {
-        let by = end.saturating_sub(self.pos);
-        if by <= self.source.buffer().len() as u64 {
-            self.source.consume(by as usize);
-        } else {
-            self.source.seek(SeekFrom::Start(end)).map_err(|error| BagError::io(&self.path, "read", error))?;
-        }
-        self.pos = end;
-        Ok(())
     }
 }

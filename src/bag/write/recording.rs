@@ -110,6 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[allow(clippy::print_stderr)] // says what it skips
     fn full_disk_is_one_clear_line() {
         let Ok(full) = File::options().write(true).open("/dev/full") else {
             eprintln!("skipped: /dev/full is not here");
