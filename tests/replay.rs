@@ -7,39 +7,15 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use common::bags::{Bag, decoded, messages, stamp_of};
+use common::bags::{Bag, at, decoded, messages, stamp_of, write_session};
 use common::onnx::LinearModel;
 use common::shared;
-use common::tpf::tpf;
+use common::tpf::{tpf, write_params};
 use tactile_pose_fusion::msg::{ContactArray, ContactState, Header, Stage, WrenchStamped};
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 
-const MS: i64 = 1_000_000;
-const T0: i64 = 1_700_000_000_000_000_000;
 const CONTACTS: &str = "/tactile_pose_fusion/contacts";
 const WRENCH: &str = "/tactile_pose_fusion/index/wrench";
-
-fn at(ms: i64) -> Stamp {
-    Stamp(T0 + ms * MS)
-}
-
-/// Parameters of one region on `/taxels` and `/joints`.
-fn write_params(folder: &Path, n_taxels: usize, joints: &[&str], extra: &str) {
-    let joints = joints.join(", ");
-    let text = format!(
-        "/**:
-  ros__parameters:
-    regions: [index]
-    tactile_sources: [glove]
-    joint_sources: [hand]
-    tactile.glove: {{topic: /taxels, n_taxels: {n_taxels}}}
-    joint.hand: {{topic: /joints}}
-    model.tip: {{path: model.onnx}}
-    region.index: {{model: tip, joints: [{joints}], frame_id: index_tip, normal: [0.0, 0.0, -1.0]}}
-{extra}"
-    );
-    fs::write(folder.join("params.yaml"), text).unwrap();
-}
 
 /// A calibration file whose baseline is zero everywhere.
 fn write_zero_calibration(folder: &Path, n_taxels: usize) {
@@ -51,20 +27,6 @@ fn write_zero_calibration(folder: &Path, n_taxels: usize) {
         list("false")
     );
     fs::write(folder.join("zero.yaml"), text).unwrap();
-}
-
-/// 100 Hz taxels and joints with touches: at rest 10 + noise, 400 units under load from 4 s to 5 s, 6 s to 7 s, ...
-fn write_session(path: &Path, seconds: i64) {
-    let mut bag = Bag::create(path);
-    for k in 0..seconds * 100 {
-        let bend = (k as f64 * 0.02).sin();
-        let touch = if k >= 400 && (k / 100) % 2 == 0 { 100.0 } else { 0.0 };
-        let wiggle = (k * 7919 % 13) as f32 * 0.01;
-        let artifact = 20.0 * bend as f32;
-        bag.joints(at(k * 10 + 3), &["pip", "dip"], &[2.0 * bend, bend]);
-        bag.taxels(at(k * 10 + 10), &[10.0 + artifact + touch + wiggle, 5.0 + touch - wiggle]);
-    }
-    bag.finish();
 }
 
 /// A session with its model and parameters: `force = sum of taxels - 20 dip`, in gF.

@@ -6,6 +6,14 @@ use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagReader, BagWriter, NewChannel
 use tactile_pose_fusion::msg::*;
 use tactile_pose_fusion::units::Stamp;
 
+const MS: i64 = 1_000_000;
+const T0: i64 = 1_700_000_000_000_000_000;
+
+/// A stamp this many milliseconds after the start of a test's recording.
+pub fn at(ms: i64) -> Stamp {
+    Stamp(T0 + ms * MS)
+}
+
 /// A bag with `/taxels`, `/joints` and, where they are written, other topics.
 pub struct Bag {
     pub writer: BagWriter,
@@ -105,4 +113,18 @@ pub fn decoded<T: WireType>(path: &Path, topic: &str) -> Vec<T> {
 
 pub fn stamp_of(header: &Header) -> Stamp {
     Stamp::from_sec_nanosec(header.stamp.sec, header.stamp.nanosec)
+}
+
+/// 100 Hz taxels and joints with touches: at rest 10 + noise, 400 units under load from 4 s to 5 s, 6 s to 7 s, ...
+pub fn write_session(path: &Path, seconds: i64) {
+    let mut bag = Bag::create(path);
+    for k in 0..seconds * 100 {
+        let bend = (k as f64 * 0.02).sin();
+        let touch = if k >= 400 && (k / 100) % 2 == 0 { 100.0 } else { 0.0 };
+        let wiggle = (k * 7919 % 13) as f32 * 0.01;
+        let artifact = 20.0 * bend as f32;
+        bag.joints(at(k * 10 + 3), &["pip", "dip"], &[2.0 * bend, bend]);
+        bag.taxels(at(k * 10 + 10), &[10.0 + artifact + touch + wiggle, 5.0 + touch - wiggle]);
+    }
+    bag.finish();
 }

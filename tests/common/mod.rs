@@ -37,3 +37,15 @@ pub fn onnx_runtime_is_here() -> bool {
         }
     }
 }
+
+/// The Python of `scripts/python-venv`. Where it is not there, says so on stderr, or fails when `TPF_REQUIRE_PYTHON` is
+/// set.
+pub fn python() -> Option<PathBuf> {
+    let python = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/venv/bin/python"));
+    if python.exists() {
+        return Some(python);
+    }
+    assert!(std::env::var_os("TPF_REQUIRE_PYTHON").is_none(), "target/venv is not here; run scripts/python-venv");
+    eprintln!("skipped: target/venv is not here; scripts/python-venv makes it");
+    None
+}

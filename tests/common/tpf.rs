@@ -50,3 +50,21 @@ pub fn tpf(folder: &Path, args: &[&str]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
     command.current_dir(folder).args(args).output().unwrap().into()
 }
+
+/// Parameters of one region on `/taxels` and `/joints`.
+pub fn write_params(folder: &Path, n_taxels: usize, joints: &[&str], extra: &str) {
+    let joints = joints.join(", ");
+    let text = format!(
+        "/**:
+  ros__parameters:
+    regions: [index]
+    tactile_sources: [glove]
+    joint_sources: [hand]
+    tactile.glove: {{topic: /taxels, n_taxels: {n_taxels}}}
+    joint.hand: {{topic: /joints}}
+    model.tip: {{path: model.onnx}}
+    region.index: {{model: tip, joints: [{joints}], frame_id: index_tip, normal: [0.0, 0.0, -1.0]}}
+{extra}"
+    );
+    std::fs::write(folder.join("params.yaml"), text).unwrap();
+}
