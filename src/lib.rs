@@ -9,6 +9,7 @@ pub mod bag;
 pub mod calibration;
 pub mod commands;
 pub mod config;
+pub mod eval;
 pub mod fusion;
 pub mod model;
 pub mod msg;

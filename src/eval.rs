@@ -1,0 +1,33 @@
+//! What an estimate is worth: the paper's metrics and statistics, ours on top, and how two runs differ. Pure: no I/O.
+//!
+//! Forces here are grams-force, as in the paper, unless a name says otherwise. Nothing here answers with NaN: a measure
+//! that a set of frames can't give says why in [`Undefined`].
+
+mod contact;
+mod curve;
+mod diff;
+mod groups;
+mod metrics;
+mod pose_age;
+mod preservation;
+mod scoring;
+mod split;
+mod statistics;
+mod table;
+mod truth;
+
+pub use contact::{AirTouches, ContactError, Detection, DetectionTally, Touch, Touches, Touching};
+pub use curve::{ForceBin, ForceCurve, Mdf, NoTouchFrames};
+pub use diff::{
+    Diff, DiffConfig, DiffError, Difference, EstimateRecord, Field, FieldDiff, FieldValue, Moment, OnlyIn, RegionDiff,
+    diff,
+};
+pub use groups::{Group, GroupBy, Origin, PairedTest, Tallies, UserPair, paired_by_user};
+pub use metrics::{Confusion, Coverage, Measure, Metric, MetricError, Score, Tally, Undefined};
+pub use pose_age::{PoseAge, PoseAgeBin, PoseAgeError, PoseAgeTally};
+pub use preservation::{Fate, Preservation, PreservationTally, TouchFate};
+pub use scoring::{BIN_WIDTH, MDF_BALANCED_ACCURACY, MissingEstimate, Scoring, ScoringError, TOUCH};
+pub use split::{FrameLabel, Part, Split, SplitBy, SplitError, substage_frames};
+pub use statistics::{Distribution, StatisticsError, Wilcoxon, cohens_dz, wilcoxon_greater};
+pub use table::{Cell, Improvement, ModelRow, ResultTable};
+pub use truth::{TareBuilder, TareCurve, TareKnot, TruthError, ZeroLoad, ZeroLoadCheck};
