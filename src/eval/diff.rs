@@ -24,6 +24,8 @@ pub struct EstimateRecord {
     pub force_base: Option<f64>,
     /// What the pose correction removed, N.
     pub artifact: Option<f64>,
+    /// Force (N) and torque (N m), x y z each, as `WrenchStamped` tells them; absent where there is no estimate.
+    pub wrench: Option<[f64; 6]>,
     /// Force at or above the on threshold.
     pub contact_raw: bool,
     /// Contact with hysteresis and debounce.
@@ -70,6 +72,14 @@ impl Default for DiffConfig {
 }
 
 impl DiffConfig {
+    /// The same, with another tolerance for forces.
+    ///
+    /// # Errors
+    /// [`DiffError::Tolerance`].
+    pub fn with_tolerance(self, tolerance: Newton) -> Result<Self, DiffError> {
+        DiffConfig::new(tolerance, self.time_jump, self.max_pending)
+    }
+
     /// Forces may differ by `tolerance`; with 0 they are compared bit by bit.
     ///
     /// A stamp more than `time_jump` behind the newest one of its region begins a new epoch (a looped bag, a restarted

@@ -25,6 +25,7 @@ pub enum Field {
     Force,
     ForceBase,
     Artifact,
+    Wrench,
     ContactRaw,
     Contact,
     Event,
@@ -38,10 +39,11 @@ pub enum Field {
 
 impl Field {
     /// All, in the order of `EstimateRecord`.
-    pub const ALL: [Field; 12] = [
+    pub const ALL: [Field; 13] = [
         Field::Force,
         Field::ForceBase,
         Field::Artifact,
+        Field::Wrench,
         Field::ContactRaw,
         Field::Contact,
         Field::Event,
@@ -53,11 +55,31 @@ impl Field {
         Field::Mdf,
     ];
 
+    /// Its name, as in `EstimateRecord`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Field::Force => "force",
+            Field::ForceBase => "force_base",
+            Field::Artifact => "artifact",
+            Field::Wrench => "wrench",
+            Field::ContactRaw => "contact_raw",
+            Field::Contact => "contact",
+            Field::Event => "event",
+            Field::Since => "since",
+            Field::Flags => "flags",
+            Field::PoseAge => "pose_age",
+            Field::OnThreshold => "on_threshold",
+            Field::OffThreshold => "off_threshold",
+            Field::Mdf => "mdf",
+        }
+    }
+
     fn of(self, record: &EstimateRecord) -> FieldValue {
         match self {
             Field::Force => FieldValue::force(record.force),
             Field::ForceBase => FieldValue::force(record.force_base),
             Field::Artifact => FieldValue::force(record.artifact),
+            Field::Wrench => record.wrench.map_or(FieldValue::Missing, FieldValue::Wrench),
             Field::ContactRaw => FieldValue::State(record.contact_raw),
             Field::Contact => FieldValue::State(record.contact),
             Field::Event => FieldValue::Text(match record.event {
@@ -81,6 +103,8 @@ impl Field {
 pub enum FieldValue {
     /// A force, N; not NaN.
     Force(f64),
+    /// Force and torque, N and N m.
+    Wrench([f64; 6]),
     /// A stamp or a duration, ns.
     Nanos(i64),
     /// A yes or no.
@@ -104,6 +128,10 @@ impl FieldValue {
             (FieldValue::Force(a), FieldValue::Force(b)) if tolerance.0 == 0.0 => a.to_bits() == b.to_bits(),
             // Equal infinities have no difference.
             (FieldValue::Force(a), FieldValue::Force(b)) => a == b || (a - b).abs() <= tolerance.0,
+            (FieldValue::Wrench(a), FieldValue::Wrench(b)) => {
+                let same = |a: f64, b: f64| FieldValue::Force(a).is_same(&FieldValue::Force(b), tolerance);
+                a.iter().zip(b).all(|(&a, &b)| same(a, b))
+            }
             (a, b) => a == b,
         }
     }
@@ -113,6 +141,9 @@ impl FieldValue {
         let distance = match (self, other) {
             (FieldValue::Force(a), FieldValue::Force(b)) if a == b => 0.0,
             (FieldValue::Force(a), FieldValue::Force(b)) => (a - b).abs(),
+            (FieldValue::Wrench(a), FieldValue::Wrench(b)) => {
+                a.iter().zip(b).map(|(a, b)| if a == b { 0.0 } else { (a - b).abs() }).fold(0.0, f64::max)
+            }
             (FieldValue::Nanos(a), FieldValue::Nanos(b)) => a.abs_diff(*b) as f64,
             _ => return None,
         };
@@ -130,7 +161,7 @@ pub struct Difference {
     pub a: FieldValue,
     /// Value in B.
     pub b: FieldValue,
-    /// How far apart: N for forces, ns for times; absent for the rest, and where one has no value.
+    /// How far apart: N for forces, the farthest component for wrenches, ns for times; absent for the rest, and where one has no value.
     pub distance: Option<f64>,
 }
 

@@ -1,0 +1,108 @@
+//! Estimates of two runs compared, as a regression gate does.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::bags::{Bag, at, decoded, write_session};
+use common::onnx::LinearModel;
+use common::tpf::{Run, tpf, write_params};
+use tactile_pose_fusion::msg::{ContactArray, WrenchStamped};
+
+const CONTACTS: &str = "/tactile_pose_fusion/contacts";
+
+/// A folder with a session, and `a.mcap`: its replay.
+fn golden() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 6);
+    LinearModel::new(64, 2, 1).gains(1.0, 20.0).metadata("unit", "gF").write(folder.path(), "model.onnx");
+    write_params(folder.path(), 2, &["dip"], "");
+    replay(folder.path(), "a.mcap", &[]);
+    folder
+}
+
+fn replay(folder: &Path, output: &str, more: &[&str]) {
+    let args = ["replay", "session.mcap", "--params-file", "params.yaml", "--calibrate-first", "3.13", "-o", output];
+    tpf(folder, &[&args[..], more].concat()).ok();
+}
+
+fn diff(folder: &Path, args: &[&str]) -> Run {
+    tpf(folder, &[&["diff", "a.mcap", "b.mcap"], args].concat())
+}
+
+#[test]
+fn equal_runs_are_the_same_bit_by_bit() {
+    let folder = golden();
+    replay(folder.path(), "b.mcap", &[]);
+    let run = diff(folder.path(), &[]).ok();
+    assert!(run.stdout.contains("region index: 600 frames in both") && run.stdout.ends_with("same\n"), "{run:?}");
+}
+
+#[test]
+fn a_changed_force_is_told_by_field_with_the_first_and_the_largest() {
+    let folder = golden();
+    let folder = folder.path();
+    let mut bag = Bag::create(&folder.join("b.mcap"));
+    for (k, mut array) in decoded::<ContactArray>(&folder.join("a.mcap"), CONTACTS).into_iter().enumerate() {
+        match k {
+            200 => array.contacts[0].force += 1e-4,
+            300 => array.contacts[0].force -= 5e-3,
+            400 => array.contacts[0].flags |= 32,
+            599 => continue,
+            _ => {}
+        }
+        bag.send(CONTACTS, at(k as i64 * 10 + 13), &array);
+    }
+    for (k, wrench) in
+        decoded::<WrenchStamped>(&folder.join("a.mcap"), "/tactile_pose_fusion/index/wrench").iter().enumerate()
+    {
+        bag.send("/tactile_pose_fusion/index/wrench", at(k as i64 * 10), wrench);
+    }
+    bag.finish();
+    let found = diff(folder, &["--json"]);
+    assert_eq!(found.code, 1);
+    let region = &found.json()["regions"]["index"];
+    let field = |name: &str| {
+        let fields = region["fields"].as_array().unwrap();
+        fields.iter().find(|field| field["field"] == name).unwrap().clone()
+    };
+    let force = field("force");
+    assert_eq!(force["n_different"], 2);
+    assert_eq!(force["first"]["stamp_ns"], at(2010).0);
+    assert_eq!(force["largest"]["stamp_ns"], at(3010).0);
+    assert!((force["largest"]["distance"].as_f64().unwrap() - 5e-3).abs() < 1e-12);
+    assert_eq!(field("flags")["n_different"], 1);
+    assert_eq!(region["only_in_a"]["n"], 1);
+    let lenient = diff(folder, &["--tolerance-n", "0.001", "--json"]).json();
+    let fields = lenient["regions"]["index"]["fields"].as_array().unwrap();
+    assert_eq!(fields.iter().find(|field| field["field"] == "force").unwrap()["n_different"], 1);
+    let words = diff(folder, &[]);
+    assert!(words.stdout.contains("only in a.mcap: 1 frames") && words.stdout.ends_with("different\n"), "{words:?}");
+}
+
+#[test]
+fn a_turned_normal_is_seen_in_the_wrench() {
+    let folder = golden();
+    replay(folder.path(), "b.mcap", &["-p", "region.index.normal:=[0.0, 1.0, 0.0]"]);
+    let found = diff(folder.path(), &["--json"]);
+    assert_eq!(found.code, 1);
+    let fields = found.json()["regions"]["index"]["fields"].clone();
+    let different = fields.as_array().unwrap().iter().filter(|field| field["n_different"] != 0);
+    assert_eq!(different.map(|field| field["field"].clone()).collect::<Vec<_>>(), ["wrench"]);
+}
+
+#[test]
+fn a_bag_without_estimates_and_a_cut_one_are_told() {
+    let folder = golden();
+    let folder = folder.path();
+    fs::copy(folder.join("session.mcap"), folder.join("b.mcap")).unwrap();
+    let none = diff(folder, &[]);
+    let line = none.failure();
+    assert!(line.starts_with("b.mcap: holds no tactile_pose_fusion/msg/ContactArray"), "{line}");
+    let bytes = fs::read(folder.join("a.mcap")).unwrap();
+    fs::write(folder.join("b.mcap"), &bytes[..bytes.len() / 2]).unwrap();
+    let cut = diff(folder, &[]);
+    assert_eq!(cut.code, 1, "{cut:?}");
+    assert!(cut.stderr.contains("input lost: b.mcap"), "{cut:?}");
+}
