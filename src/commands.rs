@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod diff;
+mod interrupt;
 mod progress;
 mod replay;
 mod setup;

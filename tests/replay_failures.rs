@@ -96,3 +96,25 @@ fn an_output_folder_on_the_way_of_the_input_is_refused() {
     let again = tpf(folder, &args);
     assert!(again.failure().contains("bag"), "{again:?}");
 }
+
+#[test]
+fn an_interrupt_leaves_nothing() {
+    let folder = session();
+    let folder = folder.path();
+    write_session(&folder.join("long.mcap"), 300);
+    let before = names(folder);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_tpf"))
+        .current_dir(folder)
+        .args(["replay", "long.mcap", "--params-file", "params.yaml", "--calibrate-first", "3.13", "-o", "out.mcap"])
+        .args(["--batch", "1", "--backend", "rten"])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    while names(folder) == before {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it began to write");
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let run: Run = child.wait_with_output().unwrap().into();
+    assert_eq!(run.failure(), "interrupted; nothing was written");
+    assert_eq!(names(folder), before);
+}

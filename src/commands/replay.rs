@@ -7,7 +7,7 @@ use super::progress::Progress;
 use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
 use super::summary::{ModelSummary, Summary};
 use super::zero::{LoadCheck, ZeroArgs};
-use super::{Failure, Outcome, print, say};
+use super::{Failure, Outcome, interrupt, print, say};
 use crate::bag::{
     BagReader, BagRecord, BagWriter, EstimateTopics, EstimateWriter, Input, Inputs, PassThrough, WriteOptions,
 };
@@ -119,6 +119,7 @@ struct Replay<'c> {
 impl Replay<'_> {
     fn run(&mut self, reader: &mut BagReader, progress: &mut Progress) -> Result<(), Failure> {
         loop {
+            interrupt::check()?;
             progress.set(reader.bytes_read());
             let Some(record) = reader.next_record()? else { break };
             if let Some(pass_through) = &mut self.pass_through {
