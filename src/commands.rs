@@ -1,6 +1,7 @@
 //! One file a subcommand of `tpf`: parse, call, render.
 
 mod calibrate;
+mod inspect;
 mod progress;
 mod replay;
 mod setup;
@@ -23,6 +24,7 @@ pub struct Cli {
 enum Command {
     Replay(replay::Args),
     Calibrate(calibrate::Args),
+    Inspect(inspect::Args),
 }
 
 /// How a command ended that did not fail.
@@ -60,6 +62,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Replay(args) => replay::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
     }
 }
 
