@@ -3,6 +3,7 @@
 mod calibrate;
 mod diff;
 mod interrupt;
+mod inspect;
 mod progress;
 mod replay;
 mod setup;
@@ -26,6 +27,7 @@ enum Command {
     Replay(replay::Args),
     Calibrate(calibrate::Args),
     Diff(diff::Args),
+    Inspect(inspect::Args),
 }
 
 /// How a command ended that did not fail.
@@ -64,6 +66,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Replay(args) => replay::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
     }
 }
 

@@ -1,0 +1,183 @@
+//! Arrays of numbers in messages: how long they are, what they hold, and which counts explain their length.
+
+use super::hints;
+use super::joints::JointRun;
+use crate::msg::definition::{Primitive, TypeTree};
+use crate::msg::dynamic::{ElementKind, FieldKind, FieldPlan, NumericPath, ReadAs, ReadError, numeric_paths};
+
+/// Most arrays of one topic that are looked at; five fingers of several sensors each have fewer.
+const MAX_ARRAYS: usize = 32;
+
+/// Most pairs of rows and columns that are tried on them.
+const MAX_GRIDS: usize = 4;
+
+/// An array of numbers, and what has been seen of it.
+#[derive(Debug)]
+pub(super) struct ArrayWatch {
+    pub(super) path: String,
+    pub(super) kind: FieldKind,
+    plan: FieldPlan,
+    /// Messages that it was read from.
+    pub(super) n_seen: u64,
+    /// Fewest and most values in a message.
+    pub(super) n_values: [u64; 2],
+    /// Least and greatest value, of the finite ones.
+    pub(super) values: Option<[f32; 2]>,
+    /// One for each [`Grid`] of the topic.
+    pub(super) fits: Vec<GridFit>,
+    /// Where its name suggests that it holds joint angles.
+    pub(super) joints: Option<JointRun>,
+}
+
+/// Counts that may explain the length of an array.
+#[derive(Debug)]
+pub(super) enum Grid {
+    /// Two fields of the message, or one.
+    Fields { rows: FieldPlan, cols: Option<FieldPlan> },
+    /// The sizes of a `std_msgs/MultiArrayLayout`.
+    Layout(FieldPlan),
+}
+
+/// How a [`Grid`] stands to an array.
+#[derive(Debug, Clone, Default)]
+pub(super) struct GridFit {
+    n_fits: u64,
+    /// Fewest and most.
+    pub(super) rows: [u64; 2],
+    /// Fewest and most, where it says or the rows leave them.
+    pub(super) cols: [u64; 2],
+}
+
+/// The arrays of a type that are worth a look, and how many there are beyond those.
+pub(super) fn arrays(tree: &TypeTree, topic: &str, n_grids: usize) -> (Vec<ArrayWatch>, usize) {
+    let wanted: Vec<NumericPath> =
+        numeric_paths(tree).into_iter().filter(|numeric| is_wanted(tree.type_name(), topic, numeric)).collect();
+    let n_more = wanted.len().saturating_sub(MAX_ARRAYS);
+    let watch = |numeric: NumericPath| {
+        Some(ArrayWatch {
+            plan: FieldPlan::compile(tree, &numeric.path, ReadAs::Numbers).ok()?,
+            joints: JointRun::of(tree.type_name(), topic, &numeric.path),
+            path: numeric.path,
+            kind: numeric.kind,
+            n_seen: 0,
+            n_values: [0, 0],
+            values: None,
+            fits: vec![GridFit::default(); n_grids],
+        })
+    };
+    (wanted.into_iter().take(MAX_ARRAYS).filter_map(watch).collect(), n_more)
+}
+
+fn is_wanted(type_name: &str, topic: &str, numeric: &NumericPath) -> bool {
+    let NumericPath { path, kind } = numeric;
+    if !kind.many || matches!(kind.element, ElementKind::Number(Primitive::Bool)) {
+        return false;
+    }
+    let is_part_of_ros = type_name.contains("/srv/") || type_name.contains("/action/");
+    if is_part_of_ros || path.starts_with("layout.") || hints::found(path, &["covariance", "uuid"]).is_some() {
+        return false;
+    }
+    match type_name {
+        "sensor_msgs/msg/JointState" => path == "position",
+        "tactile_pose_fusion/msg/TaxelArray" => path == "values",
+        _ if hints::is_ours(type_name) => false,
+        _ if hints::is_standard(type_name) => hints::found(topic, hints::TACTILE).is_some(),
+        _ => true,
+    }
+}
+
+/// Pairs of counts in a type whose names say rows and columns.
+pub(super) fn grids(tree: &TypeTree) -> Vec<Grid> {
+    if let Ok(sizes) = FieldPlan::compile(tree, "layout.dim[].size", ReadAs::Numbers) {
+        return vec![Grid::Layout(sizes)];
+    }
+    let counts: Vec<FieldPlan> = numeric_paths(tree)
+        .iter()
+        .filter(|numeric| !numeric.kind.many)
+        .filter_map(|numeric| FieldPlan::compile(tree, &numeric.path, ReadAs::Count).ok())
+        .collect();
+    let (parent, name) =
+        (|plan: &FieldPlan| split(plan.path()).0.to_owned(), |plan: &FieldPlan| split(plan.path()).1.to_owned());
+    let named =
+        |hints: &'static [&'static str]| counts.iter().filter(move |plan| hints::found(&name(plan), hints).is_some());
+    let mut grids = Vec::new();
+    for rows in named(hints::ROWS) {
+        let pairs = named(hints::COLS).filter(|cols| parent(cols) == parent(rows) && cols.path() != rows.path());
+        grids.extend(pairs.map(|cols| Grid::Fields { rows: rows.clone(), cols: Some(cols.clone()) }));
+        grids.push(Grid::Fields { rows: rows.clone(), cols: None });
+    }
+    grids.truncate(MAX_GRIDS);
+    grids
+}
+
+fn split(path: &str) -> (&str, &str) {
+    path.rsplit_once('.').unwrap_or(("", path))
+}
+
+impl Grid {
+    /// Rows and columns that a message states.
+    pub(super) fn read(&self, cdr: &[u8], sizes: &mut Vec<f32>) -> Result<Option<(u64, Option<u64>)>, ReadError> {
+        match self {
+            Grid::Fields { rows, cols } => {
+                let cols = cols.as_ref().map(|cols| cols.read_count(cdr)).transpose()?;
+                rows.read_count(cdr).map(|rows| Some((rows, cols)))
+            }
+            Grid::Layout(plan) => {
+                sizes.clear();
+                plan.read_f32(cdr, sizes)?;
+                Ok(match sizes[..] {
+                    [rows, cols] => Some((rows as u64, Some(cols as u64))),
+                    _ => None,
+                })
+            }
+        }
+    }
+}
+
+impl ArrayWatch {
+    /// Takes in the array of one message; `grids` are the counts that it states, `names` its joints where it names them.
+    pub(super) fn handle(
+        &mut self,
+        cdr: &[u8],
+        grids: &[Option<(u64, Option<u64>)>],
+        names: Option<&[String]>,
+        values: &mut Vec<f32>,
+    ) -> Result<(), ReadError> {
+        values.clear();
+        let len = self.plan.read_f32(cdr, values)? as u64;
+        self.n_values = spanned(self.n_seen, self.n_values, len);
+        for value in values.iter().copied().filter(|value| value.is_finite()) {
+            let [least, most] = self.values.get_or_insert([value, value]);
+            (*least, *most) = (least.min(value), most.max(value));
+        }
+        for (fit, grid) in self.fits.iter_mut().zip(grids) {
+            let Some((rows, cols)) = *grid else { continue };
+            let left = len.checked_div(rows).unwrap_or(0);
+            let fits = rows > 0 && len > 0 && rows.checked_mul(cols.unwrap_or(left)) == Some(len);
+            if fits {
+                fit.rows = spanned(fit.n_fits, fit.rows, rows);
+                fit.cols = spanned(fit.n_fits, fit.cols, left);
+                fit.n_fits += 1;
+            }
+        }
+        self.n_seen += 1;
+        if let Some(joints) = &mut self.joints {
+            joints.handle(names, values);
+        }
+        Ok(())
+    }
+
+    /// Whether its values are floating-point numbers.
+    pub(super) fn is_float(&self) -> bool {
+        matches!(self.kind.element, ElementKind::Number(Primitive::Float32 | Primitive::Float64))
+    }
+
+    /// The first of the topic's grids that explains the length of this array in every message.
+    pub(super) fn grid(&self) -> Option<(usize, &GridFit)> {
+        self.fits.iter().enumerate().find(|(_, fit)| fit.n_fits > 0 && fit.n_fits == self.n_seen)
+    }
+}
+
+fn spanned(n_before: u64, [least, most]: [u64; 2], value: u64) -> [u64; 2] {
+    if n_before == 0 { [value, value] } else { [least.min(value), most.max(value)] }
+}

@@ -1,0 +1,176 @@
+//! One topic of a bag, looked into by its own schema.
+
+use super::fields::{self, ArrayWatch, Grid};
+use super::stamps::StampRun;
+use crate::bag::{BagChannel, BagMessage};
+use crate::msg::definition::{Arity, BaseType, TypeTree, canonical_type_name};
+use crate::msg::dynamic::{FieldPlan, NumericPath, ReadAs, ReadError, numeric_paths};
+use crate::msg::{Stage, WireType, from_cdr};
+use crate::units::Stamp;
+
+/// Longest message whose arrays are looked at, in bytes: an image beyond it is no tactile array.
+const LOOK_LIMIT: usize = 1 << 20;
+
+/// What is known of a topic but for its timing by log time.
+#[derive(Debug)]
+pub(super) struct Topic {
+    pub(super) name: String,
+    pub(super) type_name: String,
+    pub(super) encoding: String,
+    /// What could be looked into, or why nothing could.
+    pub(super) look: Result<Look, String>,
+}
+
+/// A topic whose messages can be read.
+#[derive(Debug)]
+pub(super) struct Look {
+    stamp: Option<FieldPlan>,
+    pub(super) stamps: StampRun,
+    pub(super) grids: Vec<Grid>,
+    pub(super) arrays: Vec<ArrayWatch>,
+    /// Arrays that are not looked at because there are too many.
+    pub(super) n_more_arrays: usize,
+    /// Path of the strings that may name the joints.
+    names: Option<FieldPlan>,
+    /// Path of the time between samples of one message.
+    pub(super) row_period: Option<String>,
+    /// All fields with numbers.
+    pub(super) numeric: Vec<NumericPath>,
+    /// Stage annotations, and how many of them say that nothing is touched.
+    pub(super) n_zero_load: Option<u64>,
+    /// Messages whose arrays were not looked at for their size.
+    pub(super) n_too_long: u64,
+    pub(super) n_unreadable: u64,
+    pub(super) first_error: Option<String>,
+    buffers: Buffers,
+}
+
+/// Reused from message to message.
+#[derive(Debug, Default)]
+struct Buffers {
+    values: Vec<f32>,
+    names: Vec<String>,
+    counts: Vec<Option<(u64, Option<u64>)>>,
+}
+
+impl Topic {
+    /// The topic of a channel, before its first message.
+    pub(super) fn new(channel: &BagChannel) -> Self {
+        let type_name = channel.type_name();
+        Topic {
+            name: channel.topic.clone(),
+            type_name: if type_name.is_empty() { String::new() } else { canonical_type_name(type_name) },
+            encoding: channel.message_encoding.clone(),
+            look: tree_of(channel).map(|tree| Look::new(&tree, &channel.topic)),
+        }
+    }
+
+    /// Takes in a message; its stamp where it has one that is set.
+    pub(super) fn handle(&mut self, message: &BagMessage<'_>) -> Option<Stamp> {
+        let look = self.look.as_mut().ok()?;
+        match look.handle(message) {
+            Ok(stamp) => stamp,
+            Err(error) => {
+                look.n_unreadable += 1;
+                look.first_error.get_or_insert_with(|| error.to_string());
+                None
+            }
+        }
+    }
+}
+
+fn tree_of(channel: &BagChannel) -> Result<TypeTree, String> {
+    if channel.message_encoding != "cdr" {
+        return Err(format!("its message encoding is {:?}, only \"cdr\" is read", channel.message_encoding));
+    }
+    let Some(schema) = &channel.schema else { return Err("the recorder wrote no schema for it".to_owned()) };
+    if schema.encoding != "ros2msg" {
+        return Err(format!("its schema is written as {:?}, only \"ros2msg\" is read", schema.encoding));
+    }
+    TypeTree::from_schema(&schema.name, &String::from_utf8_lossy(&schema.data)).map_err(|error| error.to_string())
+}
+
+impl Look {
+    fn new(tree: &TypeTree, topic: &str) -> Self {
+        let grids = fields::grids(tree);
+        let (arrays, n_more_arrays) = fields::arrays(tree, topic, grids.len());
+        Look {
+            stamp: stamp_plan(tree),
+            stamps: StampRun::default(),
+            arrays,
+            n_more_arrays,
+            grids,
+            names: names_plan(tree),
+            row_period: row_period(tree),
+            numeric: numeric_paths(tree),
+            n_zero_load: (tree.type_name() == Stage::TYPE_NAME).then_some(0),
+            n_too_long: 0,
+            n_unreadable: 0,
+            first_error: None,
+            buffers: Buffers::default(),
+        }
+    }
+
+    /// Path of the stamp.
+    pub(super) fn stamp_path(&self) -> Option<&str> {
+        self.stamp.as_ref().map(FieldPlan::path)
+    }
+
+    /// Path of the strings that may name the joints.
+    pub(super) fn names_path(&self) -> Option<&str> {
+        self.names.as_ref().map(FieldPlan::path)
+    }
+
+    fn handle(&mut self, message: &BagMessage<'_>) -> Result<Option<Stamp>, ReadError> {
+        let cdr = message.data;
+        let stamp = self.stamp.as_ref().map(|plan| plan.read_stamp(cdr)).transpose()?;
+        if let (Some(n_zero_load), Ok(stage)) = (&mut self.n_zero_load, from_cdr::<Stage>(cdr)) {
+            *n_zero_load += u64::from(stage.zero_load);
+        }
+        if cdr.len() > LOOK_LIMIT {
+            self.n_too_long += u64::from(!self.arrays.is_empty());
+        } else if !self.arrays.is_empty() {
+            let Buffers { values, names, counts } = &mut self.buffers;
+            counts.clear();
+            for grid in &self.grids {
+                counts.push(grid.read(cdr, values).unwrap_or(None)); // a negative count counts nothing
+            }
+            let is_wanted = self.names.is_some() && self.arrays.iter().any(|array| array.joints.is_some());
+            if let (true, Some(plan)) = (is_wanted, &self.names) {
+                plan.read_texts(cdr, names)?;
+            }
+            for array in &mut self.arrays {
+                array.handle(cdr, counts, is_wanted.then_some(names), values)?;
+            }
+        }
+        Ok(stamp.filter(|stamp| self.stamps.handle(*stamp, message.log_time)))
+    }
+}
+
+/// `header.stamp`, else a stamp or header that the type has by another name.
+fn stamp_plan(tree: &TypeTree) -> Option<FieldPlan> {
+    let by_type =
+        tree.root().fields.iter().filter(|field| field.ty.arity == Arity::One).filter_map(|field| {
+            match &field.ty.base {
+                BaseType::Message(name) if name == "builtin_interfaces/msg/Time" => Some(field.name.clone()),
+                BaseType::Message(name) if name == "std_msgs/msg/Header" => Some(format!("{}.stamp", field.name)),
+                _ => None,
+            }
+        });
+    std::iter::once("header.stamp".to_owned())
+        .chain(by_type)
+        .find_map(|path| FieldPlan::compile(tree, &path, ReadAs::Stamp).ok())
+}
+
+fn names_plan(tree: &TypeTree) -> Option<FieldPlan> {
+    let names =
+        tree.root().fields.iter().filter(|field| super::hints::found(&field.name, &["name", "joint"]).is_some());
+    names
+        .filter(|field| field.ty.arity != Arity::One)
+        .find_map(|field| FieldPlan::compile(tree, &field.name, ReadAs::Texts).ok())
+}
+
+fn row_period(tree: &TypeTree) -> Option<String> {
+    let mut periods = tree.root().fields.iter().filter(|field| super::hints::found(&field.name, &["period"]).is_some());
+    periods.find(|field| FieldPlan::compile(tree, &field.name, ReadAs::Period).is_ok()).map(|field| field.name.clone())
+}
