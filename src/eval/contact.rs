@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Metric, Undefined};
+use super::metric::{Metric, Undefined};
 use super::statistics::Distribution;
 use crate::units::{Stamp, nanos};
 

@@ -5,7 +5,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Class, Metric, Undefined};
+use super::metric::{Metric, Undefined};
+use super::metrics::Class;
 use super::scoring::{MDF_BALANCED_ACCURACY, Scoring};
 
 /// Frames whose true force is in one bin.

@@ -5,7 +5,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Measure, Metric, MetricError, Score, Tally};
+use super::metric::Metric;
+use super::metrics::{Measure, MetricError, Score, Tally};
 use super::scoring::Scoring;
 use super::statistics::{Wilcoxon, cohens_dz, wilcoxon_greater};
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::contact::{Touch, Touches, millis};
-use super::metrics::{Metric, Undefined};
+use super::metric::{Metric, Undefined};
 use super::statistics::Distribution;
 use crate::units::nanos;
 

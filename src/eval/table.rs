@@ -6,7 +6,8 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use serde::{Deserialize, Serialize};
 
 use super::curve::Mdf;
-use super::metrics::{Coverage, Measure, Metric, Score};
+use super::metric::Metric;
+use super::metrics::{Coverage, Measure, Score};
 
 /// The metrics of one model on one glove.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
