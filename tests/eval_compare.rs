@@ -134,20 +134,13 @@ fn the_table_marks_the_better_model_and_says_what_has_no_number() {
     with_second.insert("glove 2".to_owned(), Tally::default().score());
     let table = ResultTable::new([("tactile-only", &base), ("pose-aware", &with_second)]);
     let expected = "\
-| Glove   | Model        | BA % (+) | F1 % (+) | MDF gF (-) | MAE gF (-) |  R2 (+) | Frames |
-|---------|--------------|----------|----------|------------|------------|---------|--------|
-| glove 1 | tactile-only |    89.69 |    88.51 |      24.50 |      18.10 |   0.589 |    200 |
-| glove 1 | pose-aware   |   94.85* |   94.57* |     14.10* |      9.55* | 0.888* |    200 |
-| glove 2 | tactile-only |        - |        - |          - |          - |       - |      - |
-| glove 2 | pose-aware   | no touch | no touch |   no touch | no frame has both truth and estimate | no frame | 0 |
-";
-    let _ = expected;
-    let text = table.text();
-    assert!(text.lines().count() == 6, "{text}");
-    let row = |name: &str| text.lines().find(|line| line.contains(name)).unwrap().to_owned();
-    assert!(row("pose-aware").matches('*').count() == 5, "{text}");
-    assert!(row("tactile-only").matches('*').count() == 0, "{text}");
-    assert!(text.lines().last().unwrap().contains("no touch"), "{text}");
+| Glove   | Model        |  BA % (+) |  F1 % (+) | MDF gF (-) | MAE gF (-) |     R2 (+) | Frames |
+|---------|--------------|-----------|-----------|------------|------------|------------|--------|
+| glove 1 | tactile-only |    89.69  |    88.51  |     28.33  |     17.90  |     0.586  |    200 |
+| glove 1 | pose-aware   |    94.85* |    94.57* |     18.33* |      9.45* |     0.889* |    200 |
+| glove 2 | tactile-only |         - |         - |          - |          - |          - |      - |
+| glove 2 | pose-aware   | no touch  | no touch  |  no touch  | no frames  | no frames  |      0 |";
+    assert_eq!(table.text(), expected);
 
     let gains = table.improvements();
     assert_eq!((gains.len(), gains[0].from.as_str(), gains[0].to.as_str()), (2, "tactile-only", "pose-aware"));
@@ -156,6 +149,6 @@ fn the_table_marks_the_better_model_and_says_what_has_no_number() {
     assert!(gains[0].mdf_reduction.unwrap() > 0.0);
     assert_eq!(gains[1].mae_reduction, None, "one model wasn't scored there");
 
-    let json = serde_json::to_string(&table).unwrap();
-    assert_eq!(serde_json::from_str::<ResultTable>(&json).unwrap(), table);
+    let json = serde_json::to_value(&table).unwrap();
+    assert_eq!(serde_json::from_value::<ResultTable>(json).unwrap(), table);
 }

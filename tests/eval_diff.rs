@@ -34,8 +34,8 @@ fn series(n: i64) -> Vec<EstimateRecord> {
 }
 
 fn compare(a: &[EstimateRecord], b: &[EstimateRecord], cfg: DiffConfig) -> Diff {
-    let ok = |records: &[EstimateRecord]| records.to_vec().into_iter().map(Ok::<_, Infallible>);
-    let Ok(diff) = diff(ok(a), ok(b), cfg);
+    let [a, b] = [a, b].map(|records| records.iter().cloned().map(Ok::<_, Infallible>));
+    let Ok(diff) = diff(a, b, cfg);
     diff
 }
 
@@ -198,7 +198,8 @@ proptest! {
         b in prop::collection::vec((0i64..60, 0usize..2, 0u8..3), 0..80),
     ) {
         let records = |specs: &[(i64, usize, u8)]| -> Vec<EstimateRecord> {
-            specs.iter().map(|&(k, region, force)| record(["index", "thumb"][region], 50 * k, f64::from(force))).collect()
+            let regions = ["index", "thumb"];
+            specs.iter().map(|&(k, region, force)| record(regions[region], 50 * k, f64::from(force))).collect()
         };
         let (a, b) = (records(&a), records(&b));
         let (forth, back) = (bitwise(&a, &b), bitwise(&b, &a));

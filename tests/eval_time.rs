@@ -269,9 +269,10 @@ proptest! {
     fn the_split_follows_stamps_and_not_the_order_of_frames(
         stamps in prop::collection::vec((any::<i64>(), 0usize..3), 0..60),
     ) {
-        let stages = ["air", "load", "press"];
-        let frames: Vec<_> =
-            stamps.iter().map(|&(stamp, stage)| FrameLabel { stamp: Stamp(stamp), stage: stages[stage], substage: "" }).collect();
+        let label = |&(stamp, stage): &(i64, usize)| {
+            FrameLabel { stamp: Stamp(stamp), stage: ["air", "load", "press"][stage], substage: "" }
+        };
+        let frames: Vec<_> = stamps.iter().map(label).collect();
         let parts = Split::default().parts(&frames);
         prop_assert_eq!(parts.len(), frames.len());
         for (a, part_a) in frames.iter().zip(&parts) {

@@ -29,12 +29,12 @@ pub enum Undefined {
 impl fmt::Display for Undefined {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Undefined::NoFrames => "no frame has both truth and estimate",
+            Undefined::NoFrames => "no frames",
             Undefined::NoTouch => "no touch",
-            Undefined::NoNoTouch => "no frame without touch",
+            Undefined::NoNoTouch => "all touch",
             Undefined::NoVariance => "no variance",
             Undefined::TooFewFrames => "too few frames",
-            Undefined::NoAirTime => "no time in the air",
+            Undefined::NoAirTime => "no time in air",
             Undefined::NoSamples => "no samples",
             Undefined::Overflow => "forces too large",
         })
