@@ -7,6 +7,7 @@ mod contact;
 mod curve;
 mod diff;
 mod groups;
+mod metric;
 mod metrics;
 mod pose_age;
 mod preservation;
@@ -23,7 +24,8 @@ pub use diff::{
     diff,
 };
 pub use groups::{Group, GroupBy, Origin, PairedTest, Tallies, UserPair, paired_by_user};
-pub use metrics::{Confusion, Coverage, Measure, Metric, MetricError, Score, Tally, Undefined};
+pub use metric::{Metric, Undefined};
+pub use metrics::{Confusion, Coverage, Measure, MetricError, Score, Tally};
 pub use pose_age::{PoseAge, PoseAgeBin, PoseAgeError, PoseAgeTally};
 pub use preservation::{Fate, Preservation, PreservationTally, TouchFate};
 pub use scoring::{BIN_WIDTH, MDF_BALANCED_ACCURACY, MissingEstimate, Scoring, ScoringError, TOUCH};

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Metric, Undefined};
+use super::metric::{Metric, Undefined};
 use super::statistics::Distribution;
 use crate::units::{Stamp, nanos};
 
@@ -76,9 +76,9 @@ pub struct Touches {
 impl Touches {
     /// Follows a series of states through time. The time from one frame to the next belongs to the first one's state.
     ///
-    /// Of the truth pass `force >= threshold`; of estimates `contact_raw` or `contact`. Leave out frames without a value:
-    /// where that takes longer than `max_gap`, it is a gap. A truth that hovers around the threshold chatters: join and
-    /// drop what is shorter than a touch can be.
+    /// Of the truth pass `force >= threshold`; of estimates `contact_raw` or `contact`. Leave out frames without a
+    /// value: where that takes longer than `max_gap`, it is a gap. A truth that hovers around the threshold chatters:
+    /// join and drop what is shorter than a touch can be.
     ///
     /// # Shapes
     /// `stamps`, `states`: `[n_frames]`.
@@ -147,7 +147,8 @@ impl Touches {
         self.all = joined;
     }
 
-    /// The touches of `self` that overlap `touch` when both may be `slack_ns` apart: a range of indices, found by search.
+    /// The touches of `self` that overlap `touch` when both may be `slack_ns` apart: a range of indices, found by
+    /// search.
     pub(super) fn overlapping(&self, touch: &Touch, slack_ns: i64) -> std::ops::Range<usize> {
         let from = self.all.partition_point(|other| other.offset.offset(slack_ns) < touch.onset);
         let to = self.all.partition_point(|other| other.onset <= touch.offset.offset(slack_ns));
@@ -157,11 +158,12 @@ impl Touches {
 
 /// How true touches were detected, gathered session by session.
 ///
-/// A true touch and a detected one belong together when they overlap in time, or are at most `slack` apart. A latency is
-/// signed, detected minus true: negative when detection came first. The onset is taken between a true touch and the first
-/// detected one that overlaps it, if that one overlaps no earlier true touch; the offset between a true touch and the last
-/// detected one, if that one overlaps no later true touch. So a detection that lumps two touches together gives one onset
-/// and one offset, not four numbers that mean nothing. A true touch during which there was no estimate is a missed one.
+/// A true touch and a detected one belong together when they overlap in time, or are at most `slack` apart. A latency
+/// is signed, detected minus true: negative when detection came first. The onset is taken between a true touch and the
+/// first detected one that overlaps it, if that one overlaps no earlier true touch; the offset between a true touch and
+/// the last detected one, if that one overlaps no later true touch. So a detection that lumps two touches together
+/// gives one onset and one offset, not four numbers that mean nothing. A true touch during which there was no estimate
+/// is a missed one.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DetectionTally {
     slack_ns: i64,

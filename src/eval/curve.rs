@@ -5,7 +5,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Class, Metric, Undefined};
+use super::metric::{Metric, Undefined};
+use super::metrics::Class;
 use super::scoring::{MDF_BALANCED_ACCURACY, Scoring};
 
 /// Frames whose true force is in one bin.
@@ -47,8 +48,8 @@ pub struct NoTouchFrames {
 pub struct ForceCurve {
     /// Frames below the touch threshold.
     pub no_touch: NoTouchFrames,
-    /// Every bin from the touch threshold to the largest true force, the empty ones too. A bin whose `ba` is undefined is
-    /// not on the curve.
+    /// Every bin from the touch threshold to the largest true force, the empty ones too. A bin whose `ba` is undefined
+    /// is not on the curve.
     pub bins: Vec<ForceBin>,
     /// Touch frames whose true force lies past the last bin that is kept. They are in the other metrics.
     pub n_beyond_bins: u64,
@@ -146,8 +147,8 @@ pub enum Mdf {
         /// Centre of the first bin at or above it, gF.
         above_gf: f64,
     },
-    /// The first bin of the curve is at or above 90 % already: the force lies at or below its centre, and how far is not
-    /// known. It is no number: it isn't averaged, and in comparisons it has no value.
+    /// The first bin of the curve is at or above 90 % already: the force lies at or below its centre, and how far is
+    /// not known. It is no number: it isn't averaged, and in comparisons it has no value.
     AlreadyAboveInFirstBin {
         /// Centre of that bin, gF: an upper bound.
         centre_gf: f64,

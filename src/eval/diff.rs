@@ -100,14 +100,14 @@ impl DiffConfig {
 
 /// Compares two series of estimates, region by region and field by field.
 ///
-/// Records belong together when they share region, epoch and stamp; several of the same stamp are matched in the order in
-/// which they come. An epoch is counted by region and side: the first is 0, and each jump back by more than the config's
-/// `time_jump` begins the next. So the second round of a looped bag is compared with the second round. A side that has one
-/// jump more than the other is compared in sequence, and the rest shows as records of one side alone.
+/// Records belong together when they share region, epoch and stamp; several of the same stamp are matched in the order
+/// in which they come. An epoch is counted by region and side: the first is 0, and each jump back by more than the
+/// config's `time_jump` begins the next. So the second round of a looped bag is compared with the second round. A side
+/// that has one jump more than the other is compared in sequence, and the rest shows as records of one side alone.
 ///
-/// Both series are read once, side by side in the order of their stamps; what waits for its partner is bounded, and a record
-/// whose partner can no longer come is in one side alone. A record that had to stop waiting because too many did is counted
-/// in `n_gave_up` as well.
+/// Both series are read once, side by side in the order of their stamps; what waits for its partner is bounded, and a
+/// record whose partner can no longer come is in one side alone. A record that had to stop waiting because too many did
+/// is counted in `n_gave_up` as well.
 ///
 /// # Errors
 /// The first error of either series.

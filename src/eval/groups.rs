@@ -5,7 +5,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Measure, Metric, MetricError, Score, Tally};
+use super::metric::Metric;
+use super::metrics::{Measure, MetricError, Score, Tally};
 use super::scoring::Scoring;
 use super::statistics::{Wilcoxon, cohens_dz, wilcoxon_greater};
 
@@ -164,8 +165,8 @@ pub struct PairedTest {
 /// # Errors
 /// As [`Tallies::grouped`].
 /// # Source
-/// Pose-aware tactile gloves, Sec. VI-B, "Statistical Analysis". The paper leaves MDF out for want of data per user; here a
-/// user whose curve doesn't cross 90 % is left out and named.
+/// Pose-aware tactile gloves, Sec. VI-B, "Statistical Analysis". The paper leaves MDF out for want of data per user;
+/// here a user whose curve doesn't cross 90 % is left out and named.
 pub fn paired_by_user(base: &Tallies, changed: &Tallies) -> Result<Vec<PairedTest>, MetricError> {
     let (base, changed) = (base.scores(GroupBy::User)?, changed.scores(GroupBy::User)?);
     let mut users: BTreeMap<String, BTreeMap<String, [Option<&Score>; 2]>> = BTreeMap::new();

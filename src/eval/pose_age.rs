@@ -5,7 +5,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::contact::millis;
-use super::metrics::{Metric, MetricError, Undefined};
+use super::metric::{Metric, Undefined};
+use super::metrics::MetricError;
 use crate::units::nanos;
 
 /// Bounds of pose age that can't be.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::contact::{Touch, Touches, millis};
-use super::metrics::{Metric, Undefined};
+use super::metric::{Metric, Undefined};
 use super::statistics::Distribution;
 use crate::units::nanos;
 
@@ -15,7 +15,8 @@ use crate::units::nanos;
 pub enum Fate {
     /// Detected in both.
     Kept {
-        /// Corrected onset minus base onset, ms, neither counted from before the true onset; absent when one wasn't seen.
+        /// Corrected onset minus base onset, ms, neither counted from before the true onset; absent when one wasn't
+        /// seen.
         delay_ms: Option<f64>,
     },
     /// Detected by the base alone: the correction removed it.
@@ -37,9 +38,9 @@ pub struct TouchFate {
 
 /// Contact preservation, gathered session by session.
 ///
-/// A touch is detected when a detected one overlaps it or is at most `slack` apart. Its delay counts from the true onset at
-/// the earliest: a base estimate that was in contact long before, because a finger bent, didn't detect this touch early,
-/// and a correction that drops the false part doesn't delay it.
+/// A touch is detected when a detected one overlaps it or is at most `slack` apart. Its delay counts from the true
+/// onset at the earliest: a base estimate that was in contact long before, because a finger bent, didn't detect this
+/// touch early, and a correction that drops the false part doesn't delay it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PreservationTally {
     slack_ns: i64,
@@ -60,7 +61,8 @@ impl PreservationTally {
         }
     }
 
-    /// Follows the true touches of one session from the base estimate to the corrected one; one fate each, in time order.
+    /// Follows the true touches of one session from the base estimate to the corrected one; one fate each, in time
+    /// order.
     pub fn handle_session(&mut self, truth: &Touches, base: &Touches, corrected: &Touches) -> Vec<TouchFate> {
         truth
             .all

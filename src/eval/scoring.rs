@@ -108,7 +108,8 @@ impl Scoring {
         (bin < f64::from(MAX_BINS)).then_some(bin as u32)
     }
 
-    /// Lower edge (inclusive) and upper edge (exclusive) of a bin, gF. The bin that holds the touch threshold begins there.
+    /// Lower edge (inclusive) and upper edge (exclusive) of a bin, gF. The bin that holds the touch threshold begins
+    /// there.
     pub(super) fn edges(&self, bin: u32) -> (f64, f64) {
         let bin = self.first_bin() + f64::from(bin);
         ((bin * self.bin_width_gf).max(self.touch_gf), (bin + 1.0) * self.bin_width_gf)

@@ -46,7 +46,7 @@ pub enum Part {
 pub enum SplitError {
     #[error("share of frames to train on is {0}, expected above 0 and below 1; the paper's is 0.8")]
     Share(f64),
-    #[error("substage {name} is not in the data, which has {available}; name one of these", available = .available.join(", "))]
+    #[error("substage {name} is not in the data, which has {}; name one of these", .available.join(", "))]
     UnknownSubstage { name: String, available: Vec<String> },
 }
 
@@ -68,8 +68,9 @@ impl Default for Split {
 impl Split {
     /// A split in which `train_share` of the frames train, the next `guard_frames` are left out and the rest tests.
     ///
-    /// The paper has no guard. With windows of 64 frames a guard of 63 keeps training frames out of every test window that
-    /// follows them directly.
+    /// The paper has no guard. With windows of 64 frames a guard of 63 keeps training frames out of every test window
+    /// that follows them directly. It does nothing where the training frames of a stage follow the test frames of the
+    /// one before: who trains there leaves out windows that reach over the seam.
     ///
     /// # Errors
     /// [`SplitError::Share`] unless the share is between 0 and 1.

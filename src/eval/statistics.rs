@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Metric, Undefined};
+use super::metric::{Metric, Undefined};
 
 /// Pairs above which the exact distribution is refused: at 500 it takes about 10^8 additions.
 const MAX_PAIRS: usize = 500;

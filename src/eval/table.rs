@@ -6,7 +6,8 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use serde::{Deserialize, Serialize};
 
 use super::curve::Mdf;
-use super::metrics::{Coverage, Measure, Metric, Score};
+use super::metric::Metric;
+use super::metrics::{Coverage, Measure, Score};
 
 /// The metrics of one model on one glove.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -149,7 +150,8 @@ impl ResultTable {
 
     /// The table as text: a row a model and glove, the best value of each glove and measure marked with `*`.
     ///
-    /// The paper sets the gloves side by side; here they are below each other, so that a terminal holds any number of them.
+    /// The paper sets the gloves side by side; here they are below each other, so that a terminal holds any number of
+    /// them.
     pub fn text(&self) -> String {
         let mut table = Table::new();
         table.load_style(presets::ASCII_MARKDOWN).set_content_arrangement(ContentArrangement::Disabled);
@@ -163,7 +165,7 @@ impl ResultTable {
                 match row.cells.get(glove_idx).copied().flatten() {
                     Some(cell) => {
                         texts.extend(Measure::ALL.map(|measure| {
-                            let mark = if self.is_best(glove_idx, measure, &cell) { "*" } else { "" };
+                            let mark = if self.is_best(glove_idx, measure, &cell) { '*' } else { ' ' };
                             format!("{}{mark}", cell.text(measure))
                         }));
                         texts.push(cell.coverage.n_scored.to_string());

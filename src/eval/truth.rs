@@ -73,7 +73,8 @@ impl TareBuilder {
         Ok(TareBuilder { stretches: sorted.into_iter().map(empty).collect() })
     }
 
-    /// Takes one sample of the truth as it was measured. Samples outside the stretches and non-finite ones are not used.
+    /// Takes one sample of the truth as it was measured. Samples outside the stretches and non-finite ones are not
+    /// used.
     pub fn handle_force(&mut self, stamp: Stamp, force: GramForce) {
         let after = self.stretches.partition_point(|stretch| stretch.bounds.from <= stamp);
         let Some(stretch) = after.checked_sub(1).and_then(|idx| self.stretches.get_mut(idx)) else { return };

@@ -54,7 +54,7 @@ def score(case):
 def paired(case):
     differences = array(case["differences"])
     nonzero = differences[differences != 0]
-    # With ties scipy's exact distribution is that of ranks without ties; the permutation of all signs is exact for both.
+    # scipy's "exact" is that of ranks without ties; the permutation of all signs is exact with ties too.
     every_sign = stats.PermutationMethod(n_resamples=np.inf)
     permuted = stats.wilcoxon(nonzero, alternative="greater", method=every_sign)
     answer = {"p": float(permuted.pvalue), "w_plus": float(permuted.statistic)}

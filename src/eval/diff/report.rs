@@ -210,8 +210,8 @@ pub struct RegionDiff {
     pub only_in_a: OnlyIn,
     /// Records without a partner in A.
     pub only_in_b: OnlyIn,
-    /// Of the records without a partner, those that stopped waiting because too many did: were the series less apart, they
-    /// might have found one.
+    /// Of the records without a partner, those that stopped waiting because too many did: were the series less apart,
+    /// they might have found one.
     pub n_gave_up: u64,
     /// One a field, in the order of [`Field::ALL`].
     pub fields: Vec<FieldDiff>,
