@@ -12,4 +12,5 @@ pub mod config;
 pub mod fusion;
 pub mod model;
 pub mod msg;
+pub mod sim;
 pub mod units;
