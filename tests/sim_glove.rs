@@ -40,7 +40,7 @@ impl Bench {
 
     /// Mean over many touches of what a force adds.
     fn touches(&mut self, pose: HandPose, force: GramForce) -> f64 {
-        let n = 40;
+        let n = 24;
         let added = |bench: &mut Bench| {
             let rest = bench.hold(pose, None);
             bench.hold(pose, Some(force)) - rest

@@ -1,7 +1,11 @@
 //! What would be recorded of a synthetic session, sample by sample.
 
+mod channel;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use channel::{Channel, Kind, RATE_HZ, Sampling};
 
 use super::glove::{GLOVES, GloveDesign, WornGlove};
 use super::hand::{Hand, JOINTS, MotionCapture};
@@ -129,6 +133,8 @@ impl Record {
     }
 }
 
+const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always the same
+
 /// Begins a session.
 ///
 /// # Errors
@@ -139,91 +145,6 @@ pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
         return Err(SimError::Minutes { got: spec.minutes });
     }
     Ok(Session::new(spec.clone(), glove))
-}
-
-/// A stream of samples: its clock, and what becomes of samples on their way.
-#[derive(Debug, Clone)]
-struct Channel {
-    kind: Kind,
-    period_s: f64,
-    jitter_s: f64,
-    stamp_error_s: f64,
-    delay_s: (f64, f64), // at least, and the mean of what is on top
-    sample_idx: u32,
-    next_s: f64,
-    last_s: f64,
-    last_received: Stamp, // nothing overtakes on a wire
-    lost: u32,            // samples that will still be lost of this outage
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Taxels,
-    Joints,
-    Truth,
-}
-
-const RATE_HZ: f64 = 100.0;
-const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always the same
-const SYNC_ERROR_S: f64 = 0.005; // sd: half a frame between glove and load cell is left after synchronizing them
-
-impl Channel {
-    fn new(kind: Kind, noise: &mut Noise) -> Self {
-        // Jitter and delays: a glove over a radio or USB, optical tracking with its processing, a wired load cell.
-        let (jitter_s, delay_s, stamp_error_s) = match kind {
-            Kind::Taxels => (0.0004, (0.001, 0.001), noise.normal(SYNC_ERROR_S).clamp(-0.012, 0.012)),
-            Kind::Joints => (0.0001, (0.004, 0.0007), 0.0),
-            Kind::Truth => (0.00005, (0.0003, 0.0001), 0.0),
-        };
-        let period_s = (1.0 + noise.normal(2e-5)) / RATE_HZ; // quartz: tens of ppm
-        let next_s = noise.uniform(0.2, 0.9) * period_s;
-        Channel {
-            kind,
-            period_s,
-            jitter_s,
-            stamp_error_s,
-            delay_s,
-            sample_idx: 0,
-            next_s,
-            last_s: 0.0,
-            last_received: Stamp(i64::MIN),
-            lost: 0,
-        }
-    }
-
-    /// Whether the next sample never arrives: single ones, short bursts, and rarely an outage longer than a window's gap.
-    fn loses(&mut self, noise: &mut Noise) -> bool {
-        let rates = match self.kind {
-            Kind::Taxels => (8e-4, 5e-5, 1.5e-5),
-            Kind::Joints => (4e-4, 2e-5, 0.0), // markers that are hidden for a moment
-            Kind::Truth => (0.0, 0.0, 0.0),
-        };
-        if self.lost > 0 {
-            self.lost -= 1;
-            return true;
-        }
-        let draw = noise.uniform(0.0, 1.0);
-        let length = match draw {
-            _ if draw < rates.2 => noise.uniform(10.0, 30.0),
-            _ if draw < rates.2 + rates.1 => noise.uniform(2.0, 5.0),
-            _ if draw < rates.2 + rates.1 + rates.0 => 1.0,
-            _ => return false,
-        };
-        self.lost = length as u32 - 1;
-        true
-    }
-
-    /// Moves on to the next sample.
-    fn step(&mut self, noise: &mut Noise) {
-        self.sample_idx = self.sample_idx.wrapping_add(1);
-        self.last_s = self.next_s;
-        let due_s = self.due_s();
-        self.next_s = due_s + noise.normal(self.jitter_s).clamp(-0.2 * self.period_s, 0.2 * self.period_s);
-    }
-
-    fn due_s(&self) -> f64 {
-        (f64::from(self.sample_idx) + 0.5) * self.period_s
-    }
 }
 
 /// A session as an iterator over its records, in the order of their arrival.
@@ -317,11 +238,9 @@ impl Session {
 
     /// Takes the sample or annotation that is due first; whether there was one.
     fn advance(&mut self) -> bool {
-        let due = |channel: &Channel| channel.next_s;
-        let channel_idx = (0..self.channels.len())
-            .min_by(|&a, &b| due(&self.channels[a]).total_cmp(&due(&self.channels[b])))
-            .unwrap_or_default();
-        let t_s = self.channels[channel_idx].next_s;
+        let by_time = |a: &&mut Channel, b: &&mut Channel| a.next_s().total_cmp(&b.next_s());
+        let Some(channel) = self.channels.iter_mut().min_by(by_time) else { return false };
+        let t_s = channel.next_s();
         if let Some(annotation) = self.next_annotation.take_if(|annotation| annotation.at_s <= t_s || t_s >= self.end_s)
         {
             self.next_annotation = self.annotations.next();
@@ -333,37 +252,29 @@ impl Session {
         if t_s >= self.end_s {
             return false;
         }
-        self.sample(channel_idx);
+        let (kind, sampling) = (channel.kind, channel.take(&mut self.transport));
+        self.sample(kind, &sampling);
         true
     }
 
-    fn sample(&mut self, channel_idx: usize) {
-        let channel = &mut self.channels[channel_idx];
-        let (kind, t_s, dt_s, sequence) =
-            (channel.kind, channel.next_s, channel.next_s - channel.last_s, channel.sample_idx);
-        let stamp_s = t_s + channel.stamp_error_s;
-        let delay_s = channel.delay_s.0 + self.transport.exponential(channel.delay_s.1);
-        let lost = channel.loses(&mut self.transport);
-        channel.step(&mut self.transport);
-        let stamp = self.stamp(stamp_s);
-        let received = self.stamp(stamp_s.max(t_s) + delay_s).max(self.channels[channel_idx].last_received);
-        self.channels[channel_idx].last_received = received;
-        let state = self.performer.advance(t_s);
+    fn sample(&mut self, kind: Kind, sampling: &Sampling) {
+        let (stamp, received) = (self.stamp(sampling.stamp_s), self.stamp(sampling.received_s));
+        let state = self.performer.advance(sampling.at_s);
         let record = match kind {
             Kind::Taxels => {
-                let values = self.glove.sample(dt_s, &state);
-                Record::Taxels { stamp, received, sequence, values }
+                let values = self.glove.sample(sampling.dt_s, &state);
+                Record::Taxels { stamp, received, sequence: sampling.sequence, values }
             }
             Kind::Joints => {
                 let positions = self.mocap.measure(&state.pose, &mut self.measurement);
                 Record::Joints { stamp, received, names: Arc::clone(&self.names), positions }
             }
             Kind::Truth => {
-                let reading = self.load_cell.read(t_s, state.contact);
+                let reading = self.load_cell.read(sampling.at_s, state.contact);
                 Record::Truth { stamp, received, force: reading.force, torque: reading.torque }
             }
         };
-        if !lost {
+        if !sampling.lost {
             self.send(received, record);
         }
     }
@@ -382,7 +293,7 @@ impl Iterator for Session {
             // Nothing that is yet to be measured or annotated can arrive before this.
             let annotation_s = self.next_annotation.iter().map(|annotation| annotation.at_s);
             let due_s =
-                self.channels.iter().map(|channel| channel.next_s).chain(annotation_s).fold(f64::INFINITY, f64::min);
+                self.channels.iter().map(|channel| channel.next_s()).chain(annotation_s).fold(f64::INFINITY, f64::min);
             let settled = self.stamp(due_s);
             if let Some(first) = self.on_the_way.first_entry().filter(|first| first.key().0 < settled) {
                 return Some(first.remove());
