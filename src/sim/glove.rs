@@ -7,8 +7,8 @@
 //!                 + artifact_i(theta) + other_fingers_i) + drift_i
 //! ```
 //!
-//! then cross-talk, low-pass, noise, and counts of 12 bit. [`contact`] has what force does, [`strain`] what pose does,
-//! [`readout`] what electronics do; each term says there where it comes from.
+//! then cross-talk, low-pass, noise, and counts of 12 bit. `contact` has what force does, `strain` what pose does,
+//! `readout` what electronics do; each term says there where it comes from.
 
 mod contact;
 mod readout;
