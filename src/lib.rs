@@ -13,4 +13,5 @@ pub mod eval;
 pub mod fusion;
 pub mod model;
 pub mod msg;
+pub mod sim;
 pub mod units;

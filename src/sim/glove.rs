@@ -1,0 +1,205 @@
+//! Three synthetic gloves: what their fingertip taxels read under force, under strain, and over time.
+//!
+//! For taxel i, as a fraction of full scale:
+//!
+//! ```text
+//! x_i = gain_i * (touch gain * pattern_i * slow gain * (1 + c_i . theta) * w_i(location) * compress_i(force)
+//!                 + artifact_i(theta) + other_fingers_i) + drift_i
+//! ```
+//!
+//! then cross-talk, low-pass, noise, and counts of 12 bit. `contact` has what force does, `strain` what pose does,
+//! `readout` what electronics do; each term says there where it comes from.
+
+mod contact;
+mod readout;
+mod strain;
+
+use contact::ContactField;
+use readout::Readout;
+use strain::StrainField;
+
+use super::performance::HandState;
+use super::random::{Noise, Wander};
+use super::session::SessionSpec;
+use crate::units::GramForce;
+
+/// A glove as it was made: what doesn't change from user to user.
+///
+/// # Source
+/// Numbers are those that a throwaway exploration found to give the paper's tactile-only picture; the three differ as
+/// the paper's gloves do (Sec. VI-B): 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GloveDesign {
+    /// 1 to 3.
+    pub number: u8,
+    /// How its taxels sense.
+    pub principle: &'static str,
+    /// Where the taxels are on the fingertip, mm: x to the thumb's side, y to the nail's edge, from the pad's centre.
+    pub taxels: &'static [[f64; 2]],
+    /// Force at which a taxel has half of its ultimate reading.
+    pub half_saturation: GramForce,
+    /// Noise of a reading, fraction of full scale.
+    pub noise: f64,
+    /// Force whose reading equals the artifact of a full bend of DIP and PIP, for the median user and donning.
+    pub bend_artifact: GramForce,
+    /// Share of the artifact that lags behind the pose by hysteresis.
+    pub hysteresis: f64,
+    /// Artifact of all other fingers fully flexed, as a share of that of a full bend.
+    pub other_fingers: f64,
+    /// Change of the gain by a full bend, the mean of all taxels.
+    pub pose_gain: f64,
+    /// Log-normal spread of the gain from touch to touch.
+    pub touch_gain: f64,
+    /// Log-normal spread of the gain that wanders over a minute.
+    pub slow_gain: f64,
+    /// How much the glove's slipping on the finger changes artifacts, sd.
+    pub slip: f64,
+    /// Time constant of each taxel, s.
+    pub low_pass_s: f64,
+    /// Counts at rest, about.
+    pub rest_counts: f64,
+    /// Counts of full scale; negative where lower means more pressure.
+    pub span_counts: f64,
+}
+
+impl GloveDesign {
+    /// The glove of this number, if there is one.
+    pub fn numbered(number: u8) -> Option<&'static GloveDesign> {
+        GLOVES.iter().find(|design| design.number == number)
+    }
+
+    /// Whether a lower reading means more pressure: `sign: -1` in the parameters.
+    pub fn inverted(&self) -> bool {
+        self.span_counts < 0.0
+    }
+
+    /// The median glove's reading of a straight finger's touch, on average over where it lands, fraction of full scale,
+    /// the mean of all taxels.
+    pub fn nominal_response(&self, force: GramForce) -> f64 {
+        let reach = self.taxels.iter().map(|&taxel| contact::mean_reach(taxel, force.0));
+        reach.sum::<f64>() / self.taxels.len() as f64 * contact::compress(force.0, self.half_saturation.0)
+    }
+}
+
+/// All gloves there are.
+pub const GLOVES: [GloveDesign; 3] = [
+    GloveDesign {
+        number: 1,
+        principle: "capacitive",
+        taxels: &[[-2.5, -5.0], [2.5, -5.0], [-2.5, 0.0], [2.5, 0.0], [-2.5, 5.0], [2.5, 5.0]], // a grid
+        half_saturation: GramForce(900.0),
+        noise: 0.008,
+        bend_artifact: GramForce(112.0), // the paper's example, Sec. I
+        hysteresis: 0.25,
+        other_fingers: 0.15,
+        pose_gain: 0.22,
+        touch_gain: 0.09,
+        slow_gain: 0.08,
+        slip: 0.15,
+        low_pass_s: 0.010,
+        rest_counts: 420.0,
+        span_counts: 2400.0,
+    },
+    GloveDesign {
+        number: 2,
+        principle: "piezoresistive textile in a pull-up divider",
+        taxels: &[[0.0, 0.0], [0.0, 5.5], [5.2, 1.7], [3.2, -4.4], [-3.2, -4.4], [-5.2, 1.7]], // a rosette
+        half_saturation: GramForce(900.0),
+        noise: 0.014,
+        bend_artifact: GramForce(130.0),
+        hysteresis: 0.3,
+        other_fingers: 0.2,
+        pose_gain: -0.22, // a taut fabric takes part of the force
+        touch_gain: 0.20,
+        slow_gain: 0.12,
+        slip: 0.15,
+        low_pass_s: 0.015,
+        rest_counts: 3500.0,
+        span_counts: -2300.0, // pressure lowers the resistance and with it the divider's voltage
+    },
+    GloveDesign {
+        number: 3,
+        principle: "conductive elastomer channels",
+        taxels: &[[0.0, -5.5], [-4.0, -2.0], [4.0, -2.0], [-3.0, 2.5], [3.0, 2.5], [0.0, 6.5]], // along the pad's rim
+        half_saturation: GramForce(350.0),
+        noise: 0.008,
+        bend_artifact: GramForce(150.0),
+        hysteresis: 0.3,
+        other_fingers: 0.2,
+        pose_gain: 0.28,
+        touch_gain: 0.07,
+        slow_gain: 0.06,
+        slip: 0.3,
+        low_pass_s: 0.010,
+        rest_counts: 650.0,
+        span_counts: 2000.0,
+    },
+];
+
+/// A glove on a user's hand, from one donning to the next.
+#[derive(Debug)]
+pub struct WornGlove {
+    strain: StrainField,
+    contact: ContactField,
+    readout: Readout,
+    slip: Slip,
+    noise: Noise,
+}
+
+impl WornGlove {
+    /// A glove as this user put it on for this session.
+    pub fn new(design: &'static GloveDesign, spec: &SessionSpec) -> Self {
+        // Three streams, so that the hardware is the same for all, and a user the same in all sessions.
+        let mut hardware = Noise::named(&format!("glove {}", design.number));
+        let mut user = Noise::named(&format!("{}, skin", spec.user_name()));
+        let mut noise = Noise::named(&format!("{}, glove {}", spec.session_name(), design.number));
+        WornGlove {
+            strain: StrainField::new(design, &mut hardware, &mut user, &mut noise),
+            contact: ContactField::new(design, &mut hardware, &mut noise),
+            readout: Readout::new(design, &mut hardware, &mut noise),
+            slip: Slip::new(design, &mut noise),
+            noise,
+        }
+    }
+
+    /// What the taxels read, raw counts, `dt_s` after the sample before.
+    ///
+    /// # Shapes
+    /// Returns `[taxels]` in the order of [`GloveDesign::taxels`].
+    pub fn sample(&mut self, dt_s: f64, state: &HandState) -> Vec<f32> {
+        let slip = self.slip.advance(dt_s, &mut self.noise);
+        let (artifacts, bends) = self.strain.advance(dt_s, &state.pose, &slip);
+        let touched = self.contact.advance(dt_s, &bends, state.contact, slip.common, &mut self.noise);
+        let felt = touched.iter().zip(&artifacts).map(|(touched, artifact)| touched + artifact).collect();
+        self.readout.advance(dt_s, felt, &mut self.noise)
+    }
+}
+
+/// How far the glove has slipped on the finger, relative: it moves with sweat and use, over a minute or two.
+#[derive(Debug, Clone)]
+struct Slip {
+    common: Wander,
+    taxels: Vec<Wander>,
+}
+
+/// [`Slip`] as it is now.
+#[derive(Debug, Clone)]
+struct Slipped {
+    common: f64,
+    taxels: Vec<f64>,
+}
+
+const SLIP_S: f64 = 90.0;
+
+impl Slip {
+    fn new(design: &GloveDesign, noise: &mut Noise) -> Self {
+        let half = design.slip * std::f64::consts::FRAC_1_SQRT_2; // half of the variance common, half a taxel's own
+        let mut wander = || Wander::new(half, SLIP_S, noise);
+        Slip { common: wander(), taxels: design.taxels.iter().map(|_| wander()).collect() }
+    }
+
+    fn advance(&mut self, dt_s: f64, noise: &mut Noise) -> Slipped {
+        let common = self.common.advance(dt_s, noise);
+        Slipped { common, taxels: self.taxels.iter_mut().map(|own| common + own.advance(dt_s, noise)).collect() }
+    }
+}

@@ -1,0 +1,161 @@
+//! What a pose does to the taxels without any touch: the pose-related artifact.
+
+use super::contact::CREEP_S;
+use super::{GloveDesign, Slipped};
+use crate::sim::hand::{Finger, HandPose};
+use crate::sim::random::{Lag, Noise};
+
+/// Weight of the index joints DIP, PIP, MCP flexion and abduction in the strain at the fingertip.
+///
+/// # Source
+/// Pose-aware tactile gloves, Observation 3: nearby joints act most, DIP and PIP over MCP over other fingers.
+const LOCALITY: [f64; 4] = [1.0, 0.7, 0.3, 0.15];
+/// Angles of a full bend, rad: with DIP and PIP here, the artifact is the design's `bend_artifact`.
+const FULL_RAD: [f64; 4] = [1.1, 1.5, 1.3, 0.35];
+const FULL_BEND: f64 = LOCALITY[0] + LOCALITY[1];
+const QUADRATIC: f64 = 0.3; // share of the artifact that grows with the square: fabric wrinkles late in a bend
+const COMMON: f64 = 0.6; // share that all taxels have in common, the rest is each one's own
+const CREEP: f64 = 0.15; // share of the strain that the glove follows slowly
+const RATE_S: f64 = 0.015; // viscous part: strain by speed of the bend
+const RATE_LAG_S: f64 = 0.05;
+const PLAY: [f64; 2] = [0.08, 0.2]; // half-widths of two play operators, shares of a full bend
+const USER_SD: f64 = 0.3; // of the artifact, from user to user: finger size and fit
+const USER_JOINT_SD: f64 = 0.1; // of a joint's weight: where creases lie
+const DONNING_SD: f64 = 0.25; // of the artifact, from donning to donning
+/// Share of thumb and neighbours in the artifact of other fingers: middle, ring, little, thumb.
+const OTHERS: [(Finger, f64); 4] =
+    [(Finger::Middle, 0.6), (Finger::Ring, 0.15), (Finger::Little, 0.05), (Finger::Thumb, 0.2)];
+
+/// How far the index joints are bent now, as shares of a full bend.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bends([f64; 4]);
+
+impl Bends {
+    fn of(pose: &HandPose) -> Self {
+        let index = pose.finger(Finger::Index);
+        Bends(std::array::from_fn(|j| index[j] / FULL_RAD[j]))
+    }
+
+    /// Bend as the fingertip feels it: 1 for DIP and PIP fully bent.
+    pub(super) fn local(&self) -> f64 {
+        self.0.iter().zip(LOCALITY).map(|(bend, weight)| bend * weight).sum::<f64>() / FULL_BEND
+    }
+
+    /// How far the finger is flexed altogether, which tilts the tip.
+    pub(super) fn flexion(&self) -> f64 {
+        (self.0[0] + self.0[1] + self.0[2]) / 3.0
+    }
+}
+
+/// One joint's way from bend to strain.
+#[derive(Debug, Clone)]
+struct Material {
+    hysteresis: f64,
+    play: [Option<f64>; 2],
+    creep: [Lag; 2],
+    rate: Lag,
+}
+
+impl Material {
+    fn new(hysteresis: f64) -> Self {
+        Material { hysteresis, play: [None; 2], creep: CREEP_S.map(Lag::new), rate: Lag::new(RATE_LAG_S) }
+    }
+
+    /// Strain `dt_s` later: hysteresis by play operators (friction of fabric on skin), then creep and rate.
+    fn advance(&mut self, dt_s: f64, bend: f64) -> f64 {
+        let mut lagging = 0.0;
+        for (play, half_width) in self.play.iter_mut().zip(PLAY) {
+            let moved = play.unwrap_or(bend).clamp(bend - half_width, bend + half_width);
+            *play = Some(moved);
+            lagging += moved / PLAY.len() as f64;
+        }
+        let strain = (1.0 - self.hysteresis) * bend + self.hysteresis * lagging;
+        let [fast, slow] = self.creep.each_mut().map(|creep| creep.advance(dt_s, strain));
+        let rate = (strain - self.rate.advance(dt_s, strain)) / RATE_LAG_S;
+        (1.0 - CREEP) * strain + CREEP * 0.5 * (fast + slow) + RATE_S * rate
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Taxel {
+    linear: [f64; 4],
+    quadratic: [f64; 4],
+    others: f64,
+}
+
+/// The pose side of a glove on a hand.
+#[derive(Debug, Clone)]
+pub(super) struct StrainField {
+    joints: [Material; 4],
+    taxels: Vec<Taxel>,
+}
+
+impl StrainField {
+    pub(super) fn new(design: &GloveDesign, hardware: &mut Noise, user: &mut Noise, noise: &mut Noise) -> Self {
+        let size = design.nominal_response(design.bend_artifact) / FULL_BEND
+            * user.log_normal(USER_SD)
+            * noise.log_normal(DONNING_SD);
+        let user_joint: [f64; 4] = std::array::from_fn(|_| user.log_normal(USER_JOINT_SD));
+        let n_taxels = design.taxels.len();
+        let mut patterns =
+            |n_joints: usize| -> Vec<Vec<f64>> { (0..n_joints).map(|_| pattern(n_taxels, hardware)).collect() };
+        let (linear, quadratic, others) = (patterns(4), patterns(4), pattern(n_taxels, hardware));
+        let weight = |j: usize, share: f64, own: f64| size * LOCALITY[j] * user_joint[j] * share * own;
+        let taxels = (0..n_taxels).map(|taxel| Taxel {
+            linear: std::array::from_fn(|j| weight(j, 1.0 - QUADRATIC, linear[j][taxel])),
+            quadratic: std::array::from_fn(|j| weight(j, QUADRATIC, quadratic[j][taxel])),
+            others: size * FULL_BEND * design.other_fingers * others[taxel],
+        });
+        StrainField { joints: std::array::from_fn(|_| Material::new(design.hysteresis)), taxels: taxels.collect() }
+    }
+
+    /// Artifacts, fraction of full scale, and the bends that made them.
+    pub(super) fn advance(&mut self, dt_s: f64, pose: &HandPose, slip: &Slipped) -> (Vec<f64>, Bends) {
+        let bends = Bends::of(pose);
+        let mut strain = bends.0;
+        for (strain, joint) in strain.iter_mut().zip(&mut self.joints) {
+            *strain = joint.advance(dt_s, *strain);
+        }
+        let others: f64 = OTHERS
+            .iter()
+            .map(|&(finger, share)| {
+                let angles = pose.finger(finger);
+                share * (0..3).map(|j| angles[j] / FULL_RAD[j]).sum::<f64>() / 3.0
+            })
+            .sum();
+        let artifact = |(taxel, slipped): (&Taxel, &f64)| {
+            let by_joint = strain
+                .iter()
+                .enumerate()
+                .map(|(j, strain)| taxel.linear[j] * strain + taxel.quadratic[j] * strain * strain.abs());
+            (1.0 + slipped) * by_joint.sum::<f64>() + taxel.others * others
+        };
+        (self.taxels.iter().zip(&slip.taxels).map(artifact).collect(), bends)
+    }
+}
+
+/// What each taxel has of something, 1 on average over the taxels: [`COMMON`] the same for all, the rest its own.
+fn pattern(n_taxels: usize, hardware: &mut Noise) -> Vec<f64> {
+    let own: Vec<f64> = (0..n_taxels).map(|_| hardware.normal((1.0 - COMMON) / COMMON)).collect();
+    let mean = own.iter().sum::<f64>() / n_taxels as f64;
+    own.iter().map(|own| 1.0 + own - mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strain_on_the_way_back_is_higher_than_on_the_way_out() {
+        let mut material = Material::new(0.3);
+        let mut half_way = Vec::new();
+        for k in 0..=400 {
+            let bend = 1.0 - (f64::from(k) / 200.0 - 1.0).abs(); // out and back in 40 s, too slow for creep
+            let strain = material.advance(0.1, bend);
+            if k == 100 || k == 300 {
+                half_way.push(strain);
+            }
+        }
+        assert!(half_way[1] - half_way[0] > 0.05, "{half_way:?}");
+    }
+}

@@ -1,0 +1,347 @@
+//! The synthetic user's hand: joints, the poses of the protocol, and what muscles, tendons and tremor make of an intent.
+
+use std::array;
+
+use super::random::{Noise, Wander};
+
+/// Fingers of a hand, in the order of [`JOINTS`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Finger {
+    /// The one that touches.
+    Index,
+    /// Its neighbour.
+    Middle,
+    /// Two away.
+    Ring,
+    /// Three away.
+    Little,
+    /// The thumb, whose four joints are IP, MCP, CMC flexion and CMC abduction.
+    Thumb,
+}
+
+/// Number of fingers, the thumb included.
+pub const N_FINGERS: usize = 5;
+
+/// Joint names in the order of [`HandPose::angles`]; flexion and abduction are positive.
+pub const JOINTS: [&str; 20] = [
+    "index_dip",
+    "index_pip",
+    "index_mcp_flex",
+    "index_mcp_abd",
+    "middle_dip",
+    "middle_pip",
+    "middle_mcp_flex",
+    "middle_mcp_abd",
+    "ring_dip",
+    "ring_pip",
+    "ring_mcp_flex",
+    "ring_mcp_abd",
+    "little_dip",
+    "little_pip",
+    "little_mcp_flex",
+    "little_mcp_abd",
+    "thumb_ip",
+    "thumb_mcp",
+    "thumb_cmc_flex",
+    "thumb_cmc_abd",
+];
+
+/// Angles of one finger, rad: DIP, PIP, MCP flexion, MCP abduction.
+pub type FingerPose = [f64; 4];
+
+/// Angles of all fingers, rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandPose(pub [FingerPose; N_FINGERS]);
+
+impl HandPose {
+    /// The angles of one finger, rad.
+    pub fn finger(&self, finger: Finger) -> FingerPose {
+        self.0[finger as usize]
+    }
+
+    /// This pose with another index finger.
+    pub fn with_index(mut self, index: FingerPose) -> Self {
+        self.0[Finger::Index as usize] = index;
+        self
+    }
+
+    /// All angles in the order of [`JOINTS`], rad.
+    pub fn angles(&self) -> Vec<f64> {
+        self.0.concat()
+    }
+}
+
+/// A hand pose that the protocol asks for by name.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TerminalPose {
+    /// In snake_case.
+    pub name: &'static str,
+    /// What the user aims at.
+    pub pose: HandPose,
+    /// Whether the index fingertip is available for tapping.
+    pub index_free: bool,
+}
+
+const fn terminal(name: &'static str, index_free: bool, pose: [FingerPose; N_FINGERS]) -> TerminalPose {
+    TerminalPose { name, pose: HandPose(pose), index_free }
+}
+
+/// The 14 terminal poses, 10 of them with the index fingertip available.
+///
+/// The paper shows its poses only as drawings; these are everyday hand shapes that span the range of every joint. In
+/// none of them does the index fingertip touch the hand itself, so that zero load is zero load: the fist is loose and
+/// the pinch is open.
+///
+/// # Source
+/// Pose-aware tactile gloves, Sec. IV and Fig. 3D; joint ranges as in anatomy (DIP 1.2, PIP 1.75, MCP 1.55 rad).
+pub const TERMINAL_POSES: [TerminalPose; 14] = {
+    const OPEN: FingerPose = [0.04, 0.08, 0.05, 0.0];
+    const CURLED: FingerPose = [0.85, 1.45, 1.2, 0.0];
+    const THUMB_OUT: FingerPose = [0.05, 0.05, 0.05, 0.75];
+    const THUMB_IN: FingerPose = [0.6, 0.6, 0.6, 0.25];
+    const THUMB_REST: FingerPose = [0.2, 0.2, 0.2, 0.4];
+    [
+        terminal("flat", true, [OPEN, OPEN, OPEN, OPEN, THUMB_REST]),
+        terminal(
+            "spread",
+            true,
+            [
+                [0.02, 0.04, 0.0, 0.3],
+                [0.02, 0.04, 0.0, 0.05],
+                [0.02, 0.04, 0.0, -0.18],
+                [0.03, 0.06, 0.0, -0.35],
+                THUMB_OUT,
+            ],
+        ),
+        terminal(
+            "relaxed",
+            true,
+            [
+                [0.22, 0.42, 0.35, 0.02],
+                [0.27, 0.5, 0.42, 0.0],
+                [0.3, 0.55, 0.48, 0.0],
+                [0.3, 0.55, 0.5, -0.05],
+                THUMB_REST,
+            ],
+        ),
+        terminal("point", true, [[0.06, 0.12, 0.15, 0.0], CURLED, CURLED, CURLED, THUMB_IN]),
+        terminal("l_shape", true, [[0.04, 0.08, 0.02, 0.12], CURLED, CURLED, CURLED, THUMB_OUT]),
+        terminal("victory", true, [[0.03, 0.06, 0.05, 0.22], [0.03, 0.06, 0.05, -0.15], CURLED, CURLED, THUMB_IN]),
+        terminal("three", true, [[0.05, 0.1, 0.1, 0.15], OPEN, [0.05, 0.1, 0.1, -0.12], CURLED, THUMB_IN]),
+        terminal(
+            "tabletop",
+            true,
+            [[0.06, 0.1, 1.15, 0.0], [0.06, 0.1, 1.2, 0.0], [0.06, 0.1, 1.2, 0.0], [0.06, 0.1, 1.15, 0.0], THUMB_REST],
+        ),
+        terminal(
+            "cup",
+            true,
+            [
+                [0.45, 0.7, 0.5, 0.1],
+                [0.45, 0.72, 0.5, 0.02],
+                [0.45, 0.75, 0.52, -0.08],
+                [0.4, 0.7, 0.55, -0.15],
+                [0.4, 0.4, 0.5, 0.7],
+            ],
+        ),
+        terminal(
+            "claw",
+            true,
+            [
+                [0.8, 1.15, 0.1, 0.08],
+                [0.8, 1.2, 0.1, 0.0],
+                [0.8, 1.2, 0.12, -0.08],
+                [0.75, 1.1, 0.15, -0.15],
+                [0.5, 0.4, 0.3, 0.5],
+            ],
+        ),
+        terminal("loose_fist", false, [[0.75, 1.3, 1.1, 0.0], CURLED, CURLED, CURLED, THUMB_IN]),
+        terminal("thumbs_up", false, [[0.8, 1.4, 1.15, 0.0], CURLED, CURLED, CURLED, THUMB_OUT]),
+        terminal("open_pinch", false, [[0.5, 0.85, 0.75, 0.05], OPEN, OPEN, OPEN, [0.35, 0.4, 0.6, 0.6]]),
+        terminal(
+            "hook",
+            false,
+            [[1.0, 1.55, 0.08, 0.0], [1.0, 1.6, 0.08, 0.0], [1.0, 1.6, 0.1, 0.0], [0.95, 1.5, 0.12, -0.05], THUMB_REST],
+        ),
+    ]
+};
+
+/// What the other fingers do while the index finger is asked for a pose or a movement.
+pub const INDEX_BASE: HandPose = HandPose([
+    [0.05, 0.1, 0.1, 0.0],
+    [0.15, 0.3, 0.25, 0.0],
+    [0.2, 0.35, 0.3, 0.0],
+    [0.2, 0.35, 0.3, -0.05],
+    [0.2, 0.2, 0.2, 0.4],
+]);
+
+/// A pose of the index finger alone that the protocol asks for by name.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IndexPose {
+    /// In snake_case.
+    pub name: &'static str,
+    /// rad.
+    pub index: FingerPose,
+}
+
+/// The 5 index poses: a bend is DIP and PIP, a fold is MCP.
+pub const INDEX_POSES: [IndexPose; 5] = [
+    IndexPose { name: "straight", index: [0.05, 0.1, 0.1, 0.0] },
+    IndexPose { name: "small_bend", index: [0.4, 0.6, 0.15, 0.0] },
+    IndexPose { name: "large_bend", index: [0.85, 1.25, 0.2, 0.0] },
+    IndexPose { name: "small_fold", index: [0.08, 0.14, 0.5, 0.0] },
+    IndexPose { name: "large_fold", index: [0.1, 0.18, 1.05, 0.0] },
+];
+
+/// A movement of a finger from straight to its end and back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Movement {
+    /// In snake_case.
+    pub name: &'static str,
+    /// Where it turns back, rad.
+    pub end: FingerPose,
+}
+
+/// The 3 dynamic movements: bend (DIP and PIP), fold (MCP), roll (all three).
+pub const MOVEMENTS: [Movement; 3] = [
+    Movement { name: "bend", end: [1.1, 1.5, 0.15, 0.0] },
+    Movement { name: "fold", end: [0.1, 0.18, 1.3, 0.0] },
+    Movement { name: "roll", end: [0.95, 1.3, 1.05, 0.0] },
+];
+
+const LIMITS: [(f64, f64); 4] = [(-0.15, 1.3), (-0.1, 1.8), (-0.35, 1.6), (-0.45, 0.45)]; // rad, active range
+const THUMB_LIMITS: [(f64, f64); 4] = [(-0.2, 1.4), (-0.1, 1.1), (-0.3, 1.0), (-0.1, 1.1)];
+
+/// How much of a neighbour's flexion a finger follows when it isn't told to: index, middle, ring, little, thumb.
+///
+/// # Source
+/// Enslaving of fingers by shared muscles and tendons; its size is that of free movement, some 5-20 % for neighbours.
+const ENSLAVING: [[f64; N_FINGERS]; N_FINGERS] = [
+    [0.0, 0.10, 0.03, 0.01, 0.01],
+    [0.13, 0.0, 0.14, 0.04, 0.01],
+    [0.05, 0.16, 0.0, 0.15, 0.01],
+    [0.02, 0.06, 0.18, 0.0, 0.01],
+    [0.03, 0.02, 0.01, 0.01, 0.0],
+];
+
+/// What stays the same of a user's hand from session to session.
+#[derive(Debug, Clone)]
+pub struct Hand {
+    reach: [FingerPose; N_FINGERS],
+    habit: [FingerPose; N_FINGERS],
+    enslaving: f64,
+    tempo: f64,
+    tremor_rad: f64,
+    tremor_hz: f64,
+    sloppiness: f64,
+}
+
+impl Hand {
+    pub(crate) fn new(noise: &mut Noise) -> Self {
+        Hand {
+            reach: array::from_fn(|_| array::from_fn(|_| 1.0 + noise.normal(0.07))),
+            habit: array::from_fn(|_| array::from_fn(|_| noise.normal(0.04))),
+            enslaving: noise.log_normal(0.3),
+            tempo: noise.log_normal(0.12),
+            tremor_rad: 0.0025 * noise.log_normal(0.3), // 0.15 deg: healthy physiological tremor
+            tremor_hz: noise.uniform(8.0, 12.0),
+            sloppiness: noise.log_normal(0.25),
+        }
+    }
+
+    /// How slowly this user moves; 1 is usual.
+    pub fn tempo(&self) -> f64 {
+        self.tempo
+    }
+
+    /// What the user really aims at when asked for a pose, different each time.
+    pub(crate) fn aim(&self, asked: &HandPose, noise: &mut Noise) -> HandPose {
+        let effort = 1.0 + noise.normal(0.05 * self.sloppiness);
+        HandPose(array::from_fn(|f| {
+            let limits = if f == Finger::Thumb as usize { THUMB_LIMITS } else { LIMITS };
+            array::from_fn(|j| {
+                let aimed = asked.0[f][j] * self.reach[f][j] * effort + self.habit[f][j];
+                (aimed + noise.normal(0.035 * self.sloppiness)).clamp(limits[j].0, limits[j].1)
+            })
+        }))
+    }
+
+    /// What tendons make of an intent: fingers follow their neighbours' flexion partly.
+    pub fn follow(&self, intent: &HandPose) -> HandPose {
+        let mut pose = *intent;
+        for (f, followed) in ENSLAVING.iter().enumerate() {
+            for (g, share) in followed.iter().enumerate() {
+                for j in 0..3 {
+                    pose.0[f][j] += self.enslaving * share * (intent.0[g][j] - intent.0[f][j]);
+                }
+            }
+        }
+        pose
+    }
+}
+
+/// What no intent explains: physiological tremor, and the slow wander of a posture that is held.
+#[derive(Debug, Clone)]
+pub(crate) struct Unsteadiness {
+    fingers: [[Wander; 3]; N_FINGERS], // two quadratures of tremor, and posture
+    tremor_hz: f64,
+}
+
+impl Unsteadiness {
+    pub(crate) fn new(hand: &Hand, noise: &mut Noise) -> Self {
+        let fingers = array::from_fn(|_| {
+            [
+                Wander::new(hand.tremor_rad, 0.4, noise),
+                Wander::new(hand.tremor_rad, 0.4, noise),
+                Wander::new(0.012 * hand.sloppiness, 1.5, noise),
+            ]
+        });
+        Unsteadiness { fingers, tremor_hz: hand.tremor_hz }
+    }
+
+    /// The pose `dt_s` later, at `t_s`, around what tendons hold.
+    pub(crate) fn advance(&mut self, t_s: f64, dt_s: f64, held: &HandPose, noise: &mut Noise) -> HandPose {
+        let phase = std::f64::consts::TAU * self.tremor_hz * t_s;
+        let (sin, cos) = libm::sincos(phase);
+        let mut pose = *held;
+        for (finger, wanderers) in pose.0.iter_mut().zip(&mut self.fingers) {
+            let [a, b, posture] = wanderers.each_mut().map(|wander| wander.advance(dt_s, noise));
+            let shake = a * cos + b * sin;
+            for (angle, share) in finger.iter_mut().zip([(0.6, 0.6), (0.8, 1.0), (1.0, 0.7), (0.3, 0.4)]) {
+                *angle += share.0 * shake + share.1 * posture;
+            }
+        }
+        pose
+    }
+}
+
+/// Optical motion capture of the hand: markers sit on a glove and on skin that moves over the bone.
+///
+/// # Source
+/// Marker jitter of an optical system is some 0.1 mm over a phalanx of 25 mm; joint angles from skin markers are off
+/// by a few degrees in a way that stays the same until the markers are put on anew.
+#[derive(Debug, Clone)]
+pub(crate) struct MotionCapture {
+    offset: [f64; JOINTS.len()],
+    gain: [f64; JOINTS.len()],
+}
+
+const MOCAP_NOISE_RAD: f64 = 0.004;
+
+impl MotionCapture {
+    pub(crate) fn new(noise: &mut Noise) -> Self {
+        MotionCapture {
+            offset: array::from_fn(|_| noise.normal(0.03)),
+            gain: array::from_fn(|_| 1.0 + noise.normal(0.03)),
+        }
+    }
+
+    /// Angles as they are measured, in the order of [`JOINTS`], rad.
+    pub(crate) fn measure(&self, pose: &HandPose, noise: &mut Noise) -> Vec<f64> {
+        let mut angles = pose.angles();
+        for ((angle, offset), gain) in angles.iter_mut().zip(self.offset).zip(self.gain) {
+            *angle = *angle * gain + offset + noise.normal(MOCAP_NOISE_RAD);
+        }
+        angles
+    }
+}

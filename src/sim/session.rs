@@ -1,0 +1,306 @@
+//! What would be recorded of a synthetic session, sample by sample.
+
+mod channel;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use channel::{Channel, Kind, RATE_HZ, Sampling};
+
+use super::glove::{GLOVES, GloveDesign, WornGlove};
+use super::hand::{Hand, JOINTS, MotionCapture};
+use super::load_cell::LoadCell;
+use super::performance::{Annotation, Performance, Performer};
+use super::protocol::{FULL_MINUTES, MIN_MINUTES, Plan};
+use super::random::Noise;
+use super::touch::ForceStyle;
+use crate::units::{NANOS_PER_SEC, Stamp};
+
+/// Which session. The same one gives the same records on every machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SessionSpec {
+    /// Which of the gloves, 1 to 3.
+    pub glove: u8,
+    /// Which user: the same hand, force style and skin in all of their sessions.
+    pub user: u32,
+    /// Which donning of the glove by this user.
+    pub session: u32,
+    /// Which world: another seed has other users. Gloves are the same in all.
+    pub seed: u64,
+    /// How long, [`MIN_MINUTES`] to [`FULL_MINUTES`]; shorter has fewer repetitions, never fewer substages.
+    pub minutes: f64,
+}
+
+/// Why there is no such session. Each text is one line.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimError {
+    /// There is no such glove.
+    #[error("glove {got}: there is no such synthetic glove; choose one of 1 to {n}", n = GLOVES.len())]
+    Glove {
+        /// What was asked for.
+        got: u8,
+    },
+    /// The protocol doesn't fit.
+    #[error("minutes {got}: a session of the protocol takes {MIN_MINUTES} to {FULL_MINUTES} minutes")]
+    Minutes {
+        /// What was asked for.
+        got: f64,
+    },
+}
+
+impl SessionSpec {
+    pub(super) fn user_name(&self) -> String {
+        format!("seed {}, user {}", self.seed, self.user)
+    }
+
+    pub(super) fn session_name(&self) -> String {
+        format!("{}, session {}", self.user_name(), self.session)
+    }
+}
+
+/// One message of the recording. Stamps are when it was measured, `received` is when it arrived.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Record {
+    /// A sample of the glove.
+    Taxels {
+        /// By the glove's clock as synchronized, which is a few milliseconds off.
+        stamp: Stamp,
+        /// Arrival.
+        received: Stamp,
+        /// Counts samples, those that never arrive included.
+        sequence: u32,
+        /// `[taxels]`, counts.
+        values: Vec<f32>,
+    },
+    /// A sample of the motion capture.
+    Joints {
+        /// When it was measured.
+        stamp: Stamp,
+        /// Arrival.
+        received: Stamp,
+        /// `[joints]`, those of [`JOINTS`].
+        names: Arc<[String]>,
+        /// `[joints]`, rad.
+        positions: Vec<f64>,
+    },
+    /// A sample of the load cell, untared.
+    Truth {
+        /// When it was measured.
+        stamp: Stamp,
+        /// Arrival.
+        received: Stamp,
+        /// N, x y z; z is the normal force, positive under pressure.
+        force: [f64; 3],
+        /// N m, x y z.
+        torque: [f64; 3],
+    },
+    /// What the user was asked to do from now on.
+    Stage {
+        /// From when on it holds; also its arrival.
+        stamp: Stamp,
+        /// 1 to 3; 0 when the session is over.
+        stage: u8,
+        /// In snake_case; empty outside of the protocol.
+        substage: &'static str,
+        /// In snake_case; empty when free.
+        pose: &'static str,
+        /// Counted from 0 within the substage.
+        repetition: u16,
+        /// Whether nothing touches the fingertip.
+        zero_load: bool,
+    },
+}
+
+impl Record {
+    /// When it was measured.
+    pub fn stamp(&self) -> Stamp {
+        match *self {
+            Record::Taxels { stamp, .. }
+            | Record::Joints { stamp, .. }
+            | Record::Truth { stamp, .. }
+            | Record::Stage { stamp, .. } => stamp,
+        }
+    }
+
+    /// When it arrived: what records are ordered by.
+    pub fn received(&self) -> Stamp {
+        match *self {
+            Record::Taxels { received, .. } | Record::Joints { received, .. } | Record::Truth { received, .. } => {
+                received
+            }
+            Record::Stage { stamp, .. } => stamp,
+        }
+    }
+}
+
+const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always the same
+
+/// Begins a session.
+///
+/// # Errors
+/// [`SimError`] when there is no such glove or the protocol doesn't fit into that time.
+pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
+    let glove = GloveDesign::numbered(spec.glove).ok_or(SimError::Glove { got: spec.glove })?;
+    if !(MIN_MINUTES..=FULL_MINUTES).contains(&spec.minutes) {
+        return Err(SimError::Minutes { got: spec.minutes });
+    }
+    Ok(Session::new(spec.clone(), glove))
+}
+
+/// A session as an iterator over its records, in the order of their arrival.
+#[derive(Debug)]
+pub struct Session {
+    spec: SessionSpec,
+    plan: Plan,
+    performer: Performer,
+    annotations: std::vec::IntoIter<Annotation>,
+    next_annotation: Option<Annotation>,
+    glove: WornGlove,
+    mocap: MotionCapture,
+    load_cell: LoadCell,
+    names: Arc<[String]>,
+    channels: [Channel; 3],
+    transport: Noise,
+    measurement: Noise,
+    on_the_way: BTreeMap<(Stamp, u64), Record>,
+    n_sent: u64,
+    start: Stamp,
+    end_s: f64,
+}
+
+impl Session {
+    fn new(spec: SessionSpec, design: &'static GloveDesign) -> Self {
+        let of_user = |what: &str| Noise::named(&format!("{}, {what}", spec.user_name()));
+        let of_session = |what: &str| Noise::named(&format!("{}, {what}", spec.session_name()));
+        let hand = Hand::new(&mut of_user("hand"));
+        let style = ForceStyle::new(&mut of_user("force"));
+        let plan = Plan::new(spec.minutes, &format!("{}, plan", spec.session_name()));
+        let performance = Performance::new(&plan, &hand, &style, &mut of_session("performance"));
+        let mut annotations = performance.annotations().to_vec().into_iter();
+        let mut transport = of_session("transport");
+        let (days, hours) = (i64::from(spec.user), i64::from(spec.session));
+        Session {
+            end_s: performance.end_s(),
+            next_annotation: annotations.next(),
+            annotations,
+            performer: Performer::new(performance, hand, of_session("unsteadiness")),
+            glove: WornGlove::new(design, &spec),
+            mocap: MotionCapture::new(&mut of_session("markers")),
+            load_cell: LoadCell::new(of_session("load cell")),
+            names: JOINTS.iter().map(|joint| (*joint).to_owned()).collect(),
+            channels: [Kind::Taxels, Kind::Joints, Kind::Truth].map(|kind| Channel::new(kind, &mut transport)),
+            transport,
+            measurement: of_session("measurement"),
+            on_the_way: BTreeMap::new(),
+            n_sent: 0,
+            start: Stamp((EPOCH_S + days * 86_400 + hours * 3_600).saturating_mul(NANOS_PER_SEC)),
+            plan,
+            spec,
+        }
+    }
+
+    /// What is known of the recording: to be written beside it. `synthetic` is always `true`.
+    pub fn metadata(&self) -> BTreeMap<String, String> {
+        let design = GloveDesign::numbered(self.spec.glove);
+        let entries = [
+            ("synthetic", "true".to_owned()),
+            ("glove", self.spec.glove.to_string()),
+            ("principle", design.map_or("", |design| design.principle).to_owned()),
+            ("taxels", design.map_or(0, |design| design.taxels.len()).to_string()),
+            ("sign", if design.is_some_and(GloveDesign::inverted) { "-1" } else { "1" }.to_owned()),
+            ("user", self.spec.user.to_string()),
+            ("donning", self.spec.session.to_string()),
+            ("seed", self.spec.seed.to_string()),
+            ("minutes", self.spec.minutes.to_string()),
+            ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
+        ];
+        entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+
+    /// What the user is asked to do.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// What the user means to do.
+    pub fn performance(&self) -> &Performance {
+        self.performer.performance()
+    }
+
+    /// Number of the session's frames at 100 Hz, about: for progress.
+    pub fn n_frames(&self) -> u64 {
+        (self.end_s * RATE_HZ) as u64
+    }
+
+    fn stamp(&self, t_s: f64) -> Stamp {
+        self.start.offset((t_s * NANOS_PER_SEC as f64).round() as i64)
+    }
+
+    /// Takes the sample or annotation that is due first; whether there was one.
+    fn advance(&mut self) -> bool {
+        let by_time = |a: &&mut Channel, b: &&mut Channel| a.next_s().total_cmp(&b.next_s());
+        let Some(channel) = self.channels.iter_mut().min_by(by_time) else { return false };
+        let t_s = channel.next_s();
+        if let Some(annotation) = self.next_annotation.take_if(|annotation| annotation.at_s <= t_s || t_s >= self.end_s)
+        {
+            self.next_annotation = self.annotations.next();
+            let Annotation { at_s, stage, substage, pose, repetition, zero_load } = annotation;
+            let stamp = self.stamp(at_s);
+            self.send(stamp, Record::Stage { stamp, stage, substage, pose, repetition, zero_load });
+            return true;
+        }
+        if t_s >= self.end_s {
+            return false;
+        }
+        let (kind, sampling) = (channel.kind, channel.take(&mut self.transport));
+        self.sample(kind, &sampling);
+        true
+    }
+
+    fn sample(&mut self, kind: Kind, sampling: &Sampling) {
+        let (stamp, received) = (self.stamp(sampling.stamp_s), self.stamp(sampling.received_s));
+        let state = self.performer.advance(sampling.at_s);
+        let record = match kind {
+            Kind::Taxels => {
+                let values = self.glove.sample(sampling.dt_s, &state);
+                Record::Taxels { stamp, received, sequence: sampling.sequence, values }
+            }
+            Kind::Joints => {
+                let positions = self.mocap.measure(&state.pose, &mut self.measurement);
+                Record::Joints { stamp, received, names: Arc::clone(&self.names), positions }
+            }
+            Kind::Truth => {
+                let reading = self.load_cell.read(sampling.at_s, state.contact);
+                Record::Truth { stamp, received, force: reading.force, torque: reading.torque }
+            }
+        };
+        if !sampling.lost {
+            self.send(received, record);
+        }
+    }
+
+    fn send(&mut self, received: Stamp, record: Record) {
+        self.on_the_way.insert((received, self.n_sent), record);
+        self.n_sent += 1;
+    }
+}
+
+impl Iterator for Session {
+    type Item = Record;
+
+    fn next(&mut self) -> Option<Record> {
+        loop {
+            // Nothing that is yet to be measured or annotated can arrive before this.
+            let annotation_s = self.next_annotation.iter().map(|annotation| annotation.at_s);
+            let due_s =
+                self.channels.iter().map(|channel| channel.next_s()).chain(annotation_s).fold(f64::INFINITY, f64::min);
+            let settled = self.stamp(due_s);
+            if let Some(first) = self.on_the_way.first_entry().filter(|first| first.key().0 < settled) {
+                return Some(first.remove());
+            }
+            if !self.advance() {
+                return self.on_the_way.pop_first().map(|(_, record)| record);
+            }
+        }
+    }
+}

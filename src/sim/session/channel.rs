@@ -1,0 +1,117 @@
+//! A stream of samples on its way to the recorder: its clock, its delays, and what gets lost.
+
+use crate::sim::random::Noise;
+
+pub(super) const RATE_HZ: f64 = 100.0; // Sec. IV: all signals at 100 Hz
+const SYNC_ERROR_S: f64 = 0.005; // sd: half a frame between glove and load cell is left after synchronizing them
+
+/// What a stream measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// The glove.
+    Taxels,
+    /// Motion capture.
+    Joints,
+    /// The load cell.
+    Truth,
+}
+
+/// A sample's times, s into the session.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sampling {
+    /// When it is taken.
+    pub(super) at_s: f64,
+    /// Since the one before.
+    pub(super) dt_s: f64,
+    /// When its source says that it was taken.
+    pub(super) stamp_s: f64,
+    /// When it arrives; nothing overtakes on a wire.
+    pub(super) received_s: f64,
+    /// Number in the source's own count.
+    pub(super) sequence: u32,
+    /// Whether it never arrives.
+    pub(super) lost: bool,
+}
+
+/// One stream.
+#[derive(Debug, Clone)]
+pub(super) struct Channel {
+    pub(super) kind: Kind,
+    period_s: f64,
+    phase_s: f64,
+    jitter_s: f64,
+    stamp_error_s: f64,
+    delay_s: (f64, f64), // at least, and the mean of what is on top
+    n_taken: u32,
+    next_s: f64,
+    last_s: f64,
+    last_received_s: f64,
+    still_lost: u32, // samples of an outage that is going on
+}
+
+impl Channel {
+    pub(super) fn new(kind: Kind, noise: &mut Noise) -> Self {
+        // Jitter and delays: a glove over a radio or USB, optical tracking with its processing, a wired load cell.
+        let (jitter_s, delay_s, stamp_error_s) = match kind {
+            Kind::Taxels => (0.0004, (0.001, 0.001), noise.normal(SYNC_ERROR_S).clamp(-0.012, 0.012)),
+            Kind::Joints => (0.0001, (0.004, 0.0007), 0.0),
+            Kind::Truth => (0.00005, (0.0003, 0.0001), 0.0),
+        };
+        let period_s = (1.0 + noise.normal(2e-5)) / RATE_HZ; // quartz: tens of ppm
+        let phase_s = noise.uniform(0.2, 0.8) * period_s;
+        Channel {
+            kind,
+            period_s,
+            phase_s,
+            jitter_s,
+            stamp_error_s,
+            delay_s,
+            n_taken: 0,
+            next_s: phase_s,
+            last_s: 0.0,
+            last_received_s: 0.0,
+            still_lost: 0,
+        }
+    }
+
+    /// When the next sample is taken.
+    pub(super) fn next_s(&self) -> f64 {
+        self.next_s
+    }
+
+    /// Takes the next sample.
+    pub(super) fn take(&mut self, noise: &mut Noise) -> Sampling {
+        let (at_s, dt_s, sequence) = (self.next_s, self.next_s - self.last_s, self.n_taken);
+        let stamp_s = at_s + self.stamp_error_s;
+        let received_s = at_s.max(stamp_s) + self.delay_s.0 + noise.exponential(self.delay_s.1);
+        self.last_received_s = received_s.max(self.last_received_s);
+        let lost = self.loses(noise);
+        self.n_taken = self.n_taken.wrapping_add(1);
+        let jitter_s = noise.normal(self.jitter_s).clamp(-0.15 * self.period_s, 0.15 * self.period_s);
+        self.last_s = self.next_s;
+        self.next_s = f64::from(self.n_taken) * self.period_s + self.phase_s + jitter_s;
+        Sampling { at_s, dt_s, stamp_s, received_s: self.last_received_s, sequence, lost }
+    }
+
+    /// Single samples, short bursts, and rarely an outage that is longer than what is interpolated.
+    fn loses(&mut self, noise: &mut Noise) -> bool {
+        let (single, burst, outage) = match self.kind {
+            Kind::Taxels => (8e-4, 5e-5, 1.5e-5),
+            Kind::Joints => (4e-4, 2e-5, 0.0), // markers that are hidden for a moment
+            Kind::Truth => return false,       // wired
+        };
+        if self.still_lost > 0 {
+            self.still_lost -= 1;
+            return true;
+        }
+        let draw = noise.uniform(0.0, 1.0);
+        let length = match draw {
+            _ if draw < outage => noise.uniform(10.0, 30.0),
+            _ if draw < outage + burst => noise.uniform(2.0, 5.0),
+            _ if draw < outage + burst + single => 1.0,
+            _ => return false,
+        };
+        self.still_lost = length as u32 - 1;
+        true
+    }
+}

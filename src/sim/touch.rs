@@ -1,0 +1,143 @@
+//! One touch of the synthetic fingertip: how the normal force rises, varies and falls.
+
+use super::random::Noise;
+use crate::units::GramForce;
+
+/// What kind of touch was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TouchKind {
+    /// One tap of a 3-tap sequence: 0 light, 1 medium, 2 heavy.
+    Tap(usize),
+    /// A sustained press.
+    Press,
+}
+
+/// A touch from first contact to release. The force is zero outside of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Touch {
+    /// What was asked for.
+    pub kind: TouchKind,
+    /// First contact, s into the session.
+    pub start_s: f64,
+    /// Release, s into the session.
+    pub end_s: f64,
+    rise_s: f64,
+    fall_s: f64,
+    knots: Vec<(f64, f64)>, // when, gF
+    lift_rad: f64,
+}
+
+/// Asked-for taps: light is a touchscreen tap, heavy stays well under the 10 N that users were told not to pass.
+///
+/// # Source
+/// Pose-aware tactile gloves, Sec. I (touchscreen taps 0.5 N on average) and Sec. IV (light, medium, heavy, under 10 N).
+const TAP_LEVELS_GF: [f64; 3] = [65.0, 190.0, 430.0];
+const MAX_FORCE_GF: f64 = 880.0; // with the errors of force control on top still under 10 N
+
+/// How a user doses force, from session to session the same.
+#[derive(Debug, Clone)]
+pub struct ForceStyle {
+    gain: f64,
+    briskness: f64,
+    consistency: f64,
+}
+
+impl ForceStyle {
+    pub(crate) fn new(noise: &mut Noise) -> Self {
+        ForceStyle {
+            gain: noise.log_normal(0.2),
+            briskness: noise.log_normal(0.2),
+            consistency: noise.log_normal(0.2), // spread of levels, as a factor
+        }
+    }
+
+    /// A flat-topped tap of level 0, 1 or 2 that begins at `start_s`.
+    pub(crate) fn tap(&self, level: usize, start_s: f64, noise: &mut Noise) -> Touch {
+        let peak = self.limited(TAP_LEVELS_GF[level] * noise.log_normal(0.25 * self.consistency));
+        let rise_s = self.briskness * noise.uniform(0.025, 0.06);
+        let fall_s = self.briskness * noise.uniform(0.03, 0.07);
+        let end_s = start_s + rise_s + self.briskness * noise.uniform(0.08, 0.2) + fall_s;
+        let sagged = peak * noise.uniform(0.9, 1.03);
+        let knots = vec![(start_s + rise_s, peak), (end_s - fall_s, sagged)];
+        Touch {
+            kind: TouchKind::Tap(level),
+            start_s,
+            end_s,
+            rise_s,
+            fall_s,
+            knots,
+            lift_rad: noise.uniform(0.03, 0.12),
+        }
+    }
+
+    /// A press whose force the user varies widely, as asked.
+    pub(crate) fn varying_press(&self, start_s: f64, end_s: f64, noise: &mut Noise) -> Touch {
+        let mut knots = Vec::new();
+        let mut at_s = start_s;
+        while at_s < end_s {
+            knots.push((at_s, self.limited(noise.log_uniform(36.0, 800.0))));
+            at_s += noise.uniform(0.5, 1.5);
+        }
+        self.press(start_s, end_s, knots, noise)
+    }
+
+    /// A press that the user means to hold while the fingers move, which disturbs it.
+    pub(crate) fn held_press(&self, start_s: f64, end_s: f64, noise: &mut Noise) -> Touch {
+        let level = noise.log_uniform(60.0, 550.0);
+        let mut knots = Vec::new();
+        let mut at_s = start_s;
+        while at_s < end_s {
+            knots.push((at_s, self.limited(level * noise.log_normal(0.3 * self.consistency))));
+            at_s += noise.uniform(0.4, 1.1);
+        }
+        self.press(start_s, end_s, knots, noise)
+    }
+
+    /// Ramps last 3 to 10 % of a press.
+    fn press(&self, start_s: f64, end_s: f64, knots: Vec<(f64, f64)>, noise: &mut Noise) -> Touch {
+        let length_s = (end_s - start_s).min(5.0); // longer presses begin and end no slower
+        let rise_s = length_s * noise.uniform(0.03, 0.10);
+        let fall_s = length_s * noise.uniform(0.03, 0.10);
+        let lift_rad = noise.uniform(0.03, 0.12);
+        Touch { kind: TouchKind::Press, start_s, end_s, rise_s, fall_s, knots, lift_rad }
+    }
+
+    fn limited(&self, level_gf: f64) -> f64 {
+        (self.gain * level_gf).min(MAX_FORCE_GF)
+    }
+}
+
+/// Minimum-jerk progress from 0 to 1, for `u` of any size.
+///
+/// # Source
+/// Flash and Hogan 1985: what voluntary movements of arm and hand look like.
+pub(crate) fn minimum_jerk(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    u * u * u * (10.0 + u * (6.0 * u - 15.0))
+}
+
+impl Touch {
+    /// The intended normal force at `t_s`; zero outside of the touch.
+    pub fn force(&self, t_s: f64) -> GramForce {
+        if t_s <= self.start_s || t_s >= self.end_s {
+            return GramForce(0.0);
+        }
+        let envelope =
+            minimum_jerk((t_s - self.start_s) / self.rise_s) * minimum_jerk((self.end_s - t_s) / self.fall_s);
+        let after = self.knots.partition_point(|&(at_s, _)| at_s <= t_s);
+        let level = match (after.checked_sub(1).and_then(|before| self.knots.get(before)), self.knots.get(after)) {
+            (Some(&(from_s, from)), Some(&(to_s, to))) => {
+                from + (to - from) * minimum_jerk((t_s - from_s) / (to_s - from_s))
+            }
+            (Some(&(_, level)), None) | (None, Some(&(_, level))) => level,
+            (None, None) => 0.0,
+        };
+        GramForce(level * envelope)
+    }
+
+    /// How far the finger is lifted at its MCP just before and after the touch, rad.
+    pub(crate) fn lift(&self, t_s: f64) -> f64 {
+        let u = if t_s < self.start_s { (self.start_s - t_s) / 0.2 } else { (t_s - self.end_s) / 0.2 };
+        if (0.0..1.0).contains(&u) { self.lift_rad * 16.0 * u * u * (1.0 - u) * (1.0 - u) } else { 0.0 }
+    }
+}

@@ -1,0 +1,235 @@
+//! What a synthetic session has in it: the protocol, its counts, its truth, its gaps, and the same bytes every time.
+
+use std::collections::BTreeMap;
+
+use sha2::{Digest, Sha256};
+use tactile_pose_fusion::sim::hand::JOINTS;
+use tactile_pose_fusion::sim::protocol::{FULL_MINUTES, MIN_MINUTES, SUBSTAGES};
+use tactile_pose_fusion::sim::touch::TouchKind;
+use tactile_pose_fusion::sim::{Record, SessionSpec, simulate};
+use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
+
+fn spec(minutes: f64) -> SessionSpec {
+    SessionSpec { glove: 1, user: 3, session: 0, seed: 11, minutes }
+}
+
+fn records(spec: &SessionSpec) -> Vec<Record> {
+    simulate(spec).unwrap().collect()
+}
+
+/// Normal force at each stamp, gF, tared between the zero-load stretches around it; and whether it is one.
+fn tared(records: &[Record]) -> Vec<(Stamp, f64, bool)> {
+    let (mut forces, mut is_zero) = (Vec::new(), false);
+    let mut stretches: Vec<Vec<(Stamp, f64)>> = Vec::new();
+    for record in records {
+        match record {
+            Record::Stage { zero_load, .. } => {
+                is_zero = *zero_load;
+                stretches.push(Vec::new());
+            }
+            Record::Truth { stamp, force, .. } => {
+                forces.push((*stamp, force[2], is_zero));
+                if let Some(stretch) = stretches.last_mut().filter(|_| is_zero) {
+                    stretch.push((*stamp, force[2]));
+                }
+            }
+            _ => {}
+        }
+    }
+    let zeros: Vec<(Stamp, f64)> = stretches
+        .iter_mut()
+        .filter(|stretch| stretch.len() >= 20)
+        .map(|stretch| {
+            let middle = stretch[stretch.len() / 2].0;
+            stretch.sort_by(|a, b| a.1.total_cmp(&b.1));
+            (middle, stretch[stretch.len() / 2].1)
+        })
+        .collect();
+    let zero_at = |stamp: Stamp| {
+        let after = zeros.partition_point(|zero| zero.0 < stamp).clamp(1, zeros.len() - 1);
+        let ((from, low), (to, high)) = (zeros[after - 1], zeros[after]);
+        let part = (stamp.nanos_since(from) as f64 / to.nanos_since(from) as f64).clamp(0.0, 1.0);
+        low + (high - low) * part
+    };
+    forces
+        .into_iter()
+        .map(|(stamp, z, is_zero)| (stamp, GramForce::from(Newton(z - zero_at(stamp))).0, is_zero))
+        .collect()
+}
+
+#[test]
+fn the_full_protocol_has_the_papers_frames_and_time() {
+    let session = simulate(&spec(FULL_MINUTES)).unwrap();
+    // Sec. IV: about 166,200 frames in 27.7 minutes. Its enumerated substages hold 105 3-tap sequences and 140 presses
+    // (105 in stage 2; 5 + 10 + 10 + 10 in stage 3), while its summary says 545 taps, which no number of 3-tap
+    // sequences gives, and 130 presses. The substages are kept.
+    assert_eq!(session.n_frames(), 166_200);
+    assert_eq!((session.plan().n_taps(), session.plan().n_presses()), (315, 140));
+    let mut counts = BTreeMap::new();
+    for trial in session.plan().trials() {
+        *counts.entry((trial.stage, trial.substage)).or_insert(0) += 1;
+    }
+    let expected = [70, 30, 30, 1, 50, 50, 25, 25, 20, 20, 10, 10, 1, 5, 10, 10, 10, 1];
+    for ((stage, substage), expected) in SUBSTAGES.into_iter().zip(expected) {
+        assert_eq!(counts[&(stage, substage)], expected, "{stage} {substage}");
+    }
+    assert_eq!(counts.len(), SUBSTAGES.len());
+}
+
+#[test]
+fn a_short_session_keeps_every_substage_in_order() {
+    for minutes in [MIN_MINUTES, 5.0] {
+        let session = simulate(&spec(minutes)).unwrap();
+        assert!(session.plan().duration_s() <= 60.0 * minutes, "{} s", session.plan().duration_s());
+        assert!(session.plan().duration_s() > 0.9 * 60.0 * minutes, "{} s", session.plan().duration_s());
+        let mut seen = Vec::new();
+        for annotation in session.performance().annotations() {
+            let place = (annotation.stage, annotation.substage);
+            if seen.last() != Some(&place) {
+                seen.push(place);
+            }
+        }
+        assert_eq!(seen.pop(), Some((0, "")));
+        assert_eq!(seen, SUBSTAGES);
+    }
+}
+
+#[test]
+fn no_session_outside_of_the_protocol_is_made_up() {
+    let refused = |spec: &SessionSpec| simulate(spec).unwrap_err().to_string();
+    assert_eq!(
+        refused(&SessionSpec { glove: 4, ..spec(5.0) }),
+        "glove 4: there is no such synthetic glove; choose one of 1 to 3"
+    );
+    for minutes in [0.5, 60.0, f64::NAN, -1.0] {
+        assert!(refused(&spec(minutes)).contains("a session of the protocol takes 1.7 to 27.7 minutes"));
+    }
+}
+
+#[test]
+fn the_same_spec_gives_the_same_records_and_another_seed_others() {
+    let first = records(&spec(MIN_MINUTES));
+    assert_eq!(first, records(&spec(MIN_MINUTES)));
+    for other in [
+        SessionSpec { seed: 12, ..spec(MIN_MINUTES) },
+        SessionSpec { user: 4, ..spec(MIN_MINUTES) },
+        SessionSpec { session: 1, ..spec(MIN_MINUTES) },
+    ] {
+        assert_ne!(first, records(&other));
+    }
+}
+
+#[test]
+fn the_same_spec_gives_the_same_bytes_on_every_machine() {
+    // A change of the simulator on purpose changes this value; a compiler, a libm or a processor must not.
+    let mut bytes = Sha256::new();
+    for record in simulate(&spec(MIN_MINUTES)).unwrap() {
+        bytes.update(record.received().0.to_le_bytes());
+        match record {
+            Record::Taxels { values, .. } => values.iter().for_each(|value| bytes.update(value.to_le_bytes())),
+            Record::Joints { positions, .. } => positions.iter().for_each(|angle| bytes.update(angle.to_le_bytes())),
+            Record::Truth { force, torque, .. } => {
+                force.iter().chain(&torque).for_each(|axis| bytes.update(axis.to_le_bytes()));
+            }
+            Record::Stage { substage, pose, zero_load, .. } => {
+                bytes.update(format!("{substage} {pose} {zero_load}"));
+            }
+        }
+    }
+    let fingerprint: String = bytes.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(fingerprint, "0eb94ca6171fe8c5");
+}
+
+#[test]
+fn records_arrive_in_order_and_streams_keep_their_own() {
+    let records = records(&spec(MIN_MINUTES));
+    assert!(records.windows(2).all(|pair| pair[0].received() <= pair[1].received()));
+    let (mut gaps, mut last_sequence, mut last_joints) = (0, None, Stamp(0));
+    let mut n_samples = [0_usize; 3];
+    for record in &records {
+        match record {
+            Record::Taxels { sequence, values, .. } => {
+                gaps += last_sequence.map_or(0, |last: u32| u64::from(sequence - last - 1));
+                last_sequence = Some(*sequence);
+                assert_eq!(values.len(), 6);
+                assert!(values.iter().all(|count| (0.0..=4095.0).contains(count) && count.fract() == 0.0));
+                n_samples[0] += 1;
+            }
+            Record::Joints { stamp, names, positions, .. } => {
+                assert!(*stamp > last_joints);
+                last_joints = *stamp;
+                assert_eq!((&names[..], positions.len()), (&JOINTS.map(str::to_owned)[..], JOINTS.len()));
+                n_samples[1] += 1;
+            }
+            Record::Truth { .. } => n_samples[2] += 1,
+            Record::Stage { .. } => {}
+        }
+    }
+    assert!((1..100).contains(&gaps), "{gaps} samples lost");
+    for n in n_samples {
+        assert!((9_000..=10_200).contains(&n), "{n_samples:?}"); // 1.7 min at 100 Hz
+    }
+}
+
+#[test]
+fn nothing_touches_while_zero_load_is_annotated() {
+    for user in 0..2 {
+        let session = simulate(&SessionSpec { user, ..spec(FULL_MINUTES) }).unwrap();
+        let annotations = session.performance().annotations();
+        for pair in annotations.windows(2).filter(|pair| pair[0].zero_load) {
+            let touching = session.performance().touches().iter().find(|touch| {
+                touch.start_s < pair[1].at_s + 0.05 && touch.end_s > pair[0].at_s // and no touch begins at once
+            });
+            assert_eq!(touching, None, "{:?}", pair[0]);
+        }
+    }
+}
+
+#[test]
+fn zero_load_truth_stays_below_2_5_gram_force_once_tared() {
+    // Sec. VI-A: the force ground truths of all zero-load actions fall below 2.5 gF.
+    let records = records(&spec(6.0));
+    let worst = tared(&records).iter().filter(|frame| frame.2).map(|frame| frame.1.abs()).fold(0.0, f64::max);
+    assert!(worst < 2.5, "{worst} gF");
+    let steps = records.iter().filter_map(|record| match record {
+        Record::Truth { force, .. } => Some(force[2] * 320.0), // steps of 1/320 N: 0.32 gF
+        _ => None,
+    });
+    assert!(steps.into_iter().all(|steps| (steps - steps.round()).abs() < 1e-6));
+}
+
+#[test]
+fn every_planned_touch_is_felt_by_the_load_cell() {
+    let spec = spec(6.0);
+    let session = simulate(&spec).unwrap();
+    let (n_taps, n_presses) = (session.plan().n_taps(), session.plan().n_presses());
+    let touches = session.performance().touches();
+    assert_eq!(touches.iter().filter(|touch| touch.kind == TouchKind::Press).count(), n_presses);
+    assert_eq!(touches.len(), n_taps + n_presses);
+    let forces = tared(&records(&spec));
+    let onsets = forces.windows(2).filter(|pair| pair[0].1 < 5.0 && pair[1].1 >= 5.0).count();
+    assert_eq!(onsets, n_taps + n_presses);
+    let peak = forces.iter().map(|frame| frame.1).fold(0.0, f64::max);
+    assert!(GramForce(peak) < GramForce::from(Newton(10.0)), "{peak} gF"); // Sec. IV: under 10 N
+}
+
+#[test]
+fn about_a_twelfth_of_the_loaded_frames_is_under_40_gram_force() {
+    let (mut loaded, mut light) = (0_usize, 0_usize);
+    for user in 0..4 {
+        for (_, force, _) in tared(&records(&SessionSpec { user, ..spec(6.0) })) {
+            loaded += usize::from(force >= 2.5);
+            light += usize::from((2.5..40.0).contains(&force));
+        }
+    }
+    let share = light as f64 / loaded as f64;
+    assert!((0.05..0.12).contains(&share), "{share}"); // about 8 %, and users differ by a factor of two
+}
+
+#[test]
+fn metadata_says_that_it_is_synthetic() {
+    let metadata = simulate(&SessionSpec { glove: 2, ..spec(5.0) }).unwrap().metadata();
+    assert_eq!(metadata["synthetic"], "true");
+    assert_eq!((metadata["glove"].as_str(), metadata["sign"].as_str()), ("2", "-1"));
+    assert_eq!((metadata["user"].as_str(), metadata["donning"].as_str(), metadata["seed"].as_str()), ("3", "0", "11"));
+}
