@@ -2,8 +2,8 @@
 
 mod calibrate;
 mod diff;
-mod interrupt;
 mod inspect;
+mod interrupt;
 mod progress;
 mod replay;
 mod setup;

@@ -17,6 +17,7 @@ fn record(region: &str, ms: i64, force: f64) -> EstimateRecord {
         force: Some(force),
         force_base: Some(force + 0.5),
         artifact: Some(0.5),
+        wrench: Some([0.0, 0.0, force, 0.0, 0.0, 0.0]),
         contact_raw: force > 0.02,
         contact: force > 0.02,
         event: ContactEvent::None,
@@ -117,6 +118,20 @@ fn no_value_equals_no_value_and_nothing_else() {
     let force = field(&diff.regions["index"], Field::Force);
     assert_eq!((force.n_different, force.n_one_missing), (1, 1));
     assert_eq!(force.first.as_ref().unwrap().b, FieldValue::Missing);
+}
+
+#[test]
+fn wrenches_are_compared_by_component_and_their_farthest_one_is_told() {
+    let (mut a, mut b) = (series(2), series(2));
+    a[0].wrench = Some([0.0, 1.0, 2.0, 0.0, f64::NAN, 0.0]);
+    b[0].wrench = Some([0.1, 1.0, 1.5, 0.0, f64::NAN, 0.0]);
+    let diff = compare(&a, &b, within(0.2));
+    let wrench = field(&diff.regions["index"], Field::Wrench);
+    assert_eq!((wrench.n_different, wrench.largest.as_ref().unwrap().distance), (1, Some(0.5)));
+    assert!(compare(&a, &b, within(0.5)).is_same(), "NaN equals NaN here too");
+    assert!(bitwise(&a, &a).is_same());
+    b[0].wrench = None;
+    assert_eq!(field(&compare(&a, &b, within(1e9)).regions["index"], Field::Wrench).n_one_missing, 1);
 }
 
 #[test]

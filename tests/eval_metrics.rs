@@ -208,7 +208,8 @@ proptest! {
             prop_assert!(metric.value().is_none_or(|value| value == 1.0));
         }
         prop_assert!(score.mae_gf.value().is_none_or(|value| value == 0.0));
-        prop_assert!(matches!(score.mdf, Mdf::AlreadyAboveInFirstBin { .. } | Mdf::Undefined { .. }));
+        let as_good_as_can_be = matches!(score.mdf, Mdf::AlreadyAboveInFirstBin { .. } | Mdf::Undefined { .. });
+        prop_assert!(as_good_as_can_be, "{:?}", score.mdf);
     }
 
     #[test]

@@ -62,9 +62,9 @@ pub enum InputError {
     )]
     SchemaEncoding { topic: String, type_name: String, got: String },
     #[error("topic {topic}: {error}")]
-    Definition { topic: String, error: DefinitionError },
+    Definition { topic: String, error: Box<DefinitionError> },
     #[error("topic {topic}: {error}")]
-    Binding { topic: String, error: BindingError },
+    Binding { topic: String, error: Box<BindingError> },
     #[error("topic {topic}: none of its {messages} messages could be read: {first}")]
     NothingRead { topic: String, messages: u64, first: String },
     #[error("topic {topic} has no messages in this bag; the tactile source needs some")]
@@ -87,8 +87,8 @@ pub struct Inputs {
 #[derive(Debug)]
 enum Role {
     Other,
-    Taxels(TactileSourceIdx, TaxelBinding),
-    Joints(JointSourceIdx, JointBinding),
+    Taxels(TactileSourceIdx, Box<TaxelBinding>),
+    Joints(JointSourceIdx, Box<JointBinding>),
     Stage,
 }
 
@@ -214,13 +214,15 @@ impl Inputs {
                 let topic = &self.topics.taxels[source];
                 let tree = tree_of(channel, &topic.type_name)?;
                 let binding = TaxelBinding::compile(&topic.fields, &tree);
-                Role::Taxels(TactileSourceIdx(source), binding.map_err(|error| binding_error(channel, error))?)
+                let binding = binding.map_err(|error| binding_error(channel, error))?;
+                Role::Taxels(TactileSourceIdx(source), Box::new(binding))
             }
             (None, Some(source)) => {
                 let topic = &self.topics.joints[source];
                 let tree = tree_of(channel, &topic.type_name)?;
                 let binding = JointBinding::compile(&topic.fields, &tree);
-                Role::Joints(JointSourceIdx(source), binding.map_err(|error| binding_error(channel, error))?)
+                let binding = binding.map_err(|error| binding_error(channel, error))?;
+                Role::Joints(JointSourceIdx(source), Box::new(binding))
             }
             _ if channel.topic == self.topics.stage && type_name == Stage::TYPE_NAME => Role::Stage,
             _ => Role::Other,
@@ -265,9 +267,9 @@ fn tree_of(channel: &BagChannel, expected: &str) -> Result<TypeTree, InputError>
         return Err(InputError::SchemaEncoding { topic: topic(), type_name, got: schema.encoding.clone() });
     }
     let text = String::from_utf8_lossy(&schema.data);
-    TypeTree::from_schema(&type_name, &text).map_err(|error| InputError::Definition { topic: topic(), error })
+    TypeTree::from_schema(&type_name, &text).map_err(|error| InputError::Definition { topic: topic(), error: Box::new(error) })
 }
 
 fn binding_error(channel: &BagChannel, error: BindingError) -> InputError {
-    InputError::Binding { topic: channel.topic.clone(), error }
+    InputError::Binding { topic: channel.topic.clone(), error: Box::new(error) }
 }

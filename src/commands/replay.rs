@@ -60,6 +60,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             "topic {taken} is already in the input, --merge would mix two runs; choose another --node, or leave --merge out"
         )));
     }
+    interrupt::listen();
     let options = WriteOptions { overwrite: args.overwrite, inputs: args.bags.clone(), ..WriteOptions::default() };
     let mut writer = BagWriter::create(&args.output, options)?;
     let models = load_models(&cfg)?;
@@ -134,19 +135,23 @@ impl Replay<'_> {
         self.fusion.handle_end();
         self.drain()?;
         self.inputs.check_end(self.fusion.missing_joints())?;
-        for source in self.fusion.counters().tactile.iter().filter(|source| source.counts.used == 0) {
-            let name = source.name;
-            return Err(Failure(format!(
-                "tactile source {name}: none of its {} rows could be used, {} had another length than tactile.{name}.n_taxels = {}; correct it",
-                source.counts.rows,
-                source.counts.wrong_length,
-                self.cfg.fusion.tactile_sources.iter().find(|cfg| cfg.name == name).map_or(0, |cfg| cfg.n_taxels),
-            )));
-        }
+        self.check_used()?;
         match self.check.take() {
             Some(check) => check.judge(self.cfg),
             None => Ok(()),
         }
+    }
+
+    /// Refuses a run in which a tactile source gave nothing that could be used.
+    fn check_used(&self) -> Result<(), Failure> {
+        let counters = self.fusion.counters();
+        let Some(idle) = counters.tactile.iter().position(|source| source.counts.used == 0) else { return Ok(()) };
+        let (name, counts) = (counters.tactile[idle].name, counters.tactile[idle].counts);
+        let n_taxels = self.cfg.fusion.tactile_sources[idle].n_taxels;
+        Err(Failure(format!(
+            "tactile source {name}: none of its {} rows could be used, {} had another length than tactile.{name}.n_taxels = {n_taxels}; correct it",
+            counts.rows, counts.wrong_length
+        )))
     }
 
     fn drain(&mut self) -> Result<(), Failure> {

@@ -119,7 +119,7 @@ mod tests {
             contacts.iter().map(|c| c.state).collect::<Vec<_>>(),
             [false, false, false, false, false, true, true]
         );
-        assert_eq!(contacts[1].raw, true, "the raw flag has no debounce");
+        assert!(contacts[1].raw, "the raw flag has no debounce");
         assert_eq!((contacts[5].event, contacts[5].since), (ContactEvent::Onset, Stamp(3)));
         assert_eq!((contacts[6].event, contacts[6].since), (ContactEvent::None, Stamp(3)));
     }

@@ -129,7 +129,7 @@ impl FieldValue {
             // Equal infinities have no difference.
             (FieldValue::Force(a), FieldValue::Force(b)) => a == b || (a - b).abs() <= tolerance.0,
             (FieldValue::Wrench(a), FieldValue::Wrench(b)) => {
-                let same = |a: f64, b: f64| FieldValue::Force(a).is_same(&FieldValue::Force(b), tolerance);
+                let same = |a, b| FieldValue::force(Some(a)).is_same(&FieldValue::force(Some(b)), tolerance);
                 a.iter().zip(b).all(|(&a, &b)| same(a, b))
             }
             (a, b) => a == b,
@@ -161,7 +161,8 @@ pub struct Difference {
     pub a: FieldValue,
     /// Value in B.
     pub b: FieldValue,
-    /// How far apart: N for forces, the farthest component for wrenches, ns for times; absent for the rest, and where one has no value.
+    /// How far apart: N for forces, the farthest component for wrenches, ns for times; absent for the rest, and where
+    /// one has no value.
     pub distance: Option<f64>,
 }
 
