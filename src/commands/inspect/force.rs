@@ -70,7 +70,7 @@ pub(super) fn candidate(view: &View<'_>, estimates_of: &[&str]) -> Option<ForceC
     let mut likelihood =
         if is_wrench || (of_topic.is_some() && of_type.is_some()) { Likelihood::Likely } else { Likelihood::Possible };
     let is_estimate = |node: &&str| name.strip_prefix(*node).is_some_and(|rest| rest.ends_with("/wrench"));
-    if is_wrench && estimates_of.iter().any(|node| is_estimate(node)) {
+    if is_wrench && estimates_of.iter().any(is_estimate) {
         likelihood = Likelihood::Unlikely;
         reasons.push("but it looks like an estimate of this package, which is no measured force".to_owned());
     }
