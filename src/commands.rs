@@ -7,6 +7,7 @@ mod interrupt;
 mod progress;
 mod replay;
 mod setup;
+mod simulate;
 mod summary;
 mod zero;
 
@@ -28,6 +29,7 @@ enum Command {
     Calibrate(calibrate::Args),
     Diff(diff::Args),
     Inspect(inspect::Args),
+    Simulate(simulate::Args),
 }
 
 /// How a command ended that did not fail.
@@ -67,6 +69,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
     }
 }
 

@@ -15,7 +15,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("sim", &["units"]),
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["fusion", "msg", "units"]),
-    ("commands", &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "units"]),
+    ("commands", &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "sim", "units"]),
 ];
 
 fn sources() -> Vec<PathBuf> {
@@ -80,14 +80,16 @@ fn the_core_is_pure() {
         "std::thread",
         "std::net",
         "std::process",
-        "std::sync",
+        "Mutex",
+        "Atomic",
+        "OnceLock",
         "Instant",
         "SystemTime",
         "tokio",
         "async ",
         "HashMap",
         "HashSet",
-        "rand",
+        "rand::",
         "println!",
         "eprintln!",
         "unsafe",

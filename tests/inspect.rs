@@ -230,7 +230,7 @@ fn model_tells_its_contract() {
     LinearModel::new(64, 16, 2)
         .metadata("unit", "gF")
         .metadata("joints", r#"["dip","pip"]"#)
-        .metadata("pose_range", r#"{"dip":[0.0,1.5],"pip":[-0.1,1.7]}"#)
+        .metadata("pose_range", r#"[[0.0,1.5],[-0.1,1.7]]"#)
         .metadata("metrics", r#"{"mdf_gf": 4.5}"#)
         .metadata("odd\u{1b}key", "two\nlines")
         .write(folder.path(), "model.onnx");

@@ -2,9 +2,9 @@
 
 use sha2::{Digest, Sha256};
 
-use super::{BEST_EFFORT_QOS, BagError, BagWriter, NewChannel, OutChannel};
+use super::{BagError, BagWriter, OutChannel};
 use crate::fusion::{FusionConfig, Tick};
-use crate::msg::{ContactArray, Outgoing, WireType, WrenchStamped, definition_text, rihs01, to_cdr_into};
+use crate::msg::{ContactArray, Outgoing, WireType, WrenchStamped, to_cdr_into};
 use crate::units::Newton;
 
 /// Names of the topics that estimates go to.
@@ -113,14 +113,5 @@ impl Channel {
 }
 
 fn channel<T: WireType>(bag: &mut BagWriter, topic: &str) -> Result<Channel, BagError> {
-    let schema_text = definition_text(T::TYPE_NAME).expect("the definition of a written type is compiled in");
-    let type_hash = rihs01(T::TYPE_NAME).expect("the definition of a written type is compiled in");
-    let handle = bag.add_channel(NewChannel {
-        topic,
-        type_name: T::TYPE_NAME,
-        schema_text: &schema_text,
-        qos_yaml: BEST_EFFORT_QOS,
-        type_hash: &type_hash,
-    })?;
-    Ok(Channel { topic: topic.to_owned(), handle, sequence: 0 })
+    Ok(Channel { topic: topic.to_owned(), handle: bag.add_topic::<T>(topic)?, sequence: 0 })
 }

@@ -267,7 +267,8 @@ fn tree_of(channel: &BagChannel, expected: &str) -> Result<TypeTree, InputError>
         return Err(InputError::SchemaEncoding { topic: topic(), type_name, got: schema.encoding.clone() });
     }
     let text = String::from_utf8_lossy(&schema.data);
-    TypeTree::from_schema(&type_name, &text).map_err(|error| InputError::Definition { topic: topic(), error: Box::new(error) })
+    TypeTree::from_schema(&type_name, &text)
+        .map_err(|error| InputError::Definition { topic: topic(), error: Box::new(error) })
 }
 
 fn binding_error(channel: &BagChannel, error: BindingError) -> InputError {

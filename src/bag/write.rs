@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 
 use super::error::BagError;
 use super::layout::{Contents, TopicEntry};
-use super::qos;
+use super::qos::{self, BEST_EFFORT_QOS};
 use super::read::{BagAttachment, BagChannel, BagMetadata};
+use crate::msg::{WireType, definition_text, rihs01};
 use crate::units::Stamp;
 use output::Output;
 use recording::Recording;
@@ -113,6 +114,23 @@ impl BagWriter {
         let (output, file) = Output::create(out, &options)?;
         let recording = Recording::start(file, out, options.compression)?;
         Ok(BagWriter { recording, output, channels: Vec::new(), ros_distro: options.ros_distro, span: None })
+    }
+
+    /// Add a topic of a type that has a wire struct, best effort as all that this package publishes.
+    ///
+    /// # Errors
+    /// As [`add_channel`](Self::add_channel).
+    pub fn add_topic<T: WireType>(&mut self, topic: &str) -> Result<OutChannel, BagError> {
+        let schema_text = definition_text(T::TYPE_NAME).expect("the definition of a wire struct is compiled in");
+        let type_hash = rihs01(T::TYPE_NAME).expect("the definition of a wire struct is compiled in");
+        let (schema_text, type_hash) = (schema_text.as_str(), type_hash.as_str());
+        self.add_channel(NewChannel {
+            topic,
+            type_name: T::TYPE_NAME,
+            schema_text,
+            qos_yaml: BEST_EFFORT_QOS,
+            type_hash,
+        })
     }
 
     /// Add a topic of ours. The same one again gives the same channel.

@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 const PLAIN_EVERY: Duration = Duration::from_secs(10);
 
-/// Progress through a known number of bytes.
+/// Progress through a known number of bytes or steps.
 #[derive(Debug)]
 pub(crate) struct Progress {
     bar: ProgressBar,
@@ -18,15 +18,24 @@ pub(crate) struct Progress {
 impl Progress {
     /// Progress of `what`, such as "replay", through `total` bytes.
     pub(crate) fn bytes(what: &'static str, total: u64) -> Self {
+        Self::with_template(what, total, "{prefix} {wide_bar} {bytes}/{total_bytes}, {eta} left")
+    }
+
+    /// Progress of `what` through `total` steps.
+    pub(crate) fn steps(what: &'static str, total: u64) -> Self {
+        Self::with_template(what, total, "{prefix} {wide_bar} {pos}/{len}, {eta} left")
+    }
+
+    fn with_template(what: &'static str, total: u64, template: &str) -> Self {
         let bar = ProgressBar::new(total);
-        if let Ok(style) = ProgressStyle::with_template("{prefix} {wide_bar} {bytes}/{total_bytes}, {eta} left {msg}") {
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
         bar.set_prefix(what);
         Progress { bar, what, total, last_plain: Instant::now() }
     }
 
-    /// Tells how many bytes are done.
+    /// Tells how many are done.
     pub(crate) fn set(&mut self, done: u64) {
         self.bar.set_position(done.min(self.total));
         if self.bar.is_hidden() && self.last_plain.elapsed() >= PLAIN_EVERY {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagReader, BagWriter, NewChannel, OutChannel, WriteOptions};
+use tactile_pose_fusion::bag::{BagReader, BagWriter, WriteOptions};
 use tactile_pose_fusion::msg::*;
 use tactile_pose_fusion::units::Stamp;
 
@@ -25,19 +25,6 @@ impl Bag {
         Bag { writer: BagWriter::create(path, WriteOptions::default()).unwrap(), n_taxel_messages: 0 }
     }
 
-    pub fn channel<T: WireType>(&mut self, topic: &str) -> OutChannel {
-        let schema_text = definition_text(T::TYPE_NAME).unwrap();
-        let type_hash = rihs01(T::TYPE_NAME).unwrap();
-        let channel = NewChannel {
-            topic,
-            type_name: T::TYPE_NAME,
-            schema_text: &schema_text,
-            qos_yaml: BEST_EFFORT_QOS,
-            type_hash: &type_hash,
-        };
-        self.writer.add_channel(channel).unwrap()
-    }
-
     /// A message of any written type, received at `at`.
     pub fn send<T: WireType>(&mut self, topic: &str, at: Stamp, message: &T) {
         self.send_bytes::<T>(topic, at, &to_cdr(message));
@@ -45,7 +32,7 @@ impl Bag {
 
     /// Bytes that claim to be a message of a type.
     pub fn send_bytes<T: WireType>(&mut self, topic: &str, at: Stamp, cdr: &[u8]) {
-        let channel = self.channel::<T>(topic);
+        let channel = self.writer.add_topic::<T>(topic).unwrap();
         self.writer.write(channel, 0, at, at, cdr).unwrap();
     }
 

@@ -1,0 +1,128 @@
+//! `tpf simulate`: sessions of a synthetic glove, one bag each, by the paper's protocol.
+
+use std::path::{Path, PathBuf};
+
+use super::progress::Progress;
+use super::{Failure, Outcome, interrupt, print, say};
+use crate::bag::{BagMetadata, BagWriter, OutChannel, WriteOptions};
+use crate::msg::{
+    Duration, Header, JointState, Stage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped, to_cdr_into,
+};
+use crate::sim::{Record, SessionSpec, simulate};
+use crate::units::Stamp;
+
+/// Name of the notes within a bag that say how it was made.
+const NOTES: &str = "tactile_pose_fusion.session";
+
+/// Writes sessions of a synthetic glove: taxels, joint angles, force truth and stage annotations.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Which synthetic glove: 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts
+    #[arg(long, value_name = "1|2|3")]
+    glove: u8,
+    /// Users, from 1
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    users: u32,
+    /// Sessions of each user, the glove remounted in between
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    sessions: u32,
+    /// The same seed gives the same bytes; another one has other users
+    #[arg(long, value_name = "S")]
+    seed: u64,
+    /// Length of a session; less than the whole protocol has fewer repetitions, never fewer substages
+    #[arg(long, value_name = "M", default_value_t = crate::sim::protocol::FULL_MINUTES)]
+    minutes: f64,
+    /// Folder for the bags, made if it isn't there
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    interrupt::listen();
+    let specs = (1..=args.users).flat_map(|user| (1..=args.sessions).map(move |session| (user, session)));
+    let specs: Vec<SessionSpec> = specs
+        .map(|(user, session)| SessionSpec { glove: args.glove, user, session, seed: args.seed, minutes: args.minutes })
+        .collect();
+    if let Some(spec) = specs.first() {
+        simulate(spec)?; // what is wrong with one is wrong with all, and is told before a folder is made
+    }
+    std::fs::create_dir_all(&args.output)
+        .map_err(|error| Failure(format!("{}: cannot make the folder: {error}", args.output.display())))?;
+    say("the data is synthetic: a physical model of a glove on a hand, no recording");
+    let mut text = String::new();
+    for spec in &specs {
+        let name = format!("glove{}_user{:02}_session{}", spec.glove, spec.user, spec.session);
+        let path = args.output.join(name);
+        let n_messages = write(spec, &path)?;
+        text += &format!("{}: {n_messages} messages (synthetic)\n", path.display());
+    }
+    print(&text)?;
+    Ok(Outcome::Done)
+}
+
+/// Writes one session; the number of its messages.
+fn write(spec: &SessionSpec, path: &Path) -> Result<u64, Failure> {
+    let session = simulate(spec)?;
+    let mut progress = Progress::steps("simulate", session.n_frames());
+    let mut bag = BagWriter::create(path, WriteOptions::default())?;
+    bag.copy_metadata(&BagMetadata { name: NOTES, metadata: &session.metadata() })?;
+    let mut topics = Topics {
+        taxels: bag.add_topic::<TaxelArray>("/glove/taxels")?,
+        joints: bag.add_topic::<JointState>("/hand/joint_states")?,
+        truth: bag.add_topic::<WrenchStamped>("/load_cell/wrench")?,
+        stage: bag.add_topic::<Stage>("/stage")?,
+        bag,
+        cdr: Vec::new(),
+    };
+    let mut n_frames = 0;
+    for record in session {
+        interrupt::check()?;
+        n_frames += u64::from(matches!(record, Record::Truth { .. }));
+        progress.set(n_frames);
+        topics.write(record)?;
+    }
+    Ok(topics.bag.finish()?.n_messages)
+}
+
+struct Topics {
+    taxels: OutChannel,
+    joints: OutChannel,
+    truth: OutChannel,
+    stage: OutChannel,
+    bag: BagWriter,
+    cdr: Vec<u8>,
+}
+
+impl Topics {
+    fn write(&mut self, record: Record) -> Result<(), Failure> {
+        let received = record.received();
+        let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
+        let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
+        match &record {
+            Record::Taxels { sequence, values, .. } => {
+                let (rows, row_period, values) = (1, Duration::default(), values.clone());
+                let message = TaxelArray { header: header("index_tip"), sequence: *sequence, rows, row_period, values };
+                self.send(self.taxels, received, &message)
+            }
+            Record::Joints { names, positions, .. } => {
+                let (velocity, effort) = (Vec::new(), Vec::new());
+                let (name, position) = (names.to_vec(), positions.clone());
+                self.send(self.joints, received, &JointState { header: header(""), name, position, velocity, effort })
+            }
+            Record::Truth { force, torque, .. } => {
+                let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
+                self.send(self.truth, received, &WrenchStamped { header: header("load_cell"), wrench })
+            }
+            &Record::Stage { stage, substage, pose, repetition, zero_load, .. } => {
+                let (substage, pose) = (substage.to_owned(), pose.to_owned());
+                let message = Stage { header: header(""), stage, substage, pose, repetition, zero_load };
+                self.send(self.stage, received, &message)
+            }
+        }
+    }
+
+    fn send<T: WireType>(&mut self, channel: OutChannel, received: Stamp, message: &T) -> Result<(), Failure> {
+        to_cdr_into(message, &mut self.cdr);
+        Ok(self.bag.write(channel, 0, received, received, &self.cdr)?)
+    }
+}
