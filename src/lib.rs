@@ -12,4 +12,6 @@ pub mod config;
 pub mod fusion;
 pub mod model;
 pub mod msg;
+#[cfg(feature = "train")]
+pub mod train;
 pub mod units;
