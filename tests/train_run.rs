@@ -21,7 +21,7 @@ fn split_dataset() -> Dataset {
 fn every_kind_learns_a_small_set_by_heart() {
     for kind in [Kind::PoseAware, Kind::TactileOnly, Kind::EarlyFusion] {
         let dataset = dataset(kind, 80);
-        let mut trainer = Trainer::new(config(kind, 150), &dataset, 2).unwrap();
+        let mut trainer = Trainer::new(config(kind, 250), &dataset, 2).unwrap();
         let mut first = None;
         let mut last = LossTerms::default();
         let outcome = trainer
@@ -139,7 +139,8 @@ fn a_file_that_is_no_checkpoint_is_refused() {
 fn settings_out_of_range_are_refused_by_name() {
     let dataset = dataset(Kind::TactileOnly, 80);
     let good = config(Kind::TactileOnly, 3);
-    let cases: [(fn(&mut TrainConfig), &str); 8] = [
+    type Change = fn(&mut TrainConfig);
+    let cases: [(Change, &str); 8] = [
         (|c| c.batch = 0, "batch is 0"),
         (|c| c.shards = 17, "shards is 17, expected at most the batch"),
         (|c| c.schedule.steps = 0, "steps is 0"),

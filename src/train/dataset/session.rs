@@ -48,7 +48,7 @@ impl Session {
         if frames.truth_gf.is_empty() {
             return Err(DatasetError::NoTruth { session: name() });
         }
-        let width = |width: usize| n.checked_mul(width).unwrap_or(usize::MAX);
+        let width = |width: usize| n.saturating_mul(width);
         for (column, got, expected) in [
             ("tactile", frames.tactile.len(), width(frames.n_taxels)),
             ("pose", frames.pose.len(), width(frames.n_joints)),
