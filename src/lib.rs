@@ -14,4 +14,6 @@ pub mod fusion;
 pub mod model;
 pub mod msg;
 pub mod sim;
+#[cfg(feature = "train")]
+pub mod train;
 pub mod units;

@@ -13,6 +13,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("msg", &["fusion", "units"]),
     ("eval", &["fusion", "units"]),
     ("sim", &["units"]),
+    ("train", &["fusion", "model"]),
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["fusion", "msg", "units"]),
     ("commands", &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "sim", "units"]),

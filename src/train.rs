@@ -1,0 +1,27 @@
+//! Training: annotated recordings in, a model that the node runs out.
+//!
+//! The network and its losses are the paper's Sec. V. A [`Dataset`] holds sessions of model input (built by the same
+//! [`features`](crate::fusion) as in the live node), a [`Trainer`] fits a [`Network`] to it, [`onnx_model`] writes it.
+//! The same data, configuration and seed give the same bytes, on any number of threads.
+
+mod architecture;
+mod dataset;
+mod error;
+mod exact_floats;
+mod export;
+mod loss;
+mod network;
+mod random;
+#[cfg(test)]
+mod reference_tests;
+mod trainer;
+
+pub use architecture::{Architecture, Kind, N_FEATURES, Parameter};
+pub use dataset::{
+    Batch, Dataset, Part, Session, SessionFrames, SplitConfig, SplitRule, TOUCH_GF, WindowSpec, smoothed_change,
+};
+pub use error::{DatasetError, TrainError};
+pub use export::{GraphForm, ModelCard, onnx_model};
+pub use loss::{LossConfig, LossTerms};
+pub use network::{BatchNormStatistics, Network};
+pub use trainer::{Checkpoint, Outcome, Progress, Schedule, TrainConfig, Trainer, Validation, validate};

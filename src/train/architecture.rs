@@ -1,0 +1,178 @@
+//! The shapes of the paper's network (Sec. V): which parameters there are, by name.
+
+use serde::{Deserialize, Serialize};
+
+use super::error::TrainError;
+
+/// Width of the tactile and of the pose features, and of every convolution.
+pub const N_FEATURES: usize = 64;
+
+/// Hidden width of the Bi-LSTM, each direction.
+pub(super) const LSTM_HIDDEN: usize = 32;
+
+/// Dilations, and with them paddings, of the multi-scale block.
+pub(super) const DILATIONS: [usize; 3] = [1, 2, 4];
+
+/// Taps of every convolution.
+pub(super) const TAPS: usize = 3;
+
+/// Hidden widths of the decoders. The paper gives two fully connected layers with a ReLU between, not their width.
+const BASE_HIDDEN: usize = 32;
+const FUSION_HIDDEN: usize = 64;
+
+/// What a network is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// The paper's: a tactile force minus a residual from pose and touch, with the auxiliary decoder.
+    PoseAware,
+    /// The tactile branch alone: the paper's baseline.
+    TactileOnly,
+    /// One decoder over the concatenated features, which the paper found worse: kept for comparison.
+    EarlyFusion,
+}
+
+impl Kind {
+    /// Whether the network takes joint angles.
+    pub fn uses_pose(self) -> bool {
+        self != Kind::TactileOnly
+    }
+}
+
+/// A network's shape and scales.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Architecture {
+    /// What it is made of.
+    pub kind: Kind,
+    /// Frames in a window.
+    pub window: usize,
+    /// Taxels in a frame.
+    pub n_taxels: usize,
+    /// Joint angles in a frame; not used without pose.
+    pub n_joints: usize,
+    /// Divides the taxels, so that the network sees numbers about 1 whatever the sensor counts in.
+    pub tactile_scale: f32,
+    /// Multiplies what the force decoders give, in gF: they work on numbers about 1.
+    pub force_scale: f32,
+}
+
+/// A tensor of weights: its name, and its place in [`Network::values`](super::Network::values).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Parameter {
+    /// Name, as PyTorch would spell it.
+    pub name: String,
+    /// Shape, row-major.
+    pub dims: Vec<usize>,
+    /// Where its values begin.
+    pub start: usize,
+}
+
+impl Parameter {
+    /// How many values it has.
+    pub fn n_values(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// Where its values lie.
+    pub fn range(&self) -> std::ops::Range<usize> {
+        self.start..self.start + self.n_values()
+    }
+
+    /// Inputs that each output sums over: the bound of its uniform start values is 1 / sqrt of it, as in PyTorch.
+    pub(super) fn fan_in(&self, siblings: &[Parameter]) -> usize {
+        if self.name.starts_with("pose.lstm") {
+            return LSTM_HIDDEN;
+        }
+        let weight_name = self.name.replace(".bias", ".weight");
+        let weight = siblings.iter().find(|parameter| parameter.name == weight_name).unwrap_or(self);
+        weight.dims.iter().skip(1).product()
+    }
+
+    /// The constant it starts from, for normalizations; other parameters start random.
+    pub(super) fn constant_start(&self) -> Option<f32> {
+        let normalization = self.name.starts_with("tactile.norm") || self.name.starts_with("pose.norm");
+        normalization.then(|| if self.name.ends_with(".weight") { 1.0 } else { 0.0 })
+    }
+}
+
+impl Architecture {
+    /// Checks that the shape can be built.
+    ///
+    /// # Errors
+    /// [`TrainError::Architecture`].
+    pub fn check(&self) -> Result<(), TrainError> {
+        let refuse = |what: &str| Err(TrainError::Architecture { what: what.to_string() });
+        if self.window == 0 || self.n_taxels == 0 {
+            return refuse("window and taxels must be at least 1");
+        }
+        if self.kind.uses_pose() && self.n_joints == 0 {
+            return refuse("a network with pose needs at least one joint; train kind tactile-only without");
+        }
+        if [self.window, self.n_taxels, self.n_joints].iter().any(|size| *size > 1 << 16) {
+            return refuse("window, taxels and joints must be at most 65536");
+        }
+        if ![self.tactile_scale, self.force_scale].iter().all(|scale| scale.is_finite() && *scale > 0.0) {
+            return refuse("tactile_scale and force_scale must be positive");
+        }
+        Ok(())
+    }
+
+    /// The parameters in their order in [`Network::values`](super::Network::values).
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let mut list = Layout::default();
+        list.push("tactile.conv0", &[N_FEATURES, self.n_taxels, TAPS]);
+        list.push_norm("tactile.norm", N_FEATURES);
+        for idx in 1..=DILATIONS.len() {
+            list.push(&format!("tactile.conv{idx}"), &[N_FEATURES, N_FEATURES, TAPS]);
+        }
+        if self.kind != Kind::EarlyFusion {
+            list.push_decoder("base", N_FEATURES, BASE_HIDDEN, 1);
+        }
+        if self.kind.uses_pose() {
+            list.push_norm("pose.norm", 2 * self.n_joints);
+            list.push("pose.embed", &[N_FEATURES, 2 * self.n_joints]);
+            for layer in 0..2 {
+                for direction in ["forward", "backward"] {
+                    let name = format!("pose.lstm{layer}.{direction}");
+                    list.push_tensor(&format!("{name}.weight_ih"), &[4 * LSTM_HIDDEN, N_FEATURES]);
+                    list.push_tensor(&format!("{name}.weight_hh"), &[4 * LSTM_HIDDEN, LSTM_HIDDEN]);
+                    list.push_tensor(&format!("{name}.bias_ih"), &[4 * LSTM_HIDDEN]);
+                    list.push_tensor(&format!("{name}.bias_hh"), &[4 * LSTM_HIDDEN]);
+                }
+            }
+        }
+        match self.kind {
+            Kind::TactileOnly => {}
+            Kind::EarlyFusion => list.push_decoder("fused", 2 * N_FEATURES, FUSION_HIDDEN, 1),
+            Kind::PoseAware => {
+                list.push_decoder("residual", 3 * N_FEATURES, FUSION_HIDDEN, 1);
+                list.push_decoder("auxiliary", N_FEATURES, FUSION_HIDDEN, self.n_taxels);
+            }
+        }
+        list.0
+    }
+}
+
+#[derive(Default)]
+struct Layout(Vec<Parameter>);
+
+impl Layout {
+    fn push_tensor(&mut self, name: &str, dims: &[usize]) {
+        let start = self.0.last().map_or(0, |last| last.range().end);
+        self.0.push(Parameter { name: name.to_string(), dims: dims.to_vec(), start });
+    }
+
+    fn push(&mut self, name: &str, weight_dims: &[usize]) {
+        self.push_tensor(&format!("{name}.weight"), weight_dims);
+        self.push_tensor(&format!("{name}.bias"), &weight_dims[..1]);
+    }
+
+    fn push_norm(&mut self, name: &str, width: usize) {
+        self.push(name, &[width]);
+    }
+
+    fn push_decoder(&mut self, name: &str, n_in: usize, hidden: usize, n_out: usize) {
+        self.push(&format!("{name}.0"), &[hidden, n_in]);
+        self.push(&format!("{name}.1"), &[n_out, hidden]);
+    }
+}

@@ -1,0 +1,247 @@
+//! Sessions in memory, and the windows cut from them.
+//!
+//! A window is only an index until its batch is put together: overlapping windows share their frames.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::error::DatasetError;
+use crate::fusion::PoseRange;
+
+mod batch;
+mod session;
+mod split;
+
+pub use batch::{Batch, smoothed_change};
+pub use session::{Session, SessionFrames};
+pub use split::{Part, SplitConfig, SplitRule};
+
+/// Touch is true force at or above this, gF (paper, Sec. VI-A: all zero-load truth lies below).
+pub const TOUCH_GF: f32 = 2.5;
+
+/// How windows are cut.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WindowSpec {
+    /// Frames in a window; the paper's is 64.
+    pub window: usize,
+    /// Frames from one training window to the next; the paper's is 1.
+    pub stride: usize,
+    /// Frames from one window to the next where models are judged.
+    pub eval_stride: usize,
+    /// Whether the network takes joint angles.
+    pub needs_pose: bool,
+    /// What is trained on and what is kept apart.
+    pub split: SplitConfig,
+}
+
+impl Default for WindowSpec {
+    fn default() -> Self {
+        WindowSpec { window: 64, stride: 1, eval_stride: 1, needs_pose: true, split: SplitConfig::default() }
+    }
+}
+
+/// A window: the session, and the frame that it ends with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct WindowIdx {
+    session: u32,
+    end: u32,
+}
+
+/// Sessions, and the windows of each part of the split.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    spec: WindowSpec,
+    sessions: Vec<Session>,
+    parts: [Vec<WindowIdx>; 3],
+    train_frames: Vec<Vec<bool>>,
+}
+
+impl Dataset {
+    /// Splits sessions and cuts their windows.
+    ///
+    /// # Errors
+    /// [`DatasetError`] when settings are out of range, sessions don't fit together, have no joints though the network
+    /// needs them, leave a part without windows, or hold only touch or only air.
+    pub fn new(sessions: Vec<Session>, spec: WindowSpec) -> Result<Self, DatasetError> {
+        let positive = |key, got: usize| match got {
+            0 => Err(DatasetError::Setting { key, got: got.to_string(), expected: "at least 1 frame" }),
+            _ => Ok(()),
+        };
+        positive("window", spec.window)?;
+        positive("stride", spec.stride)?;
+        positive("eval_stride", spec.eval_stride)?;
+        spec.split.check()?;
+        check_widths(&sessions, spec.needs_pose)?;
+
+        let mut parts = [Vec::new(), Vec::new(), Vec::new()];
+        let mut train_frames = Vec::with_capacity(sessions.len());
+        for (session_idx, session) in sessions.iter().enumerate() {
+            let of_frame = spec.split.parts(session);
+            for part in Part::ALL {
+                let stride = if part == Part::Train { spec.stride } else { spec.eval_stride };
+                let ends = window_ends(session, &of_frame, part, spec.window);
+                let windows =
+                    ends.step_by(stride).map(|end| WindowIdx { session: session_idx as u32, end: end as u32 });
+                parts[part as usize].extend(windows);
+            }
+            train_frames.push(of_frame.iter().map(|part| *part == Part::Train).collect());
+        }
+        let dataset = Dataset { spec, sessions, parts, train_frames };
+        dataset.check_windows()?;
+        Ok(dataset)
+    }
+
+    /// How the windows were cut.
+    pub fn spec(&self) -> &WindowSpec {
+        &self.spec
+    }
+
+    /// The sessions.
+    pub fn sessions(&self) -> &[Session] {
+        &self.sessions
+    }
+
+    /// Number of windows of a part.
+    pub fn n_windows(&self, part: Part) -> usize {
+        self.parts[part as usize].len()
+    }
+
+    /// Taxels in a frame.
+    pub fn n_taxels(&self) -> usize {
+        self.sessions.first().map_or(0, Session::n_taxels)
+    }
+
+    /// Joint angles in a frame.
+    pub fn n_joints(&self) -> usize {
+        self.sessions.first().map_or(0, Session::n_joints)
+    }
+
+    /// The frame that a window ends with: its session, and its index there.
+    pub fn window_end(&self, part: Part, window: usize) -> Option<(usize, usize)> {
+        let idx = self.parts[part as usize].get(window)?;
+        Some((idx.session as usize, idx.end as usize))
+    }
+
+    /// True forces of a part's windows, gF.
+    pub fn truth_gf(&self, part: Part) -> Vec<f32> {
+        self.parts[part as usize].iter().map(|idx| self.session(idx).frames().truth_gf[idx.end as usize]).collect()
+    }
+
+    /// Root mean square of the taxels in the training part: what their scale is.
+    pub fn tactile_scale(&self) -> f32 {
+        let n_taxels = self.n_taxels();
+        let (mut sum, mut count) = (0.0, 0u64);
+        for (session, train) in self.sessions.iter().zip(&self.train_frames) {
+            let frames = session.frames().tactile.chunks_exact(n_taxels.max(1));
+            for frame in frames.zip(train).filter_map(|(frame, train)| train.then_some(frame)) {
+                sum += frame.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>();
+                count += frame.len() as u64;
+            }
+        }
+        let scale = (sum / count.max(1) as f64).sqrt() as f32;
+        // Taxels that never move have no scale; 1 leaves them as they are.
+        if scale.is_finite() && scale > f32::MIN_POSITIVE { scale } else { 1.0 }
+    }
+
+    /// Per joint, the span of the angles in the training part, rad.
+    pub fn pose_range(&self) -> Vec<PoseRange> {
+        let mut ranges = vec![PoseRange { min: f64::INFINITY, max: f64::NEG_INFINITY }; self.n_joints()];
+        for (session, train) in self.sessions.iter().zip(&self.train_frames) {
+            let frames = session.frames().pose.chunks_exact(self.n_joints().max(1));
+            for frame in frames.zip(train).filter_map(|(frame, train)| train.then_some(frame)) {
+                for (range, angle) in ranges.iter_mut().zip(frame) {
+                    range.min = range.min.min(f64::from(*angle));
+                    range.max = range.max.max(f64::from(*angle));
+                }
+            }
+        }
+        ranges
+    }
+
+    /// Puts windows of a part together. `smoothing_frames` is the width of the Gaussian of the auxiliary target.
+    ///
+    /// # Panics
+    /// When an index is not below [`n_windows`](Self::n_windows).
+    pub fn batch(&self, part: Part, windows: &[usize], smoothing_frames: Option<f32>) -> Batch {
+        let windows: Vec<WindowIdx> = windows.iter().map(|window| self.parts[part as usize][*window]).collect();
+        batch::assemble(self, &windows, smoothing_frames)
+    }
+
+    /// SHA-256 over everything that training depends on, in hex.
+    pub fn fingerprint(&self) -> String {
+        let mut hash = Sha256::new();
+        for session in &self.sessions {
+            session.hash_into(&mut hash);
+        }
+        for part in &self.parts {
+            hash.update((part.len() as u64).to_le_bytes());
+            part.iter().for_each(|idx| hash.update([idx.session.to_le_bytes(), idx.end.to_le_bytes()].concat()));
+        }
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    fn session(&self, idx: &WindowIdx) -> &Session {
+        &self.sessions[idx.session as usize]
+    }
+
+    /// The frames of a window.
+    fn frames_of(&self, idx: &WindowIdx) -> Range<usize> {
+        let end = idx.end as usize + 1;
+        end - self.spec.window..end
+    }
+
+    fn check_windows(&self) -> Result<(), DatasetError> {
+        for part in Part::ALL {
+            let wanted = self.spec.split.fraction(part) > 0.0;
+            if wanted && self.n_windows(part) == 0 {
+                return Err(DatasetError::NoWindows { window: self.spec.window, part: part.name() });
+            }
+        }
+        let truth = self.truth_gf(Part::Train);
+        let n_touch = truth.iter().filter(|truth| **truth >= TOUCH_GF).count();
+        let class = match n_touch {
+            0 => "without touch",
+            all if all == truth.len() => "touch",
+            _ => return Ok(()),
+        };
+        Err(DatasetError::OneClass { class, threshold_gf: TOUCH_GF })
+    }
+}
+
+fn check_widths(sessions: &[Session], needs_pose: bool) -> Result<(), DatasetError> {
+    let first = sessions.first().ok_or(DatasetError::NoSessions)?;
+    for session in sessions {
+        let name = || session.name().to_string();
+        if needs_pose && session.n_joints() == 0 {
+            return Err(DatasetError::NoJoints { session: name() });
+        }
+        for (what, expected, got) in
+            [("taxels", first.n_taxels(), session.n_taxels()), ("joints", first.n_joints(), session.n_joints())]
+        {
+            if expected != got {
+                let first = first.name().to_string();
+                return Err(DatasetError::Width { session: name(), first, what, expected, got });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Last frames of the windows that lie in one part and cross no gap.
+fn window_ends<'a>(
+    session: &'a Session,
+    of_frame: &'a [Part],
+    part: Part,
+    window: usize,
+) -> impl Iterator<Item = usize> + 'a {
+    let epoch = &session.frames().epoch;
+    let mut run = 0;
+    (0..session.n_frames()).filter(move |&frame| {
+        let goes_on = frame > 0 && epoch[frame] == epoch[frame - 1] && of_frame[frame] == of_frame[frame - 1];
+        run = if goes_on { run + 1 } else { 1 };
+        of_frame[frame] == part && run >= window
+    })
+}

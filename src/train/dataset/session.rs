@@ -1,0 +1,117 @@
+//! One recording of one donning, frame by frame, checked.
+
+use sha2::{Digest, Sha256};
+
+use super::super::error::DatasetError;
+
+/// The columns of a session. All have one entry a frame, matrices one row a frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SessionFrames {
+    /// Name for errors and reports: the recording.
+    pub name: String,
+    /// Taxels in a frame.
+    pub n_taxels: usize,
+    /// Joint angles in a frame; 0 for a recording without pose.
+    pub n_joints: usize,
+    /// `[n, T]` row-major: features as [`TaxelFeatures`](crate::fusion) writes them, baseline subtracted.
+    pub tactile: Vec<f32>,
+    /// `[n, P]` row-major, rad; empty without pose.
+    pub pose: Vec<f32>,
+    /// `[n]`, gF, tared on the zero-load stretches.
+    pub truth_gf: Vec<f32>,
+    /// `[n]`: frames annotated as free of load.
+    pub zero_load: Vec<bool>,
+    /// `[n]`: stage of the protocol. The split is made within each.
+    pub stage: Vec<u16>,
+    /// `[n]`: substage, for reports.
+    pub substage: Vec<u16>,
+    /// `[n]`: changes wherever frames are missing. No window crosses such a gap.
+    pub epoch: Vec<u32>,
+}
+
+/// A session that can be trained on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Session(SessionFrames);
+
+impl Session {
+    /// Checks the columns.
+    ///
+    /// # Errors
+    /// [`DatasetError`] for columns of different lengths, no truth, no zero-load annotation, or a number that is not
+    /// finite.
+    pub fn new(frames: SessionFrames) -> Result<Self, DatasetError> {
+        let name = || frames.name.clone();
+        if frames.n_taxels == 0 {
+            return Err(DatasetError::NoTaxels { session: name() });
+        }
+        let n = frames.tactile.len() / frames.n_taxels;
+        if frames.truth_gf.is_empty() {
+            return Err(DatasetError::NoTruth { session: name() });
+        }
+        let width = |width: usize| n.saturating_mul(width);
+        for (column, got, expected) in [
+            ("tactile", frames.tactile.len(), width(frames.n_taxels)),
+            ("pose", frames.pose.len(), width(frames.n_joints)),
+            ("truth_gf", frames.truth_gf.len(), n),
+            ("zero_load", frames.zero_load.len(), n),
+            ("stage", frames.stage.len(), n),
+            ("substage", frames.substage.len(), n),
+            ("epoch", frames.epoch.len(), n),
+        ] {
+            if got != expected {
+                return Err(DatasetError::Length { session: name(), column, frames: n, expected, got });
+            }
+        }
+        for (column, values, width) in [
+            ("tactile", &frames.tactile, frames.n_taxels),
+            ("pose", &frames.pose, frames.n_joints),
+            ("truth_gf", &frames.truth_gf, 1),
+        ] {
+            if let Some((idx, value)) = values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+                let frame = idx / width.max(1);
+                return Err(DatasetError::NonFinite { session: name(), column, frame, value: *value });
+            }
+        }
+        if !frames.zero_load.contains(&true) {
+            return Err(DatasetError::NoZeroLoad { session: name() });
+        }
+        Ok(Session(frames))
+    }
+
+    /// Its columns.
+    pub fn frames(&self) -> &SessionFrames {
+        &self.0
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Taxels in a frame.
+    pub fn n_taxels(&self) -> usize {
+        self.0.n_taxels
+    }
+
+    /// Joint angles in a frame.
+    pub fn n_joints(&self) -> usize {
+        self.0.n_joints
+    }
+
+    /// Number of frames.
+    pub fn n_frames(&self) -> usize {
+        self.0.truth_gf.len()
+    }
+
+    /// Feeds everything that training depends on into a hash.
+    pub(super) fn hash_into(&self, hash: &mut Sha256) {
+        let frames = &self.0;
+        for size in [self.n_frames(), frames.n_taxels, frames.n_joints] {
+            hash.update((size as u64).to_le_bytes());
+        }
+        for column in [&frames.tactile, &frames.pose, &frames.truth_gf] {
+            column.iter().for_each(|value| hash.update(value.to_le_bytes()));
+        }
+        frames.zero_load.iter().for_each(|zero_load| hash.update([u8::from(*zero_load)]));
+    }
+}

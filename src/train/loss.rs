@@ -1,0 +1,115 @@
+//! The paper's losses (Sec. V, Training Objective).
+
+use burn::tensor::{Device, Tensor, TensorData};
+use serde::{Deserialize, Serialize};
+
+use super::dataset::Batch;
+use super::error::TrainError;
+use super::network::{Output, values};
+
+/// How the terms of the loss are weighted.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LossConfig {
+    /// Weight of the base force term; the paper's is 1, and 0 leaves it out.
+    pub base_weight: f32,
+    /// The paper's lambda, weight of the zero-load tactile term; it depends on the glove, and 0 leaves it out.
+    pub lambda: f32,
+}
+
+impl Default for LossConfig {
+    fn default() -> Self {
+        // The paper selects lambda by sweeping; with taxels scaled to about 1 both kinds of term are about 1 at the start.
+        LossConfig { base_weight: 1.0, lambda: 1.0 }
+    }
+}
+
+impl LossConfig {
+    /// Refuses weights that are no weights.
+    ///
+    /// # Errors
+    /// [`TrainError::Setting`].
+    pub fn check(&self) -> Result<(), TrainError> {
+        for (key, weight) in [("base_weight", self.base_weight), ("lambda", self.lambda)] {
+            if !weight.is_finite() || weight < 0.0 {
+                return Err(TrainError::Setting { key, got: weight.to_string(), expected: "0 or a positive number" });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The terms of a loss, before their weights.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct LossTerms {
+    /// Modified MAPE of the final force.
+    pub force: f32,
+    /// Modified MAPE of the base force; 0 where the network has none or it is left out.
+    pub base: f32,
+    /// MAE of the decoded zero-load change, in units of the tactile scale; 0 where it is left out.
+    pub artifact: f32,
+    /// Their weighted sum.
+    pub total: f32,
+}
+
+impl LossTerms {
+    /// Adds the share of another part of the same batch.
+    pub(super) fn add(&mut self, part: LossTerms) {
+        self.force += part.force;
+        self.base += part.base;
+        self.artifact += part.artifact;
+        self.total += part.total;
+    }
+}
+
+/// What the terms of a batch are measured by: all of its parts together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Measure {
+    /// Windows of the batch.
+    pub(super) windows: usize,
+    /// Those of them that are free of load.
+    pub(super) zero_load: usize,
+    /// The network's scale of taxels, in which the auxiliary decoder works.
+    pub(super) tactile_scale: f32,
+}
+
+/// The share of a part of a batch in the batch's loss: shares of all parts add up to it, and so do their gradients.
+pub(super) fn share(
+    cfg: &LossConfig,
+    output: Output,
+    part: &Batch,
+    measure: Measure,
+    device: &Device,
+) -> (Tensor<1>, LossTerms) {
+    let truth = Tensor::<2>::from_data(TensorData::new(part.truth_gf.clone(), [part.n, 1]), device);
+    let force = relative_error(output.force, truth.clone()).sum() / measure.windows as f32;
+    let mut terms = LossTerms { force: scalar(&force), ..LossTerms::default() };
+    let mut total = force;
+    if let Some(base) = output.base.filter(|_| cfg.base_weight > 0.0) {
+        let base = relative_error(base, truth).sum() / measure.windows as f32;
+        terms.base = scalar(&base);
+        total = total + base * cfg.base_weight;
+    }
+    if let Some(artifact) = output.artifact.filter(|_| cfg.lambda > 0.0 && part.zero_load.contains(&true)) {
+        let [frames, n, n_taxels] = artifact.dims();
+        let target = Tensor::<3>::from_data(TensorData::new(part.artifact.clone(), [frames, n, n_taxels]), device);
+        let target = target / measure.tactile_scale;
+        let mask: Vec<f32> = part.zero_load.iter().map(|zero_load| f32::from(u8::from(*zero_load))).collect();
+        let mask = Tensor::<3>::from_data(TensorData::new(mask, [1, n, 1]), device);
+        let n_values = (measure.zero_load * frames * n_taxels) as f32;
+        let artifact = ((artifact - target).abs() * mask).sum() / n_values;
+        terms.artifact = scalar(&artifact);
+        total = total + artifact * cfg.lambda;
+    }
+    terms.total = scalar(&total);
+    (total, terms)
+}
+
+/// |F^ - F| / (1 + F) of each window. A truth below zero is what taring left, so it counts as no load.
+fn relative_error(force: Tensor<2>, truth: Tensor<2>) -> Tensor<2> {
+    (force - truth.clone()).abs() / (truth.clamp_min(0.0) + 1.0)
+}
+
+fn scalar(tensor: &Tensor<1>) -> f32 {
+    values(tensor.clone().detach()).first().copied().unwrap_or(f32::NAN)
+}

@@ -1,0 +1,330 @@
+//! The paper's network (Sec. V): its weights, and its pass from windows to forces.
+
+use std::ops::Range;
+
+use burn::tensor::activation::{gelu, relu};
+use burn::tensor::module::conv1d;
+use burn::tensor::ops::ConvOptions;
+use burn::tensor::{Device, Tensor, TensorData};
+use serde::{Deserialize, Serialize};
+
+use super::architecture::{Architecture, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, Parameter, TAPS};
+use super::error::TrainError;
+use super::random::{Random, Stream};
+use crate::fusion::{Forces, Windows};
+
+pub(super) mod lstm;
+mod lstm_op;
+mod matrix;
+
+pub(super) use lstm_op::values;
+
+/// Keeps normalizations from dividing by zero; PyTorch's default for both kinds.
+pub(super) const NORM_EPSILON: f32 = 1e-5;
+
+/// Windows that are run at once without gradients.
+const PREDICT_BATCH: usize = 256;
+
+/// What batch normalization uses outside of training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BatchNormStatistics {
+    /// `[64]`
+    #[serde(with = "super::exact_floats")]
+    pub mean: Vec<f32>,
+    /// `[64]`, unbiased.
+    #[serde(with = "super::exact_floats")]
+    pub variance: Vec<f32>,
+}
+
+/// The network and everything it has learned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Network {
+    /// Its shape.
+    pub architecture: Architecture,
+    /// All parameters, one after the other in the order of [`Architecture::parameters`].
+    #[serde(with = "super::exact_floats")]
+    pub values: Vec<f32>,
+    /// Statistics of the batch normalization.
+    pub statistics: BatchNormStatistics,
+}
+
+impl Network {
+    /// A network that has learned nothing. Weights start as PyTorch's layers start theirs, by the seed alone.
+    ///
+    /// # Errors
+    /// [`TrainError::Architecture`].
+    pub fn new(architecture: Architecture, seed: u64) -> Result<Self, TrainError> {
+        architecture.check()?;
+        let parameters = architecture.parameters();
+        let mut random = Random::new(seed, Stream::Weights);
+        let mut values = Vec::with_capacity(parameters.last().map_or(0, |last| last.range().end));
+        for parameter in &parameters {
+            let bound = 1.0 / (parameter.fan_in(&parameters) as f32).sqrt();
+            let constant = parameter.constant_start();
+            values.extend((0..parameter.n_values()).map(|_| constant.unwrap_or_else(|| random.symmetric(bound))));
+        }
+        let statistics = BatchNormStatistics { mean: vec![0.0; N_FEATURES], variance: vec![1.0; N_FEATURES] };
+        Ok(Network { architecture, values, statistics })
+    }
+
+    /// Checks that what was read from a file is whole.
+    ///
+    /// # Errors
+    /// [`TrainError::Architecture`].
+    pub(super) fn check(&self) -> Result<(), TrainError> {
+        self.architecture.check()?;
+        let refuse = |what: String| Err(TrainError::Architecture { what });
+        let expected = self.architecture.parameters().last().map_or(0, |last| last.range().end);
+        if self.values.len() != expected {
+            return refuse(format!("{} weights, expected {expected}", self.values.len()));
+        }
+        let statistics = [&self.statistics.mean, &self.statistics.variance];
+        if let Some(wrong) = statistics.iter().find(|values| values.len() != N_FEATURES) {
+            return refuse(format!("{} statistics, expected {N_FEATURES}", wrong.len()));
+        }
+        if !statistics.into_iter().chain([&self.values]).flatten().all(|value| value.is_finite()) {
+            return refuse("a weight is not finite".to_string());
+        }
+        Ok(())
+    }
+
+    /// The values of one parameter, `None` when the network has none of that name.
+    pub fn parameter(&self, name: &str) -> Option<&[f32]> {
+        let parameter = self.architecture.parameters().into_iter().find(|parameter| parameter.name == name)?;
+        self.values.get(parameter.range())
+    }
+
+    /// Replaces the values of one parameter.
+    ///
+    /// # Errors
+    /// [`TrainError::Architecture`] when there is none of that name and length.
+    pub fn set_parameter(&mut self, name: &str, new: &[f32]) -> Result<(), TrainError> {
+        let parameters = self.architecture.parameters();
+        let found = parameters.iter().find(|parameter| parameter.name == name && parameter.n_values() == new.len());
+        let found = found.ok_or_else(|| TrainError::Architecture {
+            what: format!("the network has no parameter {name} of {} values", new.len()),
+        })?;
+        self.values[found.range()].copy_from_slice(new);
+        Ok(())
+    }
+
+    /// Forces of windows, in gF, as after training: batch normalization by its statistics.
+    ///
+    /// # Errors
+    /// [`TrainError::Architecture`] when the windows don't have the network's shape.
+    pub fn predict(&self, windows: Windows<'_>) -> Result<Forces, TrainError> {
+        let Architecture { window, n_taxels, n_joints, kind, .. } = self.architecture;
+        let pose_len = if kind.uses_pose() { window * n_joints } else { 0 };
+        let fits = |len: usize, of_one: usize| windows.n.checked_mul(of_one) == Some(len);
+        if !fits(windows.tactile.len(), window * n_taxels) || (pose_len > 0 && !fits(windows.pose.len(), pose_len)) {
+            return Err(TrainError::Architecture {
+                what: format!(
+                    "expected {} windows of {window} frames, {n_taxels} taxels, {n_joints} joints",
+                    windows.n
+                ),
+            });
+        }
+        let weights = self.on(&Device::flex());
+        let mut forces = Forces::default();
+        for start in (0..windows.n).step_by(PREDICT_BATCH) {
+            let range = start..(start + PREDICT_BATCH).min(windows.n);
+            let part = |values: &[f32], len: usize| values[range.start * len..range.end * len].to_vec();
+            let pose = if pose_len > 0 { part(windows.pose, pose_len) } else { Vec::new() };
+            let input = weights.input(range.len(), part(windows.tactile, window * n_taxels), pose);
+            let output = weights.forward(input, Normalize::ByStatistics(&self.statistics));
+            forces.force.extend(values(output.force));
+            forces.base.extend(output.base.map(values).unwrap_or_default());
+        }
+        Ok(forces)
+    }
+
+    /// The weights as tensors of a device, with gradients where the device has autodiff.
+    pub(super) fn on(&self, device: &Device) -> Weights<'_> {
+        let parameters = self.architecture.parameters();
+        let tensor = |parameter: &Parameter| {
+            let data = TensorData::new(self.values[parameter.range()].to_vec(), [parameter.n_values()]);
+            let tensor = Tensor::<1>::from_data(data, device);
+            if tensor.is_autodiff() { tensor.require_grad() } else { tensor }
+        };
+        let tensors = parameters.iter().map(tensor).collect();
+        Weights { architecture: &self.architecture, device: device.clone(), parameters, tensors }
+    }
+}
+
+/// How a pass normalizes its batch.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Normalize<'a> {
+    /// By the batch itself, as in training.
+    ByBatch,
+    /// By what training has seen.
+    ByStatistics(&'a BatchNormStatistics),
+}
+
+/// Windows on a device.
+pub(super) struct Input {
+    /// `[N, T, L]`: channels before time.
+    tactile: Tensor<3>,
+    /// `[L, N, P]`: time first.
+    pose: Option<Tensor<3>>,
+}
+
+/// What a pass gives.
+pub(super) struct Output {
+    /// `[N, 1]`, gF.
+    pub(super) force: Tensor<2>,
+    /// `[N, 1]`, gF: the tactile branch alone.
+    pub(super) base: Option<Tensor<2>>,
+    /// `[L, N, T]`: the zero-load tactile change that the pose explains, in units of the tactile scale.
+    pub(super) artifact: Option<Tensor<3>>,
+    /// Mean and unbiased variance of the batch, when it was normalized by itself.
+    pub(super) statistics: Option<BatchNormStatistics>,
+}
+
+/// The weights of one pass.
+pub(super) struct Weights<'a> {
+    architecture: &'a Architecture,
+    device: Device,
+    parameters: Vec<Parameter>,
+    /// One flat tensor a parameter.
+    pub(super) tensors: Vec<Tensor<1>>,
+}
+
+impl Weights<'_> {
+    fn flat(&self, name: &str) -> Tensor<1> {
+        let idx = self.parameters.iter().position(|parameter| parameter.name == name);
+        self.tensors[idx.expect("the pass asks for parameters that its architecture lists")].clone()
+    }
+
+    /// Where a parameter's gradient goes.
+    pub(super) fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.parameters.iter().map(Parameter::range)
+    }
+
+    /// Windows as tensors. `tactile`: `[N, L, T]`, `pose`: `[N, L, P]`, both row-major.
+    pub(super) fn input(&self, n: usize, tactile: Vec<f32>, pose: Vec<f32>) -> Input {
+        let Architecture { window, n_taxels, n_joints, tactile_scale, kind, .. } = *self.architecture;
+        let tactile = Tensor::<3>::from_data(TensorData::new(tactile, [n, window, n_taxels]), &self.device);
+        let pose = kind.uses_pose().then(|| {
+            let pose = Tensor::<3>::from_data(TensorData::new(pose, [n, window, n_joints]), &self.device);
+            pose.swap_dims(0, 1)
+        });
+        Input { tactile: tactile.swap_dims(1, 2) / tactile_scale, pose }
+    }
+
+    /// The paper's pass: base force from touch, residual from pose and touch, force as their difference.
+    pub(super) fn forward(&self, input: Input, normalize: Normalize<'_>) -> Output {
+        let scale = self.architecture.force_scale;
+        let (touch, statistics) = self.tactile_features(input.tactile, normalize);
+        let hidden = input.pose.map(|pose| self.pose_hidden(pose));
+        let last = |hidden: &Tensor<3>| {
+            let [frames, n, width] = hidden.dims();
+            hidden.clone().slice([frames - 1..frames, 0..n, 0..width]).reshape([n, width])
+        };
+        match (self.architecture.kind, hidden) {
+            (Kind::PoseAware, Some(hidden)) => {
+                let pose = last(&hidden);
+                let base = self.decode("base", touch.clone()) * scale;
+                let fused = Tensor::cat(vec![touch.clone(), pose.clone(), touch * pose], 1);
+                let residual = self.decode("residual", fused) * scale;
+                let [frames, n, width] = hidden.dims();
+                let artifact = self.decode("auxiliary", hidden.reshape([frames * n, width]));
+                let artifact = artifact.reshape([frames, n, self.architecture.n_taxels]);
+                Output { force: base.clone() - residual, base: Some(base), artifact: Some(artifact), statistics }
+            }
+            (Kind::EarlyFusion, Some(hidden)) => {
+                let force = self.decode("fused", Tensor::cat(vec![touch, last(&hidden)], 1)) * scale;
+                Output { force, base: None, artifact: None, statistics }
+            }
+            (_, _) => {
+                let force = self.decode("base", touch) * scale;
+                Output { force, base: None, artifact: None, statistics }
+            }
+        }
+    }
+
+    /// Tactile branch: `[N, T, L]` to `[N, 64]`.
+    fn tactile_features(
+        &self,
+        tactile: Tensor<3>,
+        normalize: Normalize<'_>,
+    ) -> (Tensor<2>, Option<BatchNormStatistics>) {
+        let n_taxels = self.architecture.n_taxels;
+        let (x, statistics) = self.batch_norm(self.conv("tactile.conv0", tactile, n_taxels, 1), normalize);
+        let mut x = relu(x);
+        for (idx, dilation) in DILATIONS.into_iter().enumerate() {
+            x = relu(self.conv(&format!("tactile.conv{}", idx + 1), x, N_FEATURES, dilation));
+        }
+        let n = x.dims()[0];
+        (x.max_dim(2).reshape([n, N_FEATURES]), statistics)
+    }
+
+    fn conv(&self, name: &str, x: Tensor<3>, n_in: usize, dilation: usize) -> Tensor<3> {
+        let weight = self.flat(&format!("{name}.weight")).reshape([N_FEATURES, n_in, TAPS]);
+        let bias = self.flat(&format!("{name}.bias"));
+        let padding = dilation * (TAPS - 1) / 2; // keeps the number of frames
+        conv1d(x, weight, Some(bias), ConvOptions::new([1], [padding], [dilation], 1))
+    }
+
+    fn batch_norm(&self, x: Tensor<3>, normalize: Normalize<'_>) -> (Tensor<3>, Option<BatchNormStatistics>) {
+        let channels = |tensor: Tensor<1>| tensor.reshape([1, N_FEATURES, 1]);
+        let [n, _, frames] = x.dims();
+        let (mean, variance, statistics) = match normalize {
+            Normalize::ByBatch => {
+                let mean = x.clone().mean_dim(2).mean_dim(0);
+                let variance = (x.clone() - mean.clone()).square().mean_dim(2).mean_dim(0);
+                let count = (n * frames) as f32;
+                let unbiased = count / (count - 1.0).max(1.0);
+                let statistics = BatchNormStatistics {
+                    mean: values(mean.clone().detach()),
+                    variance: values(variance.clone().detach()).iter().map(|value| value * unbiased).collect(),
+                };
+                (mean, variance, Some(statistics))
+            }
+            Normalize::ByStatistics(statistics) => {
+                let tensor = |values: &[f32]| {
+                    channels(Tensor::from_data(TensorData::new(values.to_vec(), [N_FEATURES]), &self.device))
+                };
+                (tensor(&statistics.mean), tensor(&statistics.variance), None)
+            }
+        };
+        let gain = channels(self.flat("tactile.norm.weight")) / (variance + NORM_EPSILON).sqrt();
+        ((x - mean) * gain + channels(self.flat("tactile.norm.bias")), statistics)
+    }
+
+    /// Pose branch: `[L, N, P]` to hidden states `[L, N, 64]`.
+    fn pose_hidden(&self, pose: Tensor<3>) -> Tensor<3> {
+        let [frames, n, n_joints] = pose.dims();
+        let encoded = Tensor::cat(vec![pose.clone().sin(), pose.cos()], 2);
+        let encoded = self.layer_norm(encoded.reshape([frames * n, 2 * n_joints]));
+        let mut x = gelu(self.linear("pose.embed", encoded)).reshape([frames, n, N_FEATURES]);
+        for layer in 0..2 {
+            let [forward, backward] = [("forward", false), ("backward", true)].map(|(direction, reversed)| {
+                let tensor = |part: &str| self.flat(&format!("pose.lstm{layer}.{direction}.{part}"));
+                let bias = tensor("bias_ih") + tensor("bias_hh");
+                lstm_op::lstm(x.clone(), [tensor("weight_ih"), tensor("weight_hh"), bias], LSTM_HIDDEN, reversed)
+            });
+            x = Tensor::cat(vec![forward, backward], 2);
+        }
+        x
+    }
+
+    fn layer_norm(&self, x: Tensor<2>) -> Tensor<2> {
+        let width = x.dims()[1];
+        let centered = x.clone() - x.mean_dim(1);
+        let variance = centered.clone().square().mean_dim(1);
+        let weight = self.flat("pose.norm.weight").reshape([1, width]);
+        centered / (variance + NORM_EPSILON).sqrt() * weight + self.flat("pose.norm.bias").reshape([1, width])
+    }
+
+    fn linear(&self, name: &str, x: Tensor<2>) -> Tensor<2> {
+        let bias = self.flat(&format!("{name}.bias"));
+        let (n_in, n_out) = (x.dims()[1], bias.dims()[0]);
+        let weight = self.flat(&format!("{name}.weight")).reshape([n_out, n_in]);
+        x.matmul(weight.transpose()) + bias.reshape([1, n_out])
+    }
+
+    /// Two fully connected layers with a ReLU between.
+    fn decode(&self, name: &str, x: Tensor<2>) -> Tensor<2> {
+        self.linear(&format!("{name}.1"), relu(self.linear(&format!("{name}.0"), x)))
+    }
+}

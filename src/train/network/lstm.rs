@@ -1,0 +1,295 @@
+//! One layer and direction of an LSTM over time, forward and backward, on plain slices.
+//!
+//! PyTorch's gate order (input, forget, cell, output) and semantics. All matrices are row-major and time-major:
+//! `x [L, B, I]`, `h [L, B, H]`, gates `[L, B, 4H]`.
+
+use super::matrix::{Matrix, multiply};
+
+/// Sizes of one run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::train) struct LstmShape {
+    pub(in crate::train) frames: usize,
+    pub(in crate::train) batch: usize,
+    pub(in crate::train) input: usize,
+    pub(in crate::train) hidden: usize,
+    /// Whether time runs from the last frame to the first.
+    pub(in crate::train) reversed: bool,
+}
+
+/// Weights of a layer and direction; the two biases of PyTorch come as their sum.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::train) struct LstmWeights<'a> {
+    /// `[4H, I]`
+    pub(in crate::train) input: &'a [f32],
+    /// `[4H, H]`
+    pub(in crate::train) hidden: &'a [f32],
+    /// `[4H]`
+    pub(in crate::train) bias: &'a [f32],
+}
+
+/// What the backward pass needs of the forward pass.
+#[derive(Debug, Clone)]
+pub(in crate::train) struct LstmTape {
+    /// `[L, B, 4H]`: gates behind their nonlinearities.
+    gates: Vec<f32>,
+    /// `[L, B, H]`: cells, and tanh of them.
+    cells: Vec<f32>,
+    tanh_cells: Vec<f32>,
+    /// `[L, B, H]`: the output.
+    pub(in crate::train) hidden: Vec<f32>,
+}
+
+/// Gradients of a scalar with respect to what went into a forward pass.
+#[derive(Debug, Clone)]
+pub(in crate::train) struct LstmGradients {
+    pub(in crate::train) x: Vec<f32>,
+    pub(in crate::train) weight_input: Vec<f32>,
+    pub(in crate::train) weight_hidden: Vec<f32>,
+    pub(in crate::train) bias: Vec<f32>,
+}
+
+impl LstmShape {
+    /// The frame that is the `step`-th in the direction of time.
+    fn frame(&self, step: usize) -> usize {
+        if self.reversed { self.frames - 1 - step } else { step }
+    }
+}
+
+/// Runs the layer from a zero state.
+pub(in crate::train) fn forward(shape: LstmShape, x: &[f32], weights: LstmWeights<'_>) -> LstmTape {
+    let LstmShape { frames, batch, input, hidden, .. } = shape;
+    let (n, n_gates) = (batch * hidden, 4 * batch * hidden);
+    let mut gates = weights.bias.repeat(frames * batch);
+    let x = Matrix::new(x, frames * batch, input);
+    multiply(&mut gates, x, Matrix::new(weights.input, 4 * hidden, input).transposed(), 1.0);
+    let recurrent = Matrix::new(weights.hidden, 4 * hidden, hidden).transposed();
+    let mut cells = vec![0.0; frames * n];
+    let mut tanh_cells = vec![0.0; frames * n];
+    let mut outputs = vec![0.0; frames * n];
+    let mut last_cells = vec![0.0; n];
+    let mut last_outputs = vec![0.0; n];
+    for step in 0..frames {
+        let frame = shape.frame(step);
+        let gates = &mut gates[frame * n_gates..(frame + 1) * n_gates];
+        if step > 0 {
+            multiply(gates, Matrix::new(&last_outputs, batch, hidden), recurrent, 1.0);
+        }
+        for row in 0..batch {
+            let gates = &mut gates[row * 4 * hidden..(row + 1) * 4 * hidden];
+            let at = row * hidden..(row + 1) * hidden;
+            advance(hidden, gates, &mut last_cells[at.clone()]);
+            for (tanh, cell) in tanh_cells[frame * n..][at.clone()].iter_mut().zip(&last_cells[at.clone()]) {
+                *tanh = tanh_of(*cell);
+            }
+            let output_gate = &gates[3 * hidden..];
+            let tanh = &tanh_cells[frame * n..][at.clone()];
+            for ((output, gate), tanh) in last_outputs[at].iter_mut().zip(output_gate).zip(tanh) {
+                *output = gate * tanh;
+            }
+        }
+        cells[frame * n..(frame + 1) * n].copy_from_slice(&last_cells);
+        outputs[frame * n..(frame + 1) * n].copy_from_slice(&last_outputs);
+    }
+    LstmTape { gates, cells, tanh_cells, hidden: outputs }
+}
+
+/// Gates through their nonlinearities, and the cells one step on.
+fn advance(hidden: usize, gates: &mut [f32], cells: &mut [f32]) {
+    gates[..2 * hidden].iter_mut().for_each(|gate| *gate = sigmoid(*gate));
+    gates[2 * hidden..3 * hidden].iter_mut().for_each(|gate| *gate = tanh_of(*gate));
+    gates[3 * hidden..].iter_mut().for_each(|gate| *gate = sigmoid(*gate));
+    let (input_gates, rest) = gates.split_at(hidden);
+    let (forget_gates, rest) = rest.split_at(hidden);
+    for (((cell, i), f), g) in cells.iter_mut().zip(input_gates).zip(forget_gates).zip(rest) {
+        *cell = f * *cell + i * g;
+    }
+}
+
+/// Carries the gradient of the output back through time.
+///
+/// # Shapes
+/// `grad`: `[L, B, H]`.
+pub(in crate::train) fn backward(
+    shape: LstmShape,
+    x: &[f32],
+    weights: LstmWeights<'_>,
+    tape: &LstmTape,
+    grad: &[f32],
+) -> LstmGradients {
+    let LstmShape { frames, batch, input, hidden, reversed } = shape;
+    let (n, n_gates) = (batch * hidden, 4 * batch * hidden);
+    let recurrent = Matrix::new(weights.hidden, 4 * hidden, hidden);
+    let mut grad_gates = vec![0.0; frames * n_gates];
+    let mut grad_hidden = vec![0.0; n];
+    let mut grad_cells = vec![0.0; n];
+    let zeros = vec![0.0; n];
+    for step in (0..frames).rev() {
+        let frame = shape.frame(step);
+        for (carried, given) in grad_hidden.iter_mut().zip(&grad[frame * n..(frame + 1) * n]) {
+            *carried += given;
+        }
+        let cells_before = match step {
+            0 => &zeros[..],
+            _ => &tape.cells[shape.frame(step - 1) * n..][..n],
+        };
+        for row in 0..batch {
+            let at = row * hidden..(row + 1) * hidden;
+            let frame_gates = frame * n_gates + row * 4 * hidden;
+            back_through_row(
+                &tape.gates[frame_gates..frame_gates + 4 * hidden],
+                &tape.tanh_cells[frame * n..][at.clone()],
+                &cells_before[at.clone()],
+                &grad_hidden[at.clone()],
+                &mut grad_cells[at],
+                &mut grad_gates[frame_gates..frame_gates + 4 * hidden],
+            );
+        }
+        let grad_of_frame = &grad_gates[frame * n_gates..(frame + 1) * n_gates];
+        if step > 0 {
+            multiply(&mut grad_hidden, Matrix::new(grad_of_frame, batch, 4 * hidden), recurrent, 0.0);
+        }
+    }
+
+    let all = Matrix::new(&grad_gates, frames * batch, 4 * hidden);
+    let mut grad_x = vec![0.0; frames * batch * input];
+    multiply(&mut grad_x, all, Matrix::new(weights.input, 4 * hidden, input), 0.0);
+    let mut weight_input = vec![0.0; 4 * hidden * input];
+    multiply(&mut weight_input, all.transposed(), Matrix::new(x, frames * batch, input), 0.0);
+    // The state that a frame starts from is the output of its neighbour, so both are one shifted block.
+    let mut weight_hidden = vec![0.0; 4 * hidden * hidden];
+    let rows = (frames - 1) * batch;
+    let (gates_at, state_at) = if reversed { (0, n) } else { (n_gates, 0) };
+    if rows > 0 {
+        let later = Matrix::new(&grad_gates[gates_at..gates_at + rows * 4 * hidden], rows, 4 * hidden);
+        let state = Matrix::new(&tape.hidden[state_at..state_at + rows * hidden], rows, hidden);
+        multiply(&mut weight_hidden, later.transposed(), state, 0.0);
+    }
+    let mut bias = vec![0.0; 4 * hidden];
+    for row in grad_gates.chunks_exact(4 * hidden) {
+        bias.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+    LstmGradients { x: grad_x, weight_input, weight_hidden, bias }
+}
+
+/// One window's gates at one frame.
+fn back_through_row(
+    gates: &[f32],
+    tanh_cells: &[f32],
+    cells_before: &[f32],
+    grad_hidden: &[f32],
+    grad_cells: &mut [f32],
+    grad_gates: &mut [f32],
+) {
+    let hidden = tanh_cells.len();
+    for unit in 0..hidden {
+        let [i, f, g, o] = [0, 1, 2, 3].map(|gate| gates[gate * hidden + unit]);
+        let tanh = tanh_cells[unit];
+        let grad_cell = grad_hidden[unit] * o * (1.0 - tanh * tanh) + grad_cells[unit];
+        grad_gates[unit] = grad_cell * g * i * (1.0 - i);
+        grad_gates[hidden + unit] = grad_cell * cells_before[unit] * f * (1.0 - f);
+        grad_gates[2 * hidden + unit] = grad_cell * i * (1.0 - g * g);
+        grad_gates[3 * hidden + unit] = grad_hidden[unit] * tanh * o * (1.0 - o);
+        grad_cells[unit] = grad_cell * f;
+    }
+}
+
+/// Logistic function.
+fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + exp(-x))
+}
+
+/// Hyperbolic tangent to 2e-7 absolute.
+fn tanh_of(x: f32) -> f32 {
+    2.0 / (1.0 + exp(-2.0 * x)) - 1.0
+}
+
+/// Exponential to 2e-7 relative, without branches or calls so that loops over it become vector code.
+///
+/// Cody and Waite's reduction by ln 2 in two parts, then the Taylor series on `[-ln2/2, ln2/2]` to its 7th power.
+fn exp(x: f32) -> f32 {
+    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits
+    const LN2_HIGH: f32 = 0.693_359_4; // 355/512: exact in few bits, so its multiples are exact
+    const LN2_LOW: f32 = -2.121_944_4e-4;
+    let x = x.clamp(-87.0, 87.0);
+    let shifted = x * std::f32::consts::LOG2_E + ROUND;
+    let power = shifted - ROUND;
+    let r = (x - power * LN2_HIGH) - power * LN2_LOW;
+    let series = 1.0 / 5040.0;
+    let series = series * r + 1.0 / 720.0;
+    let series = series * r + 1.0 / 120.0;
+    let series = series * r + 1.0 / 24.0;
+    let series = series * r + 1.0 / 6.0;
+    let series = series * r + 0.5;
+    let series = (series * r + 1.0) * r + 1.0;
+    series * f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nonlinearities_match_float64() {
+        for step in -4000..=4000 {
+            let x = step as f32 * 0.01;
+            let wide = f64::from(x);
+            assert!((f64::from(sigmoid(x)) - 1.0 / (1.0 + (-wide).exp())).abs() < 2e-7, "sigmoid at {x}");
+            assert!((f64::from(tanh_of(x)) - wide.tanh()).abs() < 3e-7, "tanh at {x}");
+        }
+    }
+
+    #[test]
+    fn nan_stays_nan() {
+        assert!(sigmoid(f32::NAN).is_nan() && tanh_of(f32::NAN).is_nan());
+    }
+
+    /// Numbers about zero that look random.
+    fn numbers(n: usize, seed: u32) -> Vec<f32> {
+        let hash = |idx: usize| (idx as u32 + seed).wrapping_mul(2_654_435_761) >> 8;
+        (0..n).map(|idx| hash(idx) as f32 / (1u32 << 23) as f32 - 1.0).collect()
+    }
+
+    #[test]
+    fn the_gradient_of_every_input_is_the_slope_of_the_output() {
+        for reversed in [false, true] {
+            let shape = LstmShape { frames: 5, batch: 2, input: 3, hidden: 4, reversed };
+            let inputs = [numbers(30, 1), numbers(48, 2), numbers(64, 3), numbers(16, 4)];
+            let probe = numbers(40, 5);
+            let run = |inputs: &[Vec<f32>; 4]| {
+                let weights = LstmWeights { input: &inputs[1], hidden: &inputs[2], bias: &inputs[3] };
+                forward(shape, &inputs[0], weights)
+            };
+            let project = |tape: &LstmTape| -> f64 {
+                tape.hidden.iter().zip(&probe).map(|(h, p)| f64::from(*h) * f64::from(*p)).sum()
+            };
+            let weights = LstmWeights { input: &inputs[1], hidden: &inputs[2], bias: &inputs[3] };
+            let back = backward(shape, &inputs[0], weights, &run(&inputs), &probe);
+            let back = [back.x, back.weight_input, back.weight_hidden, back.bias];
+            for (which, gradient) in back.iter().enumerate() {
+                for (idx, gradient) in gradient.iter().enumerate() {
+                    let at = |step: f32| {
+                        let mut moved = inputs.clone();
+                        moved[which][idx] += step;
+                        project(&run(&moved))
+                    };
+                    let measured = (at(0.01) - at(-0.01)) / 0.02;
+                    // A step of 0.01 bends the slope by about 1e-4, and float32 rounds it by 1e-4.
+                    assert!((measured - f64::from(*gradient)).abs() < 1e-3, "{reversed} {which} {idx}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn time_reversed_is_the_forward_pass_over_reversed_frames() {
+        let shape = LstmShape { frames: 4, batch: 2, input: 3, hidden: 4, reversed: true };
+        let x = numbers(24, 1);
+        let (input, hidden, bias) = (numbers(48, 2), numbers(64, 3), numbers(16, 4));
+        let weights = LstmWeights { input: &input, hidden: &hidden, bias: &bias };
+        let turned: Vec<f32> = x.chunks_exact(6).rev().flatten().copied().collect();
+        let backward = forward(shape, &x, weights).hidden;
+        let straight = forward(LstmShape { reversed: false, ..shape }, &turned, weights).hidden;
+        let straight: Vec<f32> = straight.chunks_exact(8).rev().flatten().copied().collect();
+        assert_eq!(backward, straight);
+    }
+}

@@ -1,0 +1,256 @@
+//! Fits a network to a dataset.
+//!
+//! A batch is cut into a fixed number of shards. Each shard runs forward and backward by itself, on whichever thread is
+//! free, and the gradients are added in the order of the shards: the number of threads reaches no result. Batch
+//! normalization sees a shard at a time.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use burn::tensor::Device;
+
+use super::architecture::Architecture;
+use super::dataset::{Dataset, Part};
+use super::error::TrainError;
+use super::loss::LossTerms;
+use super::network::Network;
+use super::random::{Random, Stream};
+
+mod adam;
+mod checkpoint;
+mod config;
+mod step;
+mod validation;
+
+use adam::Adam;
+use checkpoint::Best;
+pub use checkpoint::Checkpoint;
+pub use config::{Schedule, TrainConfig};
+#[cfg(test)]
+pub(super) use step::{Given, run_shard, track};
+pub use validation::{Validation, validate};
+
+/// What is known after a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// Steps done.
+    pub step: u64,
+    /// Steps in all.
+    pub steps: u64,
+    /// Passes over the training windows done.
+    pub epochs: f64,
+    /// The step's learning rate.
+    pub learning_rate: f64,
+    /// The step's losses.
+    pub loss: LossTerms,
+    /// Norm of the step's gradient, before it was clipped.
+    pub gradient_norm: f64,
+    /// The network on the validation part, when this step is one of those that look.
+    pub validation: Option<Validation>,
+    /// Whether that was the best so far.
+    pub is_best: bool,
+}
+
+/// What training gave.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The network with the smallest validation loss; without a validation part, the last one.
+    pub best: Network,
+    /// The step that it was taken at.
+    pub best_step: u64,
+    /// How it did on the validation part.
+    pub best_validation: Option<Validation>,
+    /// The network after the last step.
+    pub last: Network,
+    /// Steps done.
+    pub steps: u64,
+    /// Whether it was stopped before its last step.
+    pub stopped: bool,
+}
+
+/// A training run.
+#[derive(Debug)]
+pub struct Trainer<'a> {
+    cfg: TrainConfig,
+    dataset: &'a Dataset,
+    fingerprint: String,
+    threads: usize,
+    network: Network,
+    adam: Adam,
+    step: u64,
+    best: Option<Best>,
+    order: EpochOrder,
+}
+
+impl<'a> Trainer<'a> {
+    /// A run from its first step, on at most `threads` threads.
+    ///
+    /// # Errors
+    /// [`TrainError::Setting`], or [`TrainError::Architecture`] when kind and data don't fit.
+    pub fn new(cfg: TrainConfig, dataset: &'a Dataset, threads: usize) -> Result<Self, TrainError> {
+        cfg.check()?;
+        let architecture = Architecture {
+            kind: cfg.kind,
+            window: dataset.spec().window,
+            n_taxels: dataset.n_taxels(),
+            n_joints: if cfg.kind.uses_pose() { dataset.n_joints() } else { 0 },
+            tactile_scale: cfg.tactile_scale.unwrap_or_else(|| dataset.tactile_scale()),
+            force_scale: cfg.force_scale,
+        };
+        if cfg.kind.uses_pose() != dataset.spec().needs_pose {
+            let what = "the dataset's needs_pose must be what the kind of network needs".to_string();
+            return Err(TrainError::Architecture { what });
+        }
+        let network = Network::new(architecture, cfg.seed)?;
+        let adam = Adam::new(&network);
+        Ok(Trainer {
+            fingerprint: dataset.fingerprint(),
+            order: EpochOrder::default(),
+            threads: threads.max(1),
+            step: 0,
+            best: None,
+            cfg,
+            dataset,
+            network,
+            adam,
+        })
+    }
+
+    /// Goes on where a checkpoint was taken. What comes out is what an uninterrupted run gives.
+    ///
+    /// # Errors
+    /// [`TrainError::OtherRun`] when the checkpoint was made on other data.
+    pub fn resume(checkpoint: Checkpoint, dataset: &'a Dataset, threads: usize) -> Result<Self, TrainError> {
+        let mut trainer = Trainer::new(checkpoint.cfg, dataset, threads)?;
+        if trainer.fingerprint != checkpoint.dataset {
+            return Err(TrainError::OtherRun { what: "recordings, or another split of them" });
+        }
+        let fits = trainer.network.architecture == checkpoint.network.architecture
+            && [&checkpoint.network.values, &checkpoint.adam.first, &checkpoint.adam.second]
+                .iter()
+                .all(|values| values.len() == trainer.network.values.len());
+        if !fits {
+            return Err(TrainError::OtherRun { what: "network shapes" });
+        }
+        trainer.network = checkpoint.network;
+        trainer.adam = checkpoint.adam;
+        trainer.step = checkpoint.step;
+        trainer.best = checkpoint.best;
+        Ok(trainer)
+    }
+
+    /// The run as it stands.
+    pub fn checkpoint(&self) -> Checkpoint {
+        Checkpoint {
+            format: checkpoint::FORMAT,
+            tool_version: env!("CARGO_PKG_VERSION").to_string(),
+            dataset: self.fingerprint.clone(),
+            cfg: self.cfg.clone(),
+            step: self.step,
+            network: self.network.clone(),
+            adam: self.adam.clone(),
+            best: self.best.clone(),
+        }
+    }
+
+    /// Steps until the last one, or until `stop` is set; tells of every step.
+    ///
+    /// With a `checkpoint` file, the run is written there every so many steps and at the end, so that nothing is lost.
+    ///
+    /// # Errors
+    /// [`TrainError::Diverged`], or [`TrainError::File`] for the checkpoint.
+    pub fn run(
+        &mut self,
+        stop: &AtomicBool,
+        checkpoint: Option<&Path>,
+        on_progress: &mut dyn FnMut(&Progress),
+    ) -> Result<Outcome, TrainError> {
+        let steps = self.cfg.schedule.steps;
+        let mut written = self.step;
+        while self.step < steps && !stop.load(Ordering::Relaxed) {
+            let progress = self.step()?;
+            on_progress(&progress);
+            if let Some(path) = checkpoint.filter(|_| self.step - written >= self.cfg.checkpoint_every) {
+                self.checkpoint().save(path)?;
+                written = self.step;
+            }
+        }
+        if let Some(path) = checkpoint {
+            self.checkpoint().save(path)?;
+        }
+        let last = self.network.clone();
+        let (best, best_step, best_validation) = match &self.best {
+            Some(best) => (best.network.clone(), best.step, Some(best.validation.clone())),
+            None => (last.clone(), self.step, None),
+        };
+        Ok(Outcome { best, best_step, best_validation, last, steps: self.step, stopped: self.step < steps })
+    }
+
+    /// One step.
+    fn step(&mut self) -> Result<Progress, TrainError> {
+        let n_windows = self.dataset.n_windows(Part::Train);
+        let batch_len = self.cfg.batch.min(n_windows);
+        let steps_per_epoch = (n_windows / batch_len) as u64;
+        let order = self.order.of(self.cfg.seed, self.step / steps_per_epoch, n_windows);
+        let start = (self.step % steps_per_epoch) as usize * batch_len;
+        let windows = &order[start..start + batch_len];
+
+        let device = Device::flex().autodiff();
+        let mut given = step::run(&self.network, self.dataset, windows, &self.cfg, self.threads, &device);
+        let gradient_norm = step::norm(&given.gradient);
+        if !given.loss.total.is_finite() || !gradient_norm.is_finite() {
+            return Err(TrainError::Diverged { step: self.step + 1, loss: given.loss.total });
+        }
+        step::clip(&mut given.gradient, gradient_norm, self.cfg.clip_norm);
+        let learning_rate = self.cfg.schedule.learning_rate(self.step);
+        self.adam.step(&mut self.network, &given.gradient, learning_rate, self.cfg.weight_decay);
+        step::track(&mut self.network.statistics, &given.statistics);
+        self.step += 1;
+
+        let validation = self.look()?;
+        let is_best = validation.as_ref().is_some_and(|now| self.is_best(now));
+        if let (true, Some(validation)) = (is_best, &validation) {
+            let network = self.network.clone();
+            self.best = Some(Best { step: self.step, validation: validation.clone(), network });
+        }
+        Ok(Progress {
+            step: self.step,
+            steps: self.cfg.schedule.steps,
+            epochs: self.step as f64 / steps_per_epoch as f64,
+            learning_rate,
+            loss: given.loss,
+            gradient_norm,
+            validation,
+            is_best,
+        })
+    }
+
+    /// The validation of this step, on every so many steps and the last one.
+    fn look(&self) -> Result<Option<Validation>, TrainError> {
+        let due = self.step.is_multiple_of(self.cfg.validate_every) || self.step == self.cfg.schedule.steps;
+        if !due || self.dataset.n_windows(Part::Validation) == 0 {
+            return Ok(None);
+        }
+        validate(&self.network, self.dataset, Part::Validation, self.threads).map(Some)
+    }
+
+    fn is_best(&self, now: &Validation) -> bool {
+        self.best.as_ref().is_none_or(|best| now.loss < best.validation.loss)
+    }
+}
+
+/// The order of the windows of an epoch, kept while the epoch lasts.
+#[derive(Debug, Default)]
+struct EpochOrder(Option<(u64, Vec<usize>)>);
+
+impl EpochOrder {
+    /// The order, by seed and epoch alone.
+    fn of(&mut self, seed: u64, epoch: u64, n_windows: usize) -> &[usize] {
+        if self.0.as_ref().is_none_or(|(kept, _)| *kept != epoch) {
+            let mut order: Vec<usize> = (0..n_windows).collect();
+            Random::new(seed, Stream::Epoch(epoch)).shuffle(&mut order);
+            self.0 = Some((epoch, order));
+        }
+        self.0.as_ref().map_or(&[], |(_, order)| order)
+    }
+}

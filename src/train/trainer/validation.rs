@@ -1,0 +1,78 @@
+//! How a network does on a part of the data, in few numbers. The report's metrics are made elsewhere.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::dataset::{Batch, Dataset, Part, TOUCH_GF};
+use super::super::error::TrainError;
+use super::super::network::Network;
+use super::step::on_threads;
+use crate::fusion::{Forces, Windows};
+
+/// Windows that are put together at once.
+const BATCH: usize = 256;
+
+/// How a network does on a part of the data.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    /// Windows.
+    pub n: usize,
+    /// Modified MAPE of the final force.
+    pub loss: f64,
+    /// Mean absolute error of the final force, gF.
+    pub mae_gf: f64,
+    /// Balanced accuracy of touch by the final force; `None` when the part holds one class only.
+    pub balanced_accuracy: Option<f64>,
+    /// Mean absolute error of the base force, gF: beside that of the final force it shows what the residual does.
+    pub base_mae_gf: Option<f64>,
+    /// Balanced accuracy of touch by the base force.
+    pub base_balanced_accuracy: Option<f64>,
+}
+
+/// Runs a network over a part.
+///
+/// # Errors
+/// [`TrainError::Architecture`] when the network was made for other data.
+pub fn validate(network: &Network, dataset: &Dataset, part: Part, threads: usize) -> Result<Validation, TrainError> {
+    let windows: Vec<usize> = (0..dataset.n_windows(part)).collect();
+    let batches: Vec<&[usize]> = windows.chunks(BATCH).collect();
+    let results = on_threads(&batches, threads, |windows| -> Result<(Forces, Batch), TrainError> {
+        let batch = dataset.batch(part, windows, None);
+        let forces = network.predict(Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose })?;
+        Ok((forces, batch))
+    });
+    let (mut force, mut base, mut truth) = (Vec::new(), Vec::new(), Vec::new());
+    for result in results {
+        let (forces, batch) = result?;
+        force.extend(forces.force);
+        base.extend(forces.base);
+        truth.extend(batch.truth_gf);
+    }
+    let has_base = !base.is_empty();
+    let relative = |(f, t): (&f32, &f32)| f64::from((f - t).abs() / (1.0 + t.max(0.0)));
+    Ok(Validation {
+        n: truth.len(),
+        loss: force.iter().zip(&truth).map(relative).sum::<f64>() / truth.len().max(1) as f64,
+        mae_gf: mean_error(&force, &truth),
+        balanced_accuracy: balanced_accuracy(&force, &truth),
+        base_mae_gf: has_base.then(|| mean_error(&base, &truth)),
+        base_balanced_accuracy: if has_base { balanced_accuracy(&base, &truth) } else { None },
+    })
+}
+
+fn mean_error(force: &[f32], truth: &[f32]) -> f64 {
+    let sum: f64 = force.iter().zip(truth).map(|(f, t)| f64::from((f - t).abs())).sum();
+    sum / truth.len().max(1) as f64
+}
+
+fn balanced_accuracy(force: &[f32], truth: &[f32]) -> Option<f64> {
+    let rate = |touch: bool| {
+        let of_class = force.iter().zip(truth).filter(|(_, t)| (**t >= TOUCH_GF) == touch);
+        let (mut n, mut right) = (0u64, 0u64);
+        for (f, _) in of_class {
+            n += 1;
+            right += u64::from((*f >= TOUCH_GF) == touch);
+        }
+        (n > 0).then(|| right as f64 / n as f64)
+    };
+    Some((rate(true)? + rate(false)?) / 2.0)
+}
