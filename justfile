@@ -27,6 +27,10 @@ bench:
     scripts/fetch-onnxruntime
     cargo bench
 
+# Remake the fixture that holds our network against PyTorch (needs torch from PyPI)
+train-fixture:
+    python3 tests/python/train_reference.py > tests/data/train_reference.json
+
 # API documentation
 docs:
     cargo doc --no-deps --open

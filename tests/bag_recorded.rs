@@ -1,22 +1,17 @@
 //! Every recorded bag opens or is refused with one line, and a bag cut off anywhere yields what is in front of the cut.
 
-#![allow(clippy::print_stderr)] // says what it skips
+#[path = "common/skip.rs"]
+mod skip;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use skip::shared;
 use tactile_pose_fusion::bag::{BagError, BagReader, BagStats, BagWriter, WriteOptions};
 
 /// The recorded bags, which lie beside the repository.
 fn data() -> Option<PathBuf> {
-    let shared = std::env::var_os("TPF_SHARED").map(PathBuf::from);
-    let shared = shared.unwrap_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")));
-    let data = shared.join("data");
-    if data.is_dir() {
-        return Some(data);
-    }
-    eprintln!("skipped: ../shared is not here");
-    None
+    shared().map(|shared| shared.join("data"))
 }
 
 fn walk(folder: &Path, files: &mut Vec<PathBuf>) {

@@ -1,10 +1,13 @@
 //! The metrics against scikit-learn, scipy and numpy on the same arrays.
-#![allow(clippy::print_stderr)]
+
+#[path = "common/skip.rs"]
+mod skip;
 
 use std::path::Path;
 use std::process::Command;
 
 use serde_json::{Value, json};
+use skip::python;
 use tactile_pose_fusion::eval::*;
 use tactile_pose_fusion::units::{GramForce, Stamp};
 
@@ -64,12 +67,7 @@ fn assert_close(what: &str, ours: Option<f64>, reference: &Value) {
 
 #[test]
 fn metrics_and_statistics_agree_with_scikit_learn_and_scipy() {
-    let python = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/target/venv/bin/python"));
-    if !python.exists() {
-        assert!(std::env::var_os("TPF_REQUIRE_PYTHON").is_none(), "target/venv is not here; run scripts/python-venv");
-        eprintln!("skipped: target/venv is not here; scripts/python-venv makes it");
-        return;
-    }
+    let Some(python) = python() else { return };
     let mut numbers = Numbers(20_240_901);
     let forces: Vec<(Vec<f64>, Vec<f64>)> =
         [(10_000, 0.3, 0.0), (10_000, 1.5, 12.0), (10_000, 1.0, 33.0), (10_000, 30.0, 0.0), (300, 1.2, 8.0)]
@@ -97,7 +95,7 @@ fn metrics_and_statistics_agree_with_scikit_learn_and_scipy() {
         "paired": differences.iter().map(|differences| json!({"differences": differences})).collect::<Vec<_>>(),
         "tared": [{"stamps_ns": stamps, "force": force, "zero_load_ns": zero_load}],
     });
-    let answers = run_reference(python, &cases);
+    let answers = run_reference(&python, &cases);
 
     for (idx, (truth, estimate)) in forces.iter().enumerate() {
         let tally = Tally::of(Scoring::default(), truth, estimate).unwrap();

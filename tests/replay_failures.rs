@@ -58,10 +58,7 @@ fn a_full_disk_is_one_line_and_leaves_nothing() {
     fs::create_dir(&disk).unwrap();
     let mount = Command::new("mount").args(["-t", "tmpfs", "-o", "size=16k", "tmpfs"]).arg(&disk).output();
     if !mount.is_ok_and(|mount| mount.status.success()) {
-        #[allow(clippy::print_stderr)]
-        {
-            eprintln!("skipped: mounting a small disk is not permitted here");
-        }
+        common::skipped("mounting a small disk is not permitted here");
         return;
     }
     let run: Run = tpf(folder, &[&REPLAY[..], &["-o", "disk/out.mcap"]].concat());

@@ -1,5 +1,4 @@
 //! The written model loads in both runtimes and computes what the trained network computes.
-#![allow(clippy::print_stderr)] // a skipped test says so
 
 mod common;
 mod train_common;
@@ -49,8 +48,7 @@ fn load(path: &Path, backend: BackendChoice) -> Option<model::Model> {
     match model::load(&ModelSpec { backend, ..ModelSpec::new(path) }) {
         Ok(model) => Some(model),
         Err(missing @ ModelError::NoOnnxRuntime { .. }) => {
-            assert!(std::env::var_os("TPF_REQUIRE_ORT").is_none_or(|v| v != "1"), "TPF_REQUIRE_ORT=1, but {missing}");
-            eprintln!("skipped: {missing}");
+            common::without_onnx_runtime(&missing.to_string());
             None
         }
         Err(refused) => panic!("{refused}"),
@@ -163,21 +161,9 @@ fn windows_of_another_shape_are_refused() {
     assert_eq!(none, Forces::default());
 }
 
-/// The Python that independent readers live in. Without it the test is skipped, unless `TPF_REQUIRE_PYTHON=1`.
-fn python() -> Option<PathBuf> {
-    let python = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/venv/bin/python");
-    if python.exists() {
-        return Some(python);
-    }
-    let required = std::env::var_os("TPF_REQUIRE_PYTHON").is_some_and(|value| value == "1");
-    assert!(!required, "TPF_REQUIRE_PYTHON=1, but there is no target/venv: run scripts/python-venv");
-    eprintln!("skipped: there is no target/venv (scripts/python-venv makes it)");
-    None
-}
-
 #[test]
 fn onnx_finds_no_fault_with_the_files() {
-    let Some(python) = python() else { return };
+    let Some(python) = common::python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut files = Vec::new();
     for kind in KINDS {

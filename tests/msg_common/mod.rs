@@ -1,18 +1,12 @@
 //! What the tests of messages share.
-#![allow(dead_code, missing_docs, unreachable_pub, clippy::print_stderr)]
+#![allow(dead_code, missing_docs, unreachable_pub)]
+
+#[path = "../common/skip.rs"]
+mod skip;
 
 use std::path::{Path, PathBuf};
 
-/// The folder of recorded data; says so and gives nothing where it is not there.
-pub fn shared() -> Option<PathBuf> {
-    let beside = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared"));
-    let folder = std::env::var_os("TPF_SHARED").map_or(beside, PathBuf::from);
-    if folder.join("data").is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: ../shared is not here");
-    None
-}
+pub use skip::shared;
 
 /// Every `.mcap` file below `folder`, in the order of their paths.
 pub fn mcap_files(folder: &Path) -> Vec<PathBuf> {

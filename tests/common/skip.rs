@@ -1,0 +1,43 @@
+//! What tests need that may not be here, and how they say that they skip: past the test runner's capture, so that a
+//! person sees it.
+#![allow(dead_code, unreachable_pub)]
+
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Says that the running test, or a part of it, is skipped.
+pub fn skipped(why: &str) {
+    let thread = std::thread::current();
+    let _ = writeln!(std::io::stderr(), "skipped {}: {why}", thread.name().unwrap_or("a test"));
+}
+
+/// The folder of shared data and fixtures: `TPF_SHARED`, else `../shared` beside the repository.
+///
+/// Where neither is there the test is skipped.
+pub fn shared() -> Option<PathBuf> {
+    let beside = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared"));
+    let folder = std::env::var_os("TPF_SHARED").map_or(beside, PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    skipped("../shared is not here");
+    None
+}
+
+/// The Python of `scripts/python-venv`. Where it is not there the test is skipped, or fails when `TPF_REQUIRE_PYTHON` is
+/// set.
+pub fn python() -> Option<PathBuf> {
+    let python = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/venv/bin/python"));
+    if python.exists() {
+        return Some(python);
+    }
+    assert!(std::env::var_os("TPF_REQUIRE_PYTHON").is_none(), "target/venv is not here; run scripts/python-venv");
+    skipped("target/venv is not here; scripts/python-venv makes it");
+    None
+}
+
+/// Skips what needs ONNX Runtime for the reason that its loading gave, or fails when `TPF_REQUIRE_ORT` is set.
+pub fn without_onnx_runtime(why: &str) {
+    assert!(std::env::var_os("TPF_REQUIRE_ORT").is_none(), "TPF_REQUIRE_ORT is set, but {why}");
+    skipped(why);
+}
