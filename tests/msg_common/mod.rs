@@ -1,5 +1,5 @@
 //! What the tests of messages share.
-#![allow(dead_code, missing_docs, unreachable_pub)]
+#![allow(dead_code, missing_docs, unreachable_pub, unused_imports)]
 
 #[path = "../common/skip.rs"]
 mod skip;
