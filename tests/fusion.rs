@@ -178,6 +178,30 @@ fn the_batch_size_changes_when_estimates_come_and_not_what_they_are() {
 }
 
 #[test]
+fn regions_with_models_of_their_own_get_what_each_would_get_alone() {
+    let samples = steady(120, 0, 90);
+    let second = || RegionConfig { model: 1, ..region("thumb", &[0], &[]) };
+    let models = || -> Vec<Box<dyn Regressor>> { vec![Sum::boxed(4, 2, 1), Sum::boxed(9, 1, 0)] };
+    let alone = |region: RegionConfig, model: Box<dyn Regressor>| {
+        let cfg = config(2, vec![RegionConfig { model: 0, ..region }]);
+        run(&mut fusion(cfg, vec![model]), &samples)
+    };
+    let index = alone(region("index", &[0, 1], &["dip"]), Sum::boxed(4, 2, 1));
+    let thumb = alone(second(), Sum::boxed(9, 1, 0));
+    for batch in [1, 16] {
+        let mut cfg = config(2, vec![region("index", &[0, 1], &["dip"]), second()]);
+        cfg.batch = batch;
+        let both = run(&mut fusion(cfg, models()), &samples);
+        let of = |idx: usize| both.iter().filter(move |(_, estimate)| estimate.region == idx);
+        assert!(of(0).eq(&index), "batch {batch}");
+        let forces = |estimates: &mut dyn Iterator<Item = &(Stamp, Estimate)>| -> Vec<_> {
+            estimates.map(|(stamp, e)| (*stamp, e.force, e.flags, e.contact)).collect()
+        };
+        assert_eq!(forces(&mut of(1)), forces(&mut thumb.iter()), "batch {batch}");
+    }
+}
+
+#[test]
 fn zero_slack_never_waits() {
     let mut cfg = config(2, vec![region("index", &[0, 1], &["dip"])]);
     cfg.timing.joint_slack = std::time::Duration::ZERO;
