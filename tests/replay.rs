@@ -226,6 +226,27 @@ fn annotated_stretches_are_the_zero() {
 }
 
 #[test]
+fn an_annotation_that_cannot_be_read_is_counted_and_said() {
+    let folder = session(6);
+    let folder = folder.path();
+    let mut bag = Bag::create(&folder.join("annotated.mcap"));
+    bag.send_bytes::<Stage>("/stage", at(0), &[0, 1, 0, 0, 9]);
+    for message in messages(&folder.join("session.mcap")) {
+        if message.topic == "/taxels" {
+            bag.send_bytes::<tactile_pose_fusion::msg::TaxelArray>("/taxels", message.log_time, &message.data);
+        } else {
+            bag.send_bytes::<tactile_pose_fusion::msg::JointState>("/joints", message.log_time, &message.data);
+        }
+    }
+    bag.finish();
+    let args = ["replay", "annotated.mcap", "--params-file", "params.yaml", "-o", "out.mcap", "--json"];
+    let run = tpf(folder, &[&args[..], &FIRST[..]].concat());
+    assert_eq!(run.code, 3, "{run:?}");
+    assert_eq!(run.json()["topics"]["/stage"]["unreadable"]["unreadable"], 1);
+    assert!(run.stderr.contains("/stage: 1 messages could not be read"), "{run:?}");
+}
+
+#[test]
 fn a_calibration_file_does_what_its_seconds_did() {
     let folder = session(6);
     let folder = folder.path();

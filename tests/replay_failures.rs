@@ -100,18 +100,29 @@ fn an_interrupt_leaves_nothing() {
     let folder = folder.path();
     write_session(&folder.join("long.mcap"), 300);
     let before = names(folder);
-    let mut child = Command::new(env!("CARGO_BIN_EXE_tpf"))
-        .current_dir(folder)
-        .args(["replay", "long.mcap", "--params-file", "params.yaml", "--calibrate-first", "3.13", "-o", "out.mcap"])
-        .args(["--batch", "1", "--backend", "rten"])
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .unwrap();
-    while names(folder) == before {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before it began to write");
+    for signal in ["-INT", "-TERM"] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_tpf"))
+            .current_dir(folder)
+            .args([
+                "replay",
+                "long.mcap",
+                "--params-file",
+                "params.yaml",
+                "--calibrate-first",
+                "3.13",
+                "-o",
+                "out.mcap",
+            ])
+            .args(["--batch", "1", "--backend", "rten"])
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        while names(folder) == before {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it began to write");
+        }
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        let run: Run = child.wait_with_output().unwrap().into();
+        assert_eq!(run.failure(), "interrupted; nothing was written");
+        assert_eq!(names(folder), before);
     }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    let run: Run = child.wait_with_output().unwrap().into();
-    assert_eq!(run.failure(), "interrupted; nothing was written");
-    assert_eq!(names(folder), before);
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{BagChannel, BagError, BagMessage, BagReader};
 use crate::fusion::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
-use crate::msg::binding::{BindingError, JointBinding, JointFields, SampleError, TaxelBinding, TaxelFields, Topic};
+use crate::msg::binding::{BindingError, JointBinding, JointFields, TaxelBinding, TaxelFields, Topic};
 use crate::msg::definition::{DefinitionError, TypeTree};
 use crate::msg::{Stage, WireType, canonical_type_name, from_cdr};
 use crate::units::Stamp;
@@ -126,7 +126,13 @@ impl Inputs {
         let role = self.roles.get_mut(&channel.id);
         let (input, error) = match role {
             None | Some(Role::Other) => return Ok(Input::None),
-            Some(Role::Stage) => return Ok(decode_stage(message.data)),
+            Some(Role::Stage) => match from_cdr::<Stage>(message.data) {
+                Ok(stage) => {
+                    let stamp = Stamp::from_sec_nanosec(stage.header.stamp.sec, stage.header.stamp.nanosec);
+                    (Input::Stage { stamp, zero_load: stage.zero_load }, None)
+                }
+                Err(error) => (Input::None, Some(("unreadable", error.to_string()))),
+            },
             Some(Role::Taxels(source, binding)) => match binding.decode(message.data, received) {
                 Ok(taxels) => {
                     let block = TactileBlock {
@@ -140,7 +146,7 @@ impl Inputs {
                     };
                     (Input::Event(Event::Tactile(block)), None)
                 }
-                Err(error) => (Input::None, Some(error)),
+                Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
             },
             Some(Role::Joints(source, binding)) => match binding.decode(message.data, received) {
                 Ok(joints) => {
@@ -158,7 +164,7 @@ impl Inputs {
                     };
                     (Input::Event(Event::Joints(sample)), None)
                 }
-                Err(error) => (Input::None, Some(error)),
+                Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
             },
         };
         count(&mut self.counters, &channel.topic, error);
@@ -232,26 +238,19 @@ impl Inputs {
     }
 }
 
-fn count(counters: &mut BTreeMap<String, TopicCounters>, topic: &str, error: Option<SampleError>) {
+/// Counts a message that was read, or the reason and the text of why it wasn't.
+fn count(counters: &mut BTreeMap<String, TopicCounters>, topic: &str, error: Option<(&'static str, String)>) {
     if !counters.contains_key(topic) {
         counters.insert(topic.to_owned(), TopicCounters::default());
     }
     let Some(counters) = counters.get_mut(topic) else { return };
     match error {
         None => counters.read += 1,
-        Some(error) => {
-            *counters.unreadable.entry(error.reason()).or_default() += 1;
-            counters.first_error.get_or_insert_with(|| error.to_string());
+        Some((reason, text)) => {
+            *counters.unreadable.entry(reason).or_default() += 1;
+            counters.first_error.get_or_insert(text);
         }
     }
-}
-
-fn decode_stage(cdr: &[u8]) -> Input<'static> {
-    // An annotation that can't be read leaves what was known in force; nothing is measured by it.
-    from_cdr::<Stage>(cdr).map_or(Input::None, |stage| Input::Stage {
-        stamp: Stamp::from_sec_nanosec(stage.header.stamp.sec, stage.header.stamp.nanosec),
-        zero_load: stage.zero_load,
-    })
 }
 
 fn tree_of(channel: &BagChannel, expected: &str) -> Result<TypeTree, InputError> {
