@@ -18,7 +18,7 @@ mod write;
 
 pub use baseline::{BaselineError, Baselines, ZeroLoad, collect_baselines};
 pub use error::BagError;
-pub use estimates::{EstimateTopics, EstimateWriter};
+pub use estimates::EstimateWriter;
 pub use inputs::{Input, InputError, InputTopics, Inputs, TopicCounters};
 pub use pass_through::PassThrough;
 pub use qos::BEST_EFFORT_QOS;

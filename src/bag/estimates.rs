@@ -4,34 +4,8 @@ use sha2::{Digest, Sha256};
 
 use super::{BagError, BagWriter, OutChannel};
 use crate::fusion::{FusionConfig, Tick};
-use crate::msg::{ContactArray, Outgoing, WireType, WrenchStamped, to_cdr_into};
+use crate::msg::{ContactArray, EstimateTopics, Outgoing, Slot, WireType, WrenchStamped};
 use crate::units::Newton;
-
-/// Names of the topics that estimates go to.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct EstimateTopics {
-    /// `[regions]`.
-    pub wrenches: Vec<String>,
-    /// One for all.
-    pub contacts: String,
-}
-
-impl EstimateTopics {
-    /// The topics of a node: `~/REGION/wrench` and `~/contacts`.
-    ///
-    /// `node`: fully qualified, as in `/left/tactile_pose_fusion`.
-    pub fn of_node(node: &str, cfg: &FusionConfig) -> Self {
-        EstimateTopics {
-            wrenches: cfg.regions.iter().map(|region| format!("{node}/{}/wrench", region.name)).collect(),
-            contacts: format!("{node}/contacts"),
-        }
-    }
-
-    /// All of them.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.wrenches.iter().chain([&self.contacts]).map(String::as_str)
-    }
-}
 
 /// Writes ticks.
 #[derive(Debug)]
@@ -80,14 +54,10 @@ impl EstimateWriter {
     /// [`BagError`] when the bag can't be written.
     pub fn write(&mut self, bag: &mut BagWriter, tick: &Tick) -> Result<(), BagError> {
         let EstimateWriter { outgoing, wrenches, contacts, cdr, fingerprint } = self;
-        for estimate in &tick.estimates {
-            if let Some(wrench) = outgoing.wrench(tick.stamp, estimate) {
-                to_cdr_into(wrench, cdr);
-                wrenches[estimate.region].write(bag, tick, cdr, fingerprint)?;
-            }
-        }
-        to_cdr_into(outgoing.contact_array(tick), cdr);
-        contacts.write(bag, tick, cdr, fingerprint)
+        outgoing.encode(tick, cdr, |slot, cdr| match slot {
+            Slot::Wrench(region) => wrenches[region].write(bag, tick, cdr, fingerprint),
+            Slot::Contacts => contacts.write(bag, tick, cdr, fingerprint),
+        })
     }
 
     /// SHA-256 over topic and bytes of every message so far: equal for equal estimates, whatever else the bag holds.

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 
 use super::{BagChannel, BagError, BagMessage, BagReader};
-use crate::fusion::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
-use crate::msg::binding::{BindingError, JointBinding, JointFields, TaxelBinding, TaxelFields, Topic};
+use crate::fusion::{Event, JointSourceIdx, TactileSourceIdx};
+use crate::msg::binding::{BindingError, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic};
 use crate::msg::definition::{DefinitionError, TypeTree};
 use crate::msg::{Stage, WireType, canonical_type_name, from_cdr};
 use crate::units::Stamp;
@@ -87,8 +87,7 @@ pub struct Inputs {
 #[derive(Debug)]
 enum Role {
     Other,
-    Taxels(TactileSourceIdx, Box<TaxelBinding>),
-    Joints(JointSourceIdx, Box<JointBinding>),
+    Samples(SampleBinding),
     Stage,
 }
 
@@ -133,36 +132,15 @@ impl Inputs {
                 }
                 Err(error) => (Input::None, Some(("unreadable", error.to_string()))),
             },
-            Some(Role::Taxels(source, binding)) => match binding.decode(message.data, received) {
-                Ok(taxels) => {
-                    let block = TactileBlock {
-                        source: *source,
-                        stamp: taxels.stamp,
-                        rows: taxels.rows,
-                        row_period_ns: taxels.row_period_ns,
-                        sequence: taxels.sequence,
-                        values: taxels.values,
-                        received,
-                    };
-                    (Input::Event(Event::Tactile(block)), None)
-                }
-                Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
-            },
-            Some(Role::Joints(source, binding)) => match binding.decode(message.data, received) {
-                Ok(joints) => {
-                    for name in joints.names {
+            Some(Role::Samples(binding)) => match binding.decode(message.data, received) {
+                Ok(event) => {
+                    let names = if let Event::Joints(sample) = &event { sample.names } else { &[] };
+                    for name in names {
                         if !self.joint_names.contains(name) {
                             self.joint_names.insert(name.clone());
                         }
                     }
-                    let sample = JointSample {
-                        source: *source,
-                        stamp: joints.stamp,
-                        names: joints.names,
-                        positions: joints.positions,
-                        received,
-                    };
-                    (Input::Event(Event::Joints(sample)), None)
+                    (Input::Event(event), None)
                 }
                 Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
             },
@@ -221,14 +199,14 @@ impl Inputs {
                 let tree = tree_of(channel, &topic.type_name)?;
                 let binding = TaxelBinding::compile(&topic.fields, &tree);
                 let binding = binding.map_err(|error| binding_error(channel, error))?;
-                Role::Taxels(TactileSourceIdx(source), Box::new(binding))
+                Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), Box::new(binding)))
             }
             (None, Some(source)) => {
                 let topic = &self.topics.joints[source];
                 let tree = tree_of(channel, &topic.type_name)?;
                 let binding = JointBinding::compile(&topic.fields, &tree);
                 let binding = binding.map_err(|error| binding_error(channel, error))?;
-                Role::Joints(JointSourceIdx(source), Box::new(binding))
+                Role::Samples(SampleBinding::Joints(JointSourceIdx(source), Box::new(binding)))
             }
             _ if channel.topic == self.topics.stage && type_name == Stage::TYPE_NAME => Role::Stage,
             _ => Role::Other,

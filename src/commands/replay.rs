@@ -8,11 +8,10 @@ use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
 use super::summary::{ModelSummary, Summary};
 use super::zero::{LoadCheck, ZeroArgs};
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::bag::{
-    BagReader, BagRecord, BagWriter, EstimateTopics, EstimateWriter, Input, Inputs, PassThrough, WriteOptions,
-};
+use crate::bag::{BagReader, BagRecord, BagWriter, EstimateWriter, Input, Inputs, PassThrough, WriteOptions};
 use crate::config::Config;
 use crate::fusion::Fusion;
+use crate::msg::EstimateTopics;
 
 /// Frames in one inference call unless told otherwise: most of the gain, and a lag that no one notices offline.
 const DEFAULT_BATCH: usize = 32;

@@ -2,9 +2,11 @@
 //! message alike.
 
 mod joints;
+mod samples;
 mod taxels;
 
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
+pub use samples::SampleBinding;
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
 
 use super::definition::TypeTree;

@@ -1,8 +1,43 @@
 //! Estimates as messages: the one way in which live node and replay tell forces and contacts.
 
-use super::{ContactArray, ContactState, Header, Time, Vector3, Wrench, WrenchStamped};
+use super::{ContactArray, ContactState, Header, Time, Vector3, Wrench, WrenchStamped, to_cdr_into};
 use crate::fusion::{ContactEvent, Estimate, FusionConfig, RegionConfig, Tick};
 use crate::units::{Newton, Stamp};
+
+/// Which of a node's topics a message is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Slot {
+    /// The wrench of a region, by its index.
+    Wrench(usize),
+    /// The contacts of all regions.
+    Contacts,
+}
+
+/// Names of the topics that estimates go to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EstimateTopics {
+    /// `[regions]`.
+    pub wrenches: Vec<String>,
+    /// One for all.
+    pub contacts: String,
+}
+
+impl EstimateTopics {
+    /// The topics of a node: `~/REGION/wrench` and `~/contacts`.
+    ///
+    /// `node`: fully qualified, as in `/left/tactile_pose_fusion`.
+    pub fn of_node(node: &str, cfg: &FusionConfig) -> Self {
+        EstimateTopics {
+            wrenches: cfg.regions.iter().map(|region| format!("{node}/{}/wrench", region.name)).collect(),
+            contacts: format!("{node}/contacts"),
+        }
+    }
+
+    /// All of them.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.wrenches.iter().chain([&self.contacts]).map(String::as_str)
+    }
+}
 
 /// The messages of a tick, in buffers that are filled anew for each one.
 #[derive(Debug, Clone)]
@@ -40,6 +75,26 @@ impl Outgoing {
             wrenches: cfg.regions.iter().map(wrench).collect(),
             regions: cfg.regions.clone(),
         }
+    }
+
+    /// Hands over the messages of a tick as CDR: the wrench of each region that has a force, then the contacts.
+    ///
+    /// # Errors
+    /// Those of `write`, at once.
+    pub fn encode<E>(
+        &mut self,
+        tick: &Tick,
+        cdr: &mut Vec<u8>,
+        mut write: impl FnMut(Slot, &[u8]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        for estimate in &tick.estimates {
+            if let Some(wrench) = self.wrench(tick.stamp, estimate) {
+                to_cdr_into(wrench, cdr);
+                write(Slot::Wrench(estimate.region), cdr)?;
+            }
+        }
+        to_cdr_into(self.contact_array(tick), cdr);
+        write(Slot::Contacts, cdr)
     }
 
     /// The contacts of a tick: every region of its source, touching or not.

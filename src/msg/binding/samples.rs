@@ -1,0 +1,47 @@
+//! From the bytes of an input to the event that they are for the core: one way for bags and for the live node.
+
+use super::{JointBinding, SampleError, TaxelBinding};
+use crate::fusion::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
+use crate::units::Stamp;
+
+/// What the messages of one input topic are.
+#[derive(Debug, Clone)]
+pub enum SampleBinding {
+    /// Taxels of a source.
+    Taxels(TactileSourceIdx, Box<TaxelBinding>),
+    /// Joint angles of a source.
+    Joints(JointSourceIdx, Box<JointBinding>),
+}
+
+impl SampleBinding {
+    /// Decodes a message that arrived at `received`.
+    ///
+    /// # Errors
+    /// [`SampleError`] when it holds no samples, or not the ones that it says.
+    pub fn decode<'a>(&'a mut self, cdr: &[u8], received: Stamp) -> Result<Event<'a>, SampleError> {
+        match self {
+            SampleBinding::Taxels(source, binding) => {
+                let taxels = binding.decode(cdr, received)?;
+                Ok(Event::Tactile(TactileBlock {
+                    source: *source,
+                    stamp: taxels.stamp,
+                    rows: taxels.rows,
+                    row_period_ns: taxels.row_period_ns,
+                    sequence: taxels.sequence,
+                    values: taxels.values,
+                    received,
+                }))
+            }
+            SampleBinding::Joints(source, binding) => {
+                let joints = binding.decode(cdr, received)?;
+                Ok(Event::Joints(JointSample {
+                    source: *source,
+                    stamp: joints.stamp,
+                    names: joints.names,
+                    positions: joints.positions,
+                    received,
+                }))
+            }
+        }
+    }
+}
