@@ -110,19 +110,36 @@ impl Calibration {
     /// # Errors
     /// [`CalibrationFileError::Exists`] when there is one of that name already, [`CalibrationFileError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), CalibrationFileError> {
+        match self.written_beside(path)?.persist_noclobber(path) {
+            Ok(_) => Ok(()),
+            Err(failed) if failed.error.kind() == std::io::ErrorKind::AlreadyExists => {
+                Err(CalibrationFileError::Exists { path: path.to_path_buf() })
+            }
+            Err(failed) => Err(CalibrationFileError::Write { path: path.to_path_buf(), source: failed.error }),
+        }
+    }
+
+    /// Writes a calibration file in place of the one that is there, if there is one, whole or not at all.
+    ///
+    /// # Errors
+    /// [`CalibrationFileError::Write`].
+    pub fn replace(&self, path: &Path) -> Result<(), CalibrationFileError> {
+        let persisted = self.written_beside(path)?.persist(path);
+        let failed = |failed: tempfile::PersistError| failed.error;
+        persisted
+            .map(|_| ())
+            .map_err(failed)
+            .map_err(|source| CalibrationFileError::Write { path: path.into(), source })
+    }
+
+    fn written_beside(&self, path: &Path) -> Result<tempfile::NamedTempFile, CalibrationFileError> {
         let write_error = |source| CalibrationFileError::Write { path: path.to_path_buf(), source };
         let text = serde_saphyr::to_string(self).map_err(|error| write_error(std::io::Error::other(error)))?;
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut file = tempfile::NamedTempFile::new_in(folder).map_err(write_error)?;
         std::io::Write::write_all(&mut file, text.as_bytes()).map_err(write_error)?;
         file.as_file().sync_all().map_err(write_error)?;
-        match file.persist_noclobber(path) {
-            Ok(_) => Ok(()),
-            Err(failed) if failed.error.kind() == std::io::ErrorKind::AlreadyExists => {
-                Err(CalibrationFileError::Exists { path: path.to_path_buf() })
-            }
-            Err(failed) => Err(write_error(failed.error)),
-        }
+        Ok(file)
     }
 }
 

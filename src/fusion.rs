@@ -207,6 +207,22 @@ impl Fusion {
         Ok(())
     }
 
+    /// Takes other contact thresholds for the regions, from the next estimate on.
+    ///
+    /// # Shapes
+    /// `thresholds`: `[regions]`.
+    pub fn handle_thresholds(&mut self, thresholds: &[ContactThresholds]) {
+        for ((region, cfg), thresholds) in self.regions.iter_mut().zip(&mut self.cfg.regions).zip(thresholds) {
+            cfg.contact = *thresholds;
+            region.contact.handle_thresholds(*thresholds);
+        }
+    }
+
+    /// The baseline of a tactile source, where it has one.
+    pub fn baseline(&self, source: TactileSourceIdx) -> Option<&Baseline> {
+        self.sources[source.0].baseline.as_ref()
+    }
+
     /// Ends the stream: frames that still wait for joints are settled with what is here, and the last batch is run
     /// however small it is.
     pub fn handle_end(&mut self) {

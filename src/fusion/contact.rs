@@ -81,6 +81,12 @@ impl ContactDetector {
         }
     }
 
+    /// Takes other thresholds. The state is kept until a run of forces is against it; a run so far is forgotten.
+    pub fn handle_thresholds(&mut self, thresholds: ContactThresholds) {
+        self.thresholds = thresholds;
+        self.run_frames = 0;
+    }
+
     /// Forgets the state because frames were lost. A contact that was there ends with the next frame.
     pub fn handle_reset(&mut self) {
         self.lost |= self.state;
