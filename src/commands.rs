@@ -6,12 +6,15 @@ mod inspect;
 mod interrupt;
 mod progress;
 mod replay;
+#[cfg(feature = "ros")]
+mod run;
 mod setup;
 mod simulate;
 mod summary;
 mod zero;
 
 use std::io::Write;
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
@@ -26,6 +29,8 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Replay(replay::Args),
+    #[cfg(feature = "ros")]
+    Run(run::Args),
     Calibrate(calibrate::Args),
     Diff(diff::Args),
     Inspect(inspect::Args),
@@ -66,10 +71,42 @@ impl<E: std::error::Error> From<E> for Failure {
 pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Replay(args) => replay::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Run(args) => run::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+    }
+}
+
+/// What `tpf` does as a process: runs the command line and tells how it went by its exit code.
+pub fn main() -> ExitCode {
+    // clap prints usage errors itself and leaves with 2.
+    exit("tpf", run(Cli::parse()))
+}
+
+/// What `tactile_pose_fusion_node` does as a process: `tpf run` with its own arguments.
+pub fn node_main() -> ExitCode {
+    let name = "tactile_pose_fusion_node";
+    if cfg!(not(feature = "ros")) {
+        let missing = "this build is without the live node; build with the cargo feature `ros`";
+        return exit(name, Err(Failure(missing.to_owned())));
+    }
+    let mut args = std::env::args_os();
+    let program = args.next().unwrap_or_else(|| name.into());
+    exit(name, run(Cli::parse_from([program, "run".into()].into_iter().chain(args))))
+}
+
+fn exit(program: &str, outcome: Result<Outcome, Failure>) -> ExitCode {
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::NotMet) => ExitCode::from(1),
+        Ok(Outcome::InputLost) => ExitCode::from(3),
+        Err(failure) => {
+            say(&format!("{program}: {failure}"));
+            ExitCode::from(1)
+        }
     }
 }
 

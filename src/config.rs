@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-pub use domain::{CalibrationConfig, Config, ModelConfig};
+pub use domain::{CalibrationConfig, Config, LiveConfig, ModelConfig};
 pub use error::{ConfigError, ParamError};
 pub use names::{NameError, NodeName, resolve_name};
 pub use param_file::{Origin, Param, ParamTree, parse_param_file, parse_param_files};
@@ -21,6 +21,9 @@ pub use scalar::ParamValue;
 
 /// The node's full name unless it is given another one.
 pub const DEFAULT_NODE: &str = "/tactile_pose_fusion";
+
+/// What the keys of QoS overrides begin with: `qos_overrides.<topic>.<publisher|subscription>.<policy>`.
+pub const QOS_OVERRIDES: &str = "qos_overrides.";
 
 /// Reads the configuration of a node from a parameter file.
 ///

@@ -13,6 +13,8 @@ pub mod eval;
 pub mod fusion;
 pub mod model;
 pub mod msg;
+#[cfg(feature = "ros")]
+pub mod ros;
 pub mod sim;
 #[cfg(feature = "train")]
 pub mod train;

@@ -20,7 +20,7 @@ pub use calibrate::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 pub use cdr::CdrError;
 pub use definition::canonical_type_name;
 pub use interfaces::{ContactArray, ContactState, Stage, TaxelArray};
-pub use outgoing::Outgoing;
+pub use outgoing::{EstimateTopics, Outgoing, Slot};
 pub use schema::{definition_text, standard_text};
 pub use standard::{
     Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Time, Vector3, Wrench,

@@ -16,7 +16,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("train", &["fusion", "model"]),
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["fusion", "msg", "units"]),
-    ("commands", &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "sim", "units"]),
+    ("ros", &["calibration", "config", "fusion", "model", "msg", "units"]),
+    ("commands", &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "ros", "sim", "units"]),
 ];
 
 fn sources() -> Vec<PathBuf> {

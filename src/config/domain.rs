@@ -1,6 +1,7 @@
 //! From the parameter tree to what the other modules are told. What exists afterwards is valid.
 
 mod check;
+mod live;
 mod reader;
 mod region;
 mod source;
@@ -9,6 +10,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
+pub use live::LiveConfig;
 use reader::Reader;
 
 use super::error::ConfigError;
@@ -42,6 +44,8 @@ pub struct CalibrationConfig {
     pub max_force: Newton,
     /// Largest part of the data that may be loaded, 0 to 1.
     pub max_loaded_fraction: f64,
+    /// How far some joint of each region must move in a live calibration, rad; 0 takes a still hand.
+    pub min_joint_span: f64,
 }
 
 /// Everything that parameters say.
@@ -67,6 +71,8 @@ pub struct Config {
     pub stage_topic: String,
     /// Whether time is that of `/clock`.
     pub use_sim_time: bool,
+    /// What only the live node follows.
+    pub live: LiveConfig,
 }
 
 impl Config {
@@ -102,6 +108,7 @@ impl Config {
             user: reader.non_empty("user")?,
             stage_topic: reader.topic("stage_topic")?,
             use_sim_time: reader.bool("use_sim_time")?,
+            live: live::live(&reader)?,
             node,
         })
     }
@@ -144,6 +151,7 @@ fn calibration(reader: &Reader<'_>) -> Result<CalibrationConfig, ConfigError> {
         min_duration: Duration::from_secs_f64(min_s),
         max_force: Newton(reader.double("calibration.max_force")?),
         max_loaded_fraction: reader.double("calibration.max_loaded_fraction")?,
+        min_joint_span: reader.double("calibration.min_joint_span")?,
     })
 }
 

@@ -1,5 +1,6 @@
 //! What can be said of each key and value by itself.
 
+use super::super::QOS_OVERRIDES;
 use super::super::error::ConfigError;
 use super::super::keys::{KEYS, ParamKind, find};
 use super::super::param_file::ParamTree;
@@ -8,7 +9,8 @@ use super::super::text::{list, nearest, one_line};
 
 /// Refuses keys that are in no pattern, values of another type, and values out of range.
 pub(super) fn keys_and_values(tree: &ParamTree) -> Result<(), ConfigError> {
-    for (key, param) in tree.iter() {
+    // QoS overrides are named by topics, which the live node knows and checks.
+    for (key, param) in tree.iter().filter(|(key, _)| !key.starts_with(QOS_OVERRIDES)) {
         let origin = param.origin.to_string();
         let Some(known) = find(key) else {
             return Err(ConfigError::Unknown { origin, key: one_line(key), hint: hint(key) });

@@ -333,6 +333,15 @@ pub static KEYS: &[ParamKey] = &[
     )
     .range(Closed { min: 0.0, max: 1.0 })
     .at_run_time(),
+    ParamKey::new(
+        "calibration.min_joint_span",
+        Kind::Double,
+        Double(0.2),
+        "How far some joint of each region must move while the live node calibrates; 0 takes a still hand",
+    )
+    .range(Closed { min: 0.0, max: 6.3 })
+    .unit("rad")
+    .at_run_time(),
     ParamKey::new("glove", Kind::Str, Str(""), "Serial number of the glove, kept with calibrations and recordings"),
     ParamKey::new("user", Kind::Str, Str(""), "Who wears it, kept with calibrations and recordings"),
     ParamKey::new(
@@ -341,6 +350,46 @@ pub static KEYS: &[ParamKey] = &[
         Str("/stage"),
         "Topic of the annotations of a recording, tactile_pose_fusion/msg/Stage",
     ),
+    // What only the live node follows.
+    ParamKey::new(
+        "autostart",
+        Kind::Bool,
+        ParamDefault::Bool(true),
+        "Whether the node configures and activates itself; false waits for a lifecycle manager",
+    ),
+    ParamKey::new(
+        "tactile_timeout_ms",
+        Kind::Double,
+        Double(100.0),
+        "Silence of a tactile source after which the node says STALE_TACTILE, and again each time as much passes",
+    )
+    .range(Closed { min: 1.0, max: 60_000.0 })
+    .unit("ms"),
+    ParamKey::new(
+        "message_definitions",
+        Kind::Str,
+        Str(""),
+        "Folder with .msg files, relative to the folder of this file, searched before AMENT_PREFIX_PATH; empty: none",
+    ),
+    ParamKey::new(
+        "diagnostics.max_latency_ms",
+        Kind::Double,
+        Double(50.0),
+        "From the stamp of the data to its published estimate; a slower 99th percentile is a warning",
+    )
+    .range(Above { min: 0.0, max: 60_000.0 })
+    .unit("ms"),
+    ParamKey::new(
+        "diagnostics.max_jitter_ms",
+        Kind::Double,
+        Double(5.0),
+        "Standard deviation of the time between tactile messages; more is a warning",
+    )
+    .range(Above { min: 0.0, max: 60_000.0 })
+    .unit("ms"),
+    ParamKey::new("diagnostics.sustained_s", Kind::Double, Double(5.0), "A warning that lasts as long is an error")
+        .range(Closed { min: 0.0, max: 3600.0 })
+        .unit("s"),
     // What every ROS 2 node has.
     ParamKey::new(
         "use_sim_time",

@@ -1,0 +1,77 @@
+//! The recording of a live run: inputs in the order in which they were handled, and the estimates that they gave.
+
+use std::path::Path;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+use super::super::Failure;
+use crate::bag::{BEST_EFFORT_QOS, BagError, BagWriter, Finished, NewChannel, OutChannel, WriteOptions};
+use crate::config::Config;
+use crate::msg::{ContactArray, Slot, WrenchStamped, type_hash};
+use crate::ros::definitions::Definitions;
+use crate::ros::{Names, Record};
+
+/// Messages that may wait for the disk: some seconds of a fast glove with five regions.
+const CAPACITY: usize = 65_536;
+
+/// A recording under way, on a thread of its own.
+pub(super) struct Recording {
+    thread: JoinHandle<Result<Finished, BagError>>,
+}
+
+struct Channels {
+    inputs: Vec<OutChannel>,
+    wrenches: Vec<OutChannel>,
+    contacts: OutChannel,
+}
+
+/// Begins a recording; what is sent is written.
+pub(super) fn start(
+    out: &Path,
+    cfg: &Config,
+    names: &Names,
+    definitions: &Definitions,
+) -> Result<(SyncSender<Record>, Recording), Failure> {
+    let mut bag = BagWriter::create(out, WriteOptions::default())?;
+    let types = cfg.tactile.iter().map(|topic| &topic.type_name).chain(cfg.joints.iter().map(|topic| &topic.type_name));
+    let mut inputs = Vec::new();
+    for (topic, type_name) in names.inputs.iter().zip(types) {
+        let channel = NewChannel {
+            topic,
+            type_name,
+            schema_text: &definitions.schema_text(type_name)?,
+            qos_yaml: BEST_EFFORT_QOS,
+            type_hash: &type_hash(&definitions.tree(type_name)?),
+        };
+        inputs.push(bag.add_channel(channel)?);
+    }
+    let wrenches = names.estimates.wrenches.iter().map(|topic| bag.add_topic::<WrenchStamped>(topic));
+    let wrenches = wrenches.collect::<Result<_, _>>()?;
+    let contacts = bag.add_topic::<ContactArray>(&names.estimates.contacts)?;
+    let (sender, receiver) = sync_channel(CAPACITY);
+    let channels = Channels { inputs, wrenches, contacts };
+    let thread = std::thread::Builder::new().name("record".into()).spawn(move || write(bag, &channels, &receiver))?;
+    Ok((sender, Recording { thread }))
+}
+
+impl Recording {
+    /// Completes it, once everyone who sends is gone.
+    pub(super) fn finish(self) -> Result<Finished, Failure> {
+        match self.thread.join() {
+            Ok(finished) => Ok(finished?),
+            Err(_) => Err(Failure("the recording ended early; it is lost".to_owned())),
+        }
+    }
+}
+
+fn write(mut bag: BagWriter, channels: &Channels, records: &Receiver<Record>) -> Result<Finished, BagError> {
+    while let Ok(record) = records.recv() {
+        let (channel, received, cdr) = match record {
+            Record::Input { input, received, cdr } => (channels.inputs[input], received, cdr),
+            Record::Output { slot: Slot::Wrench(region), received, cdr } => (channels.wrenches[region], received, cdr),
+            Record::Output { slot: Slot::Contacts, received, cdr } => (channels.contacts, received, cdr),
+        };
+        bag.write(channel, 0, received, received, &cdr)?;
+    }
+    bag.finish()
+}

@@ -1,0 +1,33 @@
+//! The live node: the same core as replay, between DDS topics.
+//!
+//! Three threads share the work. One reads inputs and runs the core (`engine`), one publishes (`outbox`), and the one that
+//! [`run`] is called on answers services and waits for the end (`node`). What can be pure is: arguments, environment,
+//! QoS, lifecycle, diagnostics, watchdog and calibration take what they need as arguments and are tested without a
+//! network.
+
+pub mod args;
+pub mod definitions;
+pub mod diagnostics;
+pub mod environment;
+pub mod lifecycle;
+pub mod qos;
+pub mod remap;
+pub mod watchdog;
+
+mod calibrate_action;
+mod calibrator;
+mod cdr_bytes;
+mod clock;
+mod engine;
+mod entities;
+mod interfaces;
+mod loading;
+mod managed;
+mod node;
+mod outbox;
+mod parameters;
+mod services;
+
+pub use engine::Record;
+pub use entities::Names;
+pub use node::{NodeError, Setup, run};

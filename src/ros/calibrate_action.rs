@@ -1,0 +1,301 @@
+//! The `~/calibrate` action and the calibration that it and `~/tare` run.
+
+use std::cell::Cell;
+use std::collections::{BTreeMap, VecDeque};
+use std::rc::Rc;
+use std::time::Duration;
+
+use byteorder::LittleEndian;
+use ros2_client::action::{
+    ActionServerQosPolicies, CancelGoalRequest, CancelGoalResponse, GetResultResponse, GoalId, GoalInfo,
+    GoalStatusEnum, SendGoalResponse,
+};
+use ros2_client::action_msgs::{CancelGoalResponseEnum, GoalStatus, GoalStatusArray};
+use ros2_client::builtin_interfaces::Time as WireTime;
+use ros2_client::qos::Durability;
+use ros2_client::{ActionServer, ActionTypeName, RmwRequestId};
+use tokio::sync::{mpsc, oneshot};
+
+use super::args::Severity;
+use super::calibrator::{Calibrator, Purpose};
+use super::engine::Command;
+use super::entities::{Graph, create, reliable_qos, service_qos, wire};
+use super::interfaces::CancelGoal;
+use super::loading;
+use super::node::{NodeError, Shared};
+use crate::calibration::Calibration;
+use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
+
+type Server = ActionServer<CalibrateGoal, CalibrateResult, CalibrateFeedback>;
+
+/// How often the action's requests are looked for; a person calibrates for seconds.
+const POLL: Duration = Duration::from_millis(20);
+
+/// How often feedback is given.
+const FEEDBACK: Duration = Duration::from_millis(500);
+
+/// Results that are kept for clients that ask for them late.
+const KEPT_RESULTS: usize = 16;
+
+/// Longest calibration that a goal may ask for, as in the table of parameters.
+const MAX_DURATION: Duration = Duration::from_secs(600);
+
+/// Collects for a while, judges what came, and has the engine use it. What became of it is in the result.
+pub(super) async fn calibrate(
+    shared: &Shared,
+    purpose: Purpose,
+    duration: Duration,
+    mut feedback: impl FnMut(CalibrateFeedback),
+    cancelled: impl Fn() -> bool,
+) -> CalibrateResult {
+    let refused = |message: &str| CalibrateResult { message: message.to_owned(), ..CalibrateResult::default() };
+    if shared.calibrating.replace(true) {
+        return refused("a calibration is under way already; wait until it is over");
+    }
+    let cfg = shared.parameters.borrow().config().clone();
+    let mut calibrator = Calibrator::new(&cfg, purpose, duration);
+    let (tap, mut samples) = mpsc::unbounded_channel();
+    let told = shared.commands.send(Command::Tap(tap));
+    let started = tokio::time::Instant::now();
+    let mut next_feedback = started + FEEDBACK;
+    while told.is_ok() && started.elapsed() < duration && !cancelled() {
+        match tokio::time::timeout(POLL, samples.recv()).await {
+            Ok(Some(sample)) => calibrator.handle(sample),
+            Ok(None) => break,
+            Err(_elapsed) => {}
+        }
+        if tokio::time::Instant::now() >= next_feedback {
+            feedback(calibrator.feedback(started.elapsed()));
+            next_feedback += FEEDBACK;
+        }
+    }
+    drop(samples);
+    let result = match cancelled() {
+        true => refused("cancelled; the baseline is what it was"),
+        false => conclude(shared, calibrator, cfg, purpose).await,
+    };
+    shared.calibrating.set(false);
+    let severity = if result.success { Severity::Info } else { Severity::Warn };
+    shared.outbox.log(severity, result.message.as_str());
+    result
+}
+
+async fn conclude(
+    shared: &Shared,
+    calibrator: Calibrator,
+    cfg: crate::config::Config,
+    purpose: Purpose,
+) -> CalibrateResult {
+    let judging = tokio::task::spawn_blocking(move || {
+        let judge = loading::fusion(&cfg).map(|(fusion, _)| fusion);
+        (judge.map(|judge| calibrator.finish(judge)), cfg)
+    });
+    let failed = |message: String| CalibrateResult { message, ..CalibrateResult::default() };
+    let (baselines, mut result, cfg) = match judging.await {
+        Ok((Ok((Some(baselines), result)), cfg)) => (baselines, result, cfg),
+        Ok((Ok((None, result)), _)) => return result,
+        Ok((Err(reason), _)) => return failed(reason),
+        Err(error) => return failed(error.to_string()),
+    };
+    let what = if purpose == Purpose::Tare { "tared" } else { "calibrated" };
+    let from = format!("{what} live from {} frames", result.frames);
+    let (reply, installed) = oneshot::channel();
+    let told = shared.commands.send(Command::Baselines(baselines.clone(), from.clone(), reply));
+    let gone = || Err("the thread that estimates has ended; restart the node".to_owned());
+    let installed = if told.is_ok() { installed.await.unwrap_or_else(|_| gone()) } else { gone() };
+    if let Err(message) = installed {
+        return CalibrateResult { success: false, message, ..result };
+    }
+    result.message = from.clone();
+    if purpose == Purpose::Calibrate {
+        let text = |value: &Option<String>| value.clone().unwrap_or_default();
+        let names = cfg.fusion.tactile_sources.iter().map(|source| source.name.clone());
+        let sources: BTreeMap<_, _> = names.zip(baselines).collect();
+        let mut calibration = Calibration::new(&text(&cfg.glove), &text(&cfg.user), from, sources);
+        calibration.models.clone_from(&shared.hashes.borrow());
+        match &cfg.calibration.file {
+            None => result.message.push_str("; it is lost when the node ends: calibration.file is not set"),
+            Some(path) => match calibration.replace(path) {
+                Ok(()) => {
+                    result.file = path.display().to_string();
+                    result.message.push_str(&format!("; kept in {}", result.file));
+                }
+                Err(error) => result.message.push_str(&format!("; in use, but not kept: {error}")),
+            },
+        }
+    }
+    result
+}
+
+/// A goal that is being worked on.
+struct Active {
+    goal: GoalId,
+    cancelled: Rc<Cell<bool>>,
+    feedback: mpsc::UnboundedReceiver<CalibrateFeedback>,
+    result: oneshot::Receiver<CalibrateResult>,
+}
+
+/// What is known of goals.
+struct Goals {
+    server: Server,
+    active: Option<Active>,
+    accepted: BTreeMap<GoalId, (WireTime, GoalStatusEnum)>,
+    finished: VecDeque<(GoalId, GoalStatusEnum, CalibrateResult)>,
+    asked: Vec<(GoalId, RmwRequestId)>,
+}
+
+/// Offers the action. Must be called within a local set.
+pub(super) fn start(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
+    let name = graph.service_name("~/calibrate")?;
+    let qos = ActionServerQosPolicies {
+        goal_service: service_qos(),
+        result_service: service_qos(),
+        cancel_service: service_qos(),
+        feedback_publisher: reliable_qos(10, Durability::Volatile),
+        status_publisher: reliable_qos(1, Durability::TransientLocal),
+    };
+    let (mapping, kind) = (graph.mapping(), ActionTypeName::new("tactile_pose_fusion", "Calibrate"));
+    let server = graph.node.create_action_server(mapping, &wire(&name)?, &kind, qos);
+    let server: Server = server.map_err(|error| create(&name, &error))?;
+    let mut goals =
+        Goals { server, active: None, accepted: BTreeMap::new(), finished: VecDeque::new(), asked: Vec::new() };
+    let shared = Rc::clone(shared);
+    tokio::task::spawn_local(async move {
+        let mut poll = tokio::time::interval(POLL);
+        poll.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        loop {
+            poll.tick().await;
+            goals.take_goals(&shared);
+            goals.take_cancels(&shared);
+            goals.take_result_requests();
+            goals.go_on();
+        }
+    });
+    Ok(())
+}
+
+impl Goals {
+    fn take_goals(&mut self, shared: &Rc<Shared>) {
+        while let Ok(Some((id, request))) = self.server.receive_goal() {
+            let stamp = WireTime::from_nanos(shared.clock.now().0);
+            let default = shared.parameters.borrow().config().calibration.duration;
+            let asked = u64::try_from(request.goal.duration.nanos()).map(Duration::from_nanos);
+            let duration = match asked {
+                Ok(Duration::ZERO) => Ok(default),
+                Ok(duration) if duration <= MAX_DURATION => Ok(duration),
+                _ => Err("a calibration takes 0 to 600 s"),
+            };
+            let accepted = match (&self.active, duration) {
+                (Some(_), _) => Err("a calibration is under way already"),
+                (None, duration) => duration,
+            };
+            if let Err(reason) = accepted {
+                shared.outbox.log(Severity::Warn, format!("goal of ~/calibrate rejected: {reason}"));
+            }
+            let response = SendGoalResponse { accepted: accepted.is_ok(), stamp };
+            if self.server.send_goal_response(id, response).is_err() {
+                continue;
+            }
+            if let Ok(duration) = accepted {
+                self.accepted.insert(request.goal_id, (stamp, GoalStatusEnum::Executing));
+                self.begin(shared, request.goal_id, duration);
+                self.publish_status();
+            }
+        }
+    }
+
+    fn begin(&mut self, shared: &Rc<Shared>, goal: GoalId, duration: Duration) {
+        let cancelled = Rc::new(Cell::new(false));
+        let (feedback_sender, feedback) = mpsc::unbounded_channel();
+        let (result_sender, result) = oneshot::channel();
+        let (shared, cancel) = (Rc::clone(shared), Rc::clone(&cancelled));
+        tokio::task::spawn_local(async move {
+            let give = |feedback| {
+                let _ = feedback_sender.send(feedback); // the action server is there as long as the node is
+            };
+            let result = calibrate(&shared, Purpose::Calibrate, duration, give, || cancel.get()).await;
+            let _ = result_sender.send(result);
+        });
+        self.active = Some(Active { goal, cancelled, feedback, result });
+    }
+
+    fn take_cancels(&mut self, shared: &Shared) {
+        while let Ok(Some((id, request))) = self.server.receive_cancel_request() {
+            let wanted = wanted(&request);
+            let zero = CancelGoal::default().goal_id;
+            let active = self.active.as_ref().filter(|active| wanted == zero || *active.goal.uuid.as_bytes() == wanted);
+            let (return_code, goals_canceling) = match active {
+                Some(active) => {
+                    active.cancelled.set(true);
+                    let stamp = self.accepted.get(&active.goal).map_or(WireTime::ZERO, |(stamp, _)| *stamp);
+                    (CancelGoalResponseEnum::None, vec![GoalInfo { goal_id: active.goal, stamp }])
+                }
+                None => (CancelGoalResponseEnum::UnknownGoal, Vec::new()),
+            };
+            if self.server.send_cancel_response(id, CancelGoalResponse { return_code, goals_canceling }).is_err() {
+                shared.outbox.log(Severity::Warn, "a cancel response of ~/calibrate could not be sent");
+            }
+        }
+    }
+
+    fn take_result_requests(&mut self) {
+        while let Ok(Some((id, request))) = self.server.receive_result_request() {
+            self.asked.push((request.goal_id, id));
+        }
+        let known = |goal: &GoalId| self.active.as_ref().is_some_and(|active| active.goal == *goal);
+        let (waiting, due): (Vec<_>, Vec<_>) = self.asked.drain(..).partition(|(goal, _)| known(goal));
+        self.asked = waiting;
+        for (goal, id) in due {
+            let found = self.finished.iter().find(|(finished, ..)| *finished == goal);
+            let (status, result) = found.map_or_else(
+                || (GoalStatusEnum::Unknown, CalibrateResult::default()),
+                |(_, status, result)| (*status, result.clone()),
+            );
+            let _ = self.server.send_result(id, GetResultResponse { status, result }); // the client may ask again
+        }
+    }
+
+    fn go_on(&mut self) {
+        let Some(active) = &mut self.active else { return };
+        while let Ok(feedback) = active.feedback.try_recv() {
+            let _ = self.server.send_feedback(active.goal, feedback); // the next one says as much
+        }
+        let result = match active.result.try_recv() {
+            Err(oneshot::error::TryRecvError::Empty) => return,
+            Ok(result) => result,
+            Err(oneshot::error::TryRecvError::Closed) => CalibrateResult::default(),
+        };
+        let status = match (result.success, active.cancelled.get()) {
+            (true, _) => GoalStatusEnum::Succeeded,
+            (false, true) => GoalStatusEnum::Canceled,
+            (false, false) => GoalStatusEnum::Aborted,
+        };
+        let goal = active.goal;
+        self.active = None;
+        if let Some((_, known)) = self.accepted.get_mut(&goal) {
+            *known = status;
+        }
+        self.finished.push_back((goal, status, result));
+        if self.finished.len() > KEPT_RESULTS
+            && let Some((forgotten, ..)) = self.finished.pop_front()
+        {
+            self.accepted.remove(&forgotten);
+        }
+        self.publish_status();
+    }
+
+    fn publish_status(&self) {
+        let status = |(goal_id, (stamp, status)): (&GoalId, &(WireTime, GoalStatusEnum))| GoalStatus {
+            goal_info: GoalInfo { goal_id: *goal_id, stamp: *stamp },
+            status: *status,
+        };
+        let array = GoalStatusArray { status_list: self.accepted.iter().map(status).collect() };
+        let _ = self.server.send_goal_statuses(array); // clients have the result besides
+    }
+}
+
+/// The goal that a cancel request names. ros2-client keeps that field to itself, so it is read from the bytes.
+fn wanted(request: &CancelGoalRequest) -> [u8; 16] {
+    let bytes = cdr_encoding::to_vec::<_, LittleEndian>(request).unwrap_or_default();
+    cdr_encoding::from_bytes::<CancelGoal, LittleEndian>(&bytes).map_or([0; 16], |(goal, _)| goal.goal_id)
+}

@@ -1,0 +1,249 @@
+//! A calibration in the air while the node runs: samples are collected, then judged by the model before their baseline
+//! is taken. Pure but for the time it is told.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use crate::config::{CalibrationConfig, Config};
+use crate::fusion::{
+    Baseline, BaselineBuilder, CalibrationLimits, Event, Fusion, FusionConfig, JointSample, JointSourceIdx,
+    TactileBlock, TactileSourceIdx, judge_forces,
+};
+use crate::msg::{CalibrateFeedback, CalibrateResult, Duration as WireDuration};
+use crate::units::{NANOS_PER_SEC, Newton, Stamp, nanos};
+
+/// An event that owns what it holds, so that it can be kept.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Sample {
+    /// Taxels.
+    Tactile {
+        source: TactileSourceIdx,
+        stamp: Stamp,
+        rows: usize,
+        row_period_ns: i64,
+        sequence: Option<u32>,
+        values: Vec<f32>,
+    },
+    /// Joint angles.
+    Joints { source: JointSourceIdx, stamp: Stamp, names: Vec<String>, positions: Vec<f64> },
+}
+
+impl From<&Event<'_>> for Sample {
+    fn from(event: &Event<'_>) -> Self {
+        match event {
+            Event::Tactile(block) => Sample::Tactile {
+                source: block.source,
+                stamp: block.stamp,
+                rows: block.rows,
+                row_period_ns: block.row_period_ns,
+                sequence: block.sequence,
+                values: block.values.to_vec(),
+            },
+            Event::Joints(sample) => Sample::Joints {
+                source: sample.source,
+                stamp: sample.stamp,
+                names: sample.names.to_vec(),
+                positions: sample.positions.to_vec(),
+            },
+        }
+    }
+}
+
+impl Sample {
+    fn event(&self) -> Event<'_> {
+        match self {
+            Sample::Tactile { source, stamp, rows, row_period_ns, sequence, values } => Event::Tactile(TactileBlock {
+                source: *source,
+                stamp: *stamp,
+                rows: *rows,
+                row_period_ns: *row_period_ns,
+                sequence: *sequence,
+                values,
+                received: *stamp,
+            }),
+            Sample::Joints { source, stamp, names, positions } => {
+                Event::Joints(JointSample { source: *source, stamp: *stamp, names, positions, received: *stamp })
+            }
+        }
+    }
+}
+
+/// What a calibration is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// A new calibration, in which the hand goes through its poses.
+    Calibrate,
+    /// A quick new zero, in which the hand may be still.
+    Tare,
+}
+
+/// A calibration that is under way.
+pub(super) struct Calibrator {
+    cfg: FusionConfig,
+    calibration: CalibrationConfig,
+    purpose: Purpose,
+    duration: Duration,
+    builders: Vec<BaselineBuilder>,
+    frames: u32,
+    spans: BTreeMap<String, (f64, f64)>,
+    samples: Vec<Sample>,
+}
+
+impl Calibrator {
+    /// One that collects for `duration`.
+    pub(super) fn new(cfg: &Config, purpose: Purpose, duration: Duration) -> Self {
+        let hole_ns = nanos(cfg.fusion.timing.max_gap).max(NANOS_PER_SEC / 2);
+        let sources = &cfg.fusion.tactile_sources;
+        Calibrator {
+            cfg: cfg.fusion.clone(),
+            calibration: cfg.calibration.clone(),
+            purpose,
+            duration,
+            builders: sources.iter().map(|source| BaselineBuilder::new(source.n_taxels, hole_ns)).collect(),
+            frames: 0,
+            spans: BTreeMap::new(),
+            samples: Vec::new(),
+        }
+    }
+
+    /// Takes a sample.
+    pub(super) fn handle(&mut self, sample: Sample) {
+        match &sample {
+            Sample::Tactile { source, stamp, rows, row_period_ns, values, .. } => {
+                let cfg = &self.cfg.tactile_sources[source.0];
+                if rows.checked_mul(cfg.n_taxels) != Some(values.len()) {
+                    return; // the core counts it
+                }
+                for (row_idx, row) in values.chunks_exact(cfg.n_taxels).enumerate() {
+                    let before_last = (rows - 1 - row_idx) as i64;
+                    let stamp = stamp.offset(cfg.stamp_offset_ns - row_period_ns.saturating_mul(before_last));
+                    self.builders[source.0].handle_sample(stamp, row);
+                    self.frames = self.frames.saturating_add(1);
+                }
+            }
+            Sample::Joints { source, names, positions, .. } => {
+                let scale = self.cfg.joint_sources[source.0].scale;
+                for (name, position) in names.iter().zip(positions).filter(|(_, position)| position.is_finite()) {
+                    let angle = position * scale;
+                    let (low, high) = self.spans.entry(name.clone()).or_insert((angle, angle));
+                    (*low, *high) = (low.min(angle), high.max(angle));
+                }
+            }
+        }
+        self.samples.push(sample);
+    }
+
+    /// How far it has come.
+    pub(super) fn feedback(&self, elapsed: Duration) -> CalibrateFeedback {
+        let (joints, joint_span) = self.joint_spans();
+        CalibrateFeedback {
+            time_left: WireDuration::from_nanos(nanos(self.duration.saturating_sub(elapsed))),
+            joints,
+            joint_span,
+            sources: self.source_names(),
+            source_taxels: self.source_taxels(),
+            noise: self.noise(),
+        }
+    }
+
+    /// Ends it: the baselines that are to be used, or none where the result says why not.
+    ///
+    /// `judge` is a core of the same configuration that nothing was shown yet.
+    pub(super) fn finish(self, judge: Fusion) -> (Option<Vec<Baseline>>, CalibrateResult) {
+        let (joints, joint_span) = self.joint_spans();
+        let mut result = CalibrateResult {
+            frames: self.frames,
+            joints,
+            joint_span,
+            sources: self.source_names(),
+            source_taxels: self.source_taxels(),
+            ..CalibrateResult::default()
+        };
+        match self.judged(judge) {
+            Ok(baselines) => {
+                result.success = true;
+                result.noise = baselines.iter().flat_map(|baseline| baseline.noise.iter().copied()).collect();
+                let faulty = baselines.iter().flat_map(|baseline| &baseline.faulty).zip(0_u32..);
+                result.faulty_taxels = faulty.filter(|(faulty, _)| **faulty).map(|(_, idx)| idx).collect();
+                (Some(baselines), result)
+            }
+            Err(reason) => {
+                result.noise = self.noise();
+                result.message = reason;
+                (None, result)
+            }
+        }
+    }
+
+    fn judged(&self, mut judge: Fusion) -> Result<Vec<Baseline>, String> {
+        let min_s = self.calibration.min_duration.as_secs_f64();
+        let limits = CalibrationLimits {
+            min_s: min_s.min(self.duration.as_secs_f64() / 2.0),
+            max_force: self.calibration.max_force,
+            max_loaded_fraction: self.calibration.max_loaded_fraction,
+        };
+        if self.purpose == Purpose::Calibrate {
+            self.check_movement()?;
+        }
+        let of_source = |(builder, source): (&BaselineBuilder, &crate::fusion::TactileSource)| {
+            builder.finish(&limits).map_err(|error| format!("tactile source {}: {error}", source.name))
+        };
+        let baselines: Vec<Baseline> =
+            self.builders.iter().zip(&self.cfg.tactile_sources).map(of_source).collect::<Result<_, _>>()?;
+        for (source_idx, baseline) in baselines.iter().enumerate() {
+            let installed = judge.handle_baseline(TactileSourceIdx(source_idx), baseline.clone());
+            installed.map_err(|error| error.to_string())?;
+        }
+        let mut forces: BTreeMap<usize, Vec<Newton>> = BTreeMap::new();
+        for sample in &self.samples {
+            judge.handle(sample.event());
+            while let Some(tick) = judge.poll().map_err(|error| error.to_string())? {
+                for estimate in &tick.estimates {
+                    forces.entry(estimate.region).or_default().extend(estimate.force);
+                }
+            }
+        }
+        for (region, forces) in &forces {
+            judge_forces(forces, &limits)
+                .map_err(|error| format!("region {}: {error}", self.cfg.regions[*region].name))?;
+        }
+        Ok(baselines)
+    }
+
+    /// Refuses a calibration in which the hand hardly moved: its baseline would be that of one pose.
+    fn check_movement(&self) -> Result<(), String> {
+        let needed = self.calibration.min_joint_span;
+        let span = |joint: &String| self.spans.get(joint).map(|(low, high)| high - low);
+        for region in self.cfg.regions.iter().filter(|region| needed > 0.0 && !region.joints.is_empty()) {
+            let moved = region.joints.iter().filter_map(span).fold(0.0, f64::max);
+            if moved < needed {
+                return Err(format!(
+                    "region {}: the hand hardly moved: its joints went through {moved:.2} rad at most, {needed} rad needed (calibration.min_joint_span); open and close the hand in the air and calibrate again",
+                    region.name
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn joint_spans(&self) -> (Vec<String>, Vec<f64>) {
+        self.spans.iter().map(|(name, (low, high))| (name.clone(), high - low)).unzip()
+    }
+
+    fn source_names(&self) -> Vec<String> {
+        self.cfg.tactile_sources.iter().map(|source| source.name.clone()).collect()
+    }
+
+    fn source_taxels(&self) -> Vec<u32> {
+        self.cfg.tactile_sources.iter().map(|source| source.n_taxels as u32).collect()
+    }
+
+    /// Noise of each taxel so far; NaN where there is none yet.
+    fn noise(&self) -> Vec<f32> {
+        let limits = CalibrationLimits { min_s: 0.0, max_force: Newton(f64::MAX), max_loaded_fraction: 1.0 };
+        let of_source = |(builder, source): (&BaselineBuilder, &crate::fusion::TactileSource)| {
+            builder.finish(&limits).map_or_else(|_| vec![f32::NAN; source.n_taxels], |baseline| baseline.noise)
+        };
+        self.builders.iter().zip(&self.cfg.tactile_sources).flat_map(of_source).collect()
+    }
+}

@@ -1,0 +1,154 @@
+//! What the environment says to every ROS 2 process.
+
+use std::path::PathBuf;
+
+/// The environment, as far as this node follows it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Environment {
+    /// `ROS_DOMAIN_ID`.
+    pub domain_id: u16,
+    /// Whether other hosts are out of reach: `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST` or `ROS_LOCALHOST_ONLY=1`.
+    pub localhost_only: bool,
+    /// Whose way of calling services is spoken, by `RMW_IMPLEMENTATION`.
+    pub services: ServiceStyle,
+    /// `AMENT_PREFIX_PATH`: where installed packages keep their message definitions.
+    pub prefixes: Vec<PathBuf>,
+    /// What a person should know, a line each.
+    pub notes: Vec<String>,
+}
+
+/// How requests and replies are told apart on the wire. DDS vendors differ in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ServiceStyle {
+    /// Fast DDS, the default of ROS 2, and Connext.
+    Enhanced,
+    /// Cyclone DDS.
+    Cyclone,
+}
+
+/// A variable that this node can't follow.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{variable}={value}: {reason}")]
+pub struct EnvironmentError {
+    variable: &'static str,
+    value: String,
+    reason: &'static str,
+}
+
+/// The last domain whose ports exist: RTPS 2.5, 9.6.2.3 has them at 7400 + 250 x domain.
+const MAX_DOMAIN_ID: u16 = 232;
+
+impl Environment {
+    /// Reads the variables through `var`, which gives the value of one that is set.
+    ///
+    /// # Errors
+    /// [`EnvironmentError`] for a value that can't be read, or asks for what this node has not.
+    pub fn from_vars(var: impl Fn(&str) -> Option<String>) -> Result<Self, EnvironmentError> {
+        let set = |variable: &str| var(variable).filter(|value| !value.is_empty());
+        let refuse = |variable, value: &str, reason| EnvironmentError { variable, value: value.to_owned(), reason };
+        let domain_id = match set("ROS_DOMAIN_ID") {
+            None => 0,
+            Some(text) => match text.parse() {
+                Ok(id @ 0..=MAX_DOMAIN_ID) => id,
+                _ => return Err(refuse("ROS_DOMAIN_ID", &text, "expected a number from 0 to 232")),
+            },
+        };
+        let mut notes = Vec::new();
+        // rcl: ROS_LOCALHOST_ONLY, though deprecated, wins where it is 1.
+        let localhost_only = set("ROS_LOCALHOST_ONLY").as_deref() == Some("1")
+            || match set("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
+                None | Some("SUBNET" | "SYSTEM_DEFAULT") => false,
+                Some("LOCALHOST") => true,
+                Some(text @ "OFF") => {
+                    let reason = "discovery can't be switched off here; use LOCALHOST, or a ROS_DOMAIN_ID of its own";
+                    return Err(refuse("ROS_AUTOMATIC_DISCOVERY_RANGE", text, reason));
+                }
+                Some(text) => {
+                    let reason = "expected SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT";
+                    return Err(refuse("ROS_AUTOMATIC_DISCOVERY_RANGE", text, reason));
+                }
+            };
+        if let Some(peers) = set("ROS_STATIC_PEERS") {
+            let reason = "peers can't be named one by one here; leave it out and reach them by multicast";
+            return Err(refuse("ROS_STATIC_PEERS", &peers, reason));
+        }
+        let services = match set("RMW_IMPLEMENTATION").as_deref() {
+            None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp" | "rmw_connextdds") => ServiceStyle::Enhanced,
+            Some("rmw_cyclonedds_cpp") => ServiceStyle::Cyclone,
+            Some(text @ "rmw_zenoh_cpp") => {
+                return Err(refuse(
+                    "RMW_IMPLEMENTATION",
+                    text,
+                    "this build speaks DDS; use a DDS middleware for its peers",
+                ));
+            }
+            Some(text) => {
+                let reason = "expected rmw_fastrtps_cpp, rmw_cyclonedds_cpp or rmw_connextdds";
+                return Err(refuse("RMW_IMPLEMENTATION", text, reason));
+            }
+        };
+        if set("ROS_SECURITY_ENABLE").as_deref() == Some("true") {
+            if set("ROS_SECURITY_STRATEGY").as_deref() == Some("Enforce") {
+                let reason =
+                    "with ROS_SECURITY_STRATEGY=Enforce: this build has no DDS security and won't talk in the clear";
+                return Err(refuse("ROS_SECURITY_ENABLE", "true", reason));
+            }
+            notes.push("ROS_SECURITY_ENABLE=true: this build has no DDS security; it talks in the clear, which Permissive allows".to_owned());
+        }
+        let prefixes =
+            set("AMENT_PREFIX_PATH").map(|paths| std::env::split_paths(&paths).collect()).unwrap_or_default();
+        Ok(Environment { domain_id, localhost_only, services, prefixes, notes })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(vars: &[(&str, &str)]) -> Result<Environment, String> {
+        let var = |wanted: &str| vars.iter().find(|(name, _)| *name == wanted).map(|(_, value)| (*value).to_owned());
+        Environment::from_vars(var).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_variables_of_ros_2_are_followed() {
+        let default = read(&[]).unwrap();
+        assert_eq!((default.domain_id, default.localhost_only, default.services), (0, false, ServiceStyle::Enhanced));
+        assert_eq!(read(&[("ROS_DOMAIN_ID", "42")]).unwrap().domain_id, 42);
+        assert_eq!(read(&[("ROS_DOMAIN_ID", "")]).unwrap().domain_id, 0);
+        assert!(read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]).unwrap().localhost_only);
+        assert!(!read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")]).unwrap().localhost_only);
+        assert!(
+            read(&[("ROS_LOCALHOST_ONLY", "1"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")]).unwrap().localhost_only
+        );
+        assert_eq!(read(&[("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")]).unwrap().services, ServiceStyle::Cyclone);
+        assert_eq!(
+            read(&[("AMENT_PREFIX_PATH", "/a:/b")]).unwrap().prefixes,
+            [PathBuf::from("/a"), PathBuf::from("/b")]
+        );
+        let permissive = read(&[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", "Permissive")]).unwrap();
+        assert_eq!(permissive.notes.len(), 1);
+    }
+
+    #[test]
+    fn what_can_not_be_followed_is_refused_with_what_to_do() {
+        for (vars, begin) in [
+            (&[("ROS_DOMAIN_ID", "233")][..], "ROS_DOMAIN_ID=233: expected a number from 0 to 232"),
+            (&[("ROS_DOMAIN_ID", "-1")], "ROS_DOMAIN_ID=-1: expected"),
+            (
+                &[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")],
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF: discovery can't be switched off",
+            ),
+            (&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "near")], "ROS_AUTOMATIC_DISCOVERY_RANGE=near: expected SUBNET"),
+            (&[("ROS_STATIC_PEERS", "10.0.0.1")], "ROS_STATIC_PEERS=10.0.0.1: peers can't be named"),
+            (&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")], "RMW_IMPLEMENTATION=rmw_zenoh_cpp: this build speaks DDS"),
+            (
+                &[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", "Enforce")],
+                "ROS_SECURITY_ENABLE=true: with ROS_SECURITY_STRATEGY=Enforce: this build has no DDS security",
+            ),
+        ] {
+            let error = read(vars).unwrap_err();
+            assert!(error.starts_with(begin), "{error}");
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! The life of a managed node as `lifecycle_msgs` tells it: states, transitions and which follows which. Pure.
+//!
+//! # Source
+//! The numbers and names are those of `lifecycle_msgs/msg/State` and `Transition`, the table that of rcl_lifecycle.
+
+/// Where a node is in its life. The numbers are those of `lifecycle_msgs/msg/State`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum State {
+    /// It has no model.
+    Unconfigured = 1,
+    /// Models are loaded; nothing is published.
+    Inactive = 2,
+    /// It publishes.
+    Active = 3,
+    /// It is over.
+    Finalized = 4,
+    /// Between unconfigured and inactive.
+    Configuring = 10,
+    /// Between inactive and unconfigured.
+    CleaningUp = 11,
+    /// On the way to finalized.
+    ShuttingDown = 12,
+    /// Between inactive and active.
+    Activating = 13,
+    /// Between active and inactive.
+    Deactivating = 14,
+    /// Something failed badly.
+    ErrorProcessing = 15,
+}
+
+impl State {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [State; 10] = [
+        State::Unconfigured,
+        State::Inactive,
+        State::Active,
+        State::Finalized,
+        State::Configuring,
+        State::CleaningUp,
+        State::ShuttingDown,
+        State::Activating,
+        State::Deactivating,
+        State::ErrorProcessing,
+    ];
+
+    /// As `lifecycle_msgs` numbers it.
+    pub fn id(self) -> u8 {
+        self as u8
+    }
+
+    /// As rcl_lifecycle calls it.
+    pub fn label(self) -> &'static str {
+        match self {
+            State::Unconfigured => "unconfigured",
+            State::Inactive => "inactive",
+            State::Active => "active",
+            State::Finalized => "finalized",
+            State::Configuring => "configuring",
+            State::CleaningUp => "cleaningup",
+            State::ShuttingDown => "shuttingdown",
+            State::Activating => "activating",
+            State::Deactivating => "deactivating",
+            State::ErrorProcessing => "errorprocessing",
+        }
+    }
+}
+
+/// A step from one state to another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Transition {
+    /// As `lifecycle_msgs` numbers it.
+    pub id: u8,
+    /// As rcl_lifecycle calls it.
+    pub label: &'static str,
+    /// From where.
+    pub start: State,
+    /// To where.
+    pub goal: State,
+}
+
+const fn step(id: u8, label: &'static str, start: State, goal: State) -> Transition {
+    Transition { id, label, start, goal }
+}
+
+/// Every transition there is.
+pub const TRANSITIONS: [Transition; 25] = {
+    use State::*;
+    [
+        step(1, "configure", Unconfigured, Configuring),
+        step(10, "transition_success", Configuring, Inactive),
+        step(11, "transition_failure", Configuring, Unconfigured),
+        step(12, "transition_error", Configuring, ErrorProcessing),
+        step(2, "cleanup", Inactive, CleaningUp),
+        step(20, "transition_success", CleaningUp, Unconfigured),
+        step(21, "transition_failure", CleaningUp, Inactive),
+        step(22, "transition_error", CleaningUp, ErrorProcessing),
+        step(3, "activate", Inactive, Activating),
+        step(30, "transition_success", Activating, Active),
+        step(31, "transition_failure", Activating, Inactive),
+        step(32, "transition_error", Activating, ErrorProcessing),
+        step(4, "deactivate", Active, Deactivating),
+        step(40, "transition_success", Deactivating, Inactive),
+        step(41, "transition_failure", Deactivating, Active),
+        step(42, "transition_error", Deactivating, ErrorProcessing),
+        step(5, "shutdown", Unconfigured, ShuttingDown),
+        step(6, "shutdown", Inactive, ShuttingDown),
+        step(7, "shutdown", Active, ShuttingDown),
+        step(50, "transition_success", ShuttingDown, Finalized),
+        step(51, "transition_failure", ShuttingDown, Finalized),
+        step(52, "transition_error", ShuttingDown, ErrorProcessing),
+        step(60, "transition_success", ErrorProcessing, Unconfigured),
+        step(61, "transition_failure", ErrorProcessing, Finalized),
+        step(62, "transition_error", ErrorProcessing, Finalized),
+    ]
+};
+
+/// What a node does on the way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Work {
+    /// Load models and calibration.
+    Configure,
+    /// Forget them.
+    CleanUp,
+    /// Begin to publish.
+    Activate,
+    /// Stop publishing.
+    Deactivate,
+    /// End.
+    ShutDown,
+}
+
+/// The life of one node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lifecycle {
+    state: State,
+}
+
+/// A transition that was asked for and does not start from where the node is.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{asked} is not possible in state {}: expected {}", state.label(), possible.join(", "))]
+pub struct NotPossible {
+    asked: String,
+    state: State,
+    possible: Vec<&'static str>,
+}
+
+impl Default for Lifecycle {
+    fn default() -> Self {
+        Lifecycle { state: State::Unconfigured }
+    }
+}
+
+impl Lifecycle {
+    /// Starts a transition, by its label where there is one and else by its number; what to do, and the step that was taken.
+    ///
+    /// # Errors
+    /// [`NotPossible`] naming those that are; the state is what it was then.
+    pub fn handle_request(&mut self, id: u8, label: &str) -> Result<(Work, Transition), NotPossible> {
+        let asked = |step: &&Transition| if label.is_empty() { step.id == id } else { step.label == label };
+        let found = self.available().find(asked).copied().and_then(|step| Some((work(step.id)?, step)));
+        let Some((work, step)) = found else {
+            let asked = if label.is_empty() { format!("transition {id}") } else { format!("transition {label:?}") };
+            return Err(NotPossible {
+                asked,
+                state: self.state,
+                possible: self.available().map(|step| step.label).collect(),
+            });
+        };
+        self.state = step.goal;
+        Ok((work, step))
+    }
+
+    /// Ends the transition that was started; the step that was taken. `None` where there is nothing to end.
+    pub fn handle_outcome(&mut self, succeeded: bool) -> Option<Transition> {
+        let label = if succeeded { "transition_success" } else { "transition_failure" };
+        let step = *self.available().find(|step| step.label == label)?;
+        self.state = step.goal;
+        Some(step)
+    }
+
+    /// Where the node is.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// The transitions that start from where the node is.
+    pub fn available(&self) -> impl Iterator<Item = &'static Transition> {
+        let state = self.state;
+        TRANSITIONS.iter().filter(move |step| step.start == state)
+    }
+}
+
+fn work(id: u8) -> Option<Work> {
+    Some(match id {
+        1 => Work::Configure,
+        2 => Work::CleanUp,
+        3 => Work::Activate,
+        4 => Work::Deactivate,
+        5..=7 => Work::ShutDown,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_manager_can_bring_the_node_up_and_down() {
+        let mut life = Lifecycle::default();
+        for (id, label, work, between, after) in [
+            (1, "", Work::Configure, State::Configuring, State::Inactive),
+            (0, "activate", Work::Activate, State::Activating, State::Active),
+            (4, "", Work::Deactivate, State::Deactivating, State::Inactive),
+            (2, "", Work::CleanUp, State::CleaningUp, State::Unconfigured),
+            (0, "shutdown", Work::ShutDown, State::ShuttingDown, State::Finalized),
+        ] {
+            let (todo, step) = life.handle_request(id, label).unwrap();
+            assert_eq!((todo, step.goal, life.state()), (work, between, between));
+            life.handle_outcome(true).unwrap();
+            assert_eq!(life.state(), after);
+        }
+        assert_eq!(life.available().count(), 0);
+    }
+
+    #[test]
+    fn a_failed_transition_leads_back() {
+        let mut life = Lifecycle::default();
+        life.handle_request(1, "").unwrap();
+        assert_eq!(life.handle_outcome(false).unwrap().id, 11);
+        assert_eq!(life.state(), State::Unconfigured);
+    }
+
+    #[test]
+    fn what_is_not_possible_is_refused_and_changes_nothing() {
+        let mut life = Lifecycle::default();
+        let error = life.handle_request(3, "").unwrap_err().to_string();
+        assert_eq!(error, "transition 3 is not possible in state unconfigured: expected configure, shutdown");
+        assert!(life.handle_request(10, "").is_err(), "a callback's outcome is not for others to give");
+        assert_eq!(life.state(), State::Unconfigured);
+        assert_eq!(life.handle_outcome(true), None);
+    }
+
+    #[test]
+    fn no_two_transitions_from_a_state_share_a_label() {
+        for step in &TRANSITIONS {
+            let same = TRANSITIONS.iter().filter(|other| (other.start, other.label) == (step.start, step.label));
+            assert_eq!(same.count(), 1, "{step:?}");
+        }
+    }
+}

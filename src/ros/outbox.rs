@@ -1,0 +1,185 @@
+//! Publishing, on a thread of its own: a slow subscriber delays nothing but what is published.
+
+use std::io::Write;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use ros2_client::log::LogLevel;
+use ros2_client::{NodeLoggingHandle, Publisher, RosoutRaw};
+
+use super::args::Severity;
+use super::cdr_bytes::CdrBytes;
+use super::clock::{Clock, system_now};
+use super::diagnostics::Latencies;
+use crate::units::Stamp;
+
+/// Messages that may wait to be published: a second of a fast glove with five regions.
+const CAPACITY: usize = 8192;
+
+/// Index of a publisher.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct OutIdx(pub(super) usize);
+
+enum Out {
+    Message { to: OutIdx, cdr: Vec<u8>, of: Option<Origin> },
+    Log { severity: Severity, text: String },
+    End,
+}
+
+/// When the data of an estimate was true, and when the message that completed it came, by the system's clock.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Origin {
+    pub(super) stamp: Stamp,
+    pub(super) received: Stamp,
+}
+
+/// Where messages and log lines are left to be published. Leaving one never waits.
+#[derive(Debug, Clone)]
+pub(super) struct Outbox {
+    sender: SyncSender<Out>,
+    stats: Arc<Stats>,
+    log: LogConfig,
+}
+
+/// What is logged, and where.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LogConfig {
+    pub(super) level: Severity,
+    pub(super) stderr: bool,
+    pub(super) rosout: bool,
+}
+
+/// What became of what was left.
+#[derive(Debug, Default)]
+pub(super) struct Stats {
+    /// Messages left while too many waited.
+    pub(super) dropped: AtomicU64,
+    /// Messages that the middleware refused: a reliable subscriber has not acknowledged those before.
+    pub(super) failed: AtomicU64,
+    /// Messages that were sent.
+    pub(super) published: AtomicU64,
+    latencies: Mutex<[Latencies; 2]>,
+}
+
+impl Stats {
+    /// Latencies since the last call: from the stamp, and from receipt.
+    pub(super) fn take_latencies(&self) -> [Option<super::diagnostics::Percentiles>; 2] {
+        let mut latencies = self.latencies.lock().unwrap_or_else(PoisonError::into_inner);
+        let [stamp, received] = &mut *latencies;
+        [stamp.take(), received.take()]
+    }
+}
+
+/// The thread that publishes.
+pub(super) struct PublishThread {
+    sender: SyncSender<Out>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Starts publishing.
+pub(super) fn start(
+    publishers: Vec<Publisher<CdrBytes>>,
+    rosout: NodeLoggingHandle,
+    log: LogConfig,
+    clock: Arc<Clock>,
+) -> std::io::Result<(Outbox, PublishThread)> {
+    let (sender, receiver) = sync_channel(CAPACITY);
+    let stats = Arc::new(Stats::default());
+    let outbox = Outbox { sender: sender.clone(), stats: Arc::clone(&stats), log };
+    let work = move || publish(&receiver, &publishers, &rosout, &stats, &clock);
+    let thread = std::thread::Builder::new().name("publish".into()).spawn(work)?;
+    Ok((outbox, PublishThread { sender, thread: Some(thread) }))
+}
+
+impl Outbox {
+    /// Leaves a message; where too many wait it is dropped and counted.
+    pub(super) fn send(&self, to: OutIdx, cdr: Vec<u8>, of: Option<Origin>) {
+        if self.sender.try_send(Out::Message { to, cdr, of }).is_err() {
+            self.stats.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Says something to whoever reads stderr or `/rosout`.
+    pub(super) fn log(&self, severity: Severity, text: impl Into<String>) {
+        if severity < self.log.level {
+            return;
+        }
+        let text = text.into();
+        if self.log.stderr {
+            let _ = writeln!(std::io::stderr(), "[{}] {text}", name(severity)); // a closed stderr is nobody to tell
+        }
+        if self.log.rosout && self.sender.try_send(Out::Log { severity, text }).is_err() {
+            self.stats.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// What became of what was left.
+    pub(super) fn stats(&self) -> &Stats {
+        &self.stats
+    }
+}
+
+impl PublishThread {
+    /// Publishes what was left so far, and ends. Publishers are gone afterwards.
+    pub(super) fn end(mut self) {
+        // Where the box is full the thread is at work and ends when the last sender is gone.
+        if self.sender.send(Out::End).is_ok()
+            && let Some(thread) = self.thread.take()
+        {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn publish(
+    receiver: &Receiver<Out>,
+    publishers: &[Publisher<CdrBytes>],
+    rosout: &NodeLoggingHandle,
+    stats: &Stats,
+    clock: &Clock,
+) {
+    while let Ok(out) = receiver.recv() {
+        match out {
+            Out::End => return,
+            Out::Log { severity, text } => {
+                let level = match severity {
+                    Severity::Debug => LogLevel::Debug,
+                    Severity::Info => LogLevel::Info,
+                    Severity::Warn => LogLevel::Warn,
+                    Severity::Error => LogLevel::Error,
+                    Severity::Fatal => LogLevel::Fatal,
+                };
+                let stamp = ros2_client::builtin_interfaces::Time::from_nanos(clock.now().0);
+                rosout.rosout_raw(stamp, level, rosout.base_name(), &text, "", "", 0);
+            }
+            Out::Message { to, cdr, of } => {
+                let Some(publisher) = publishers.get(to.0) else { continue };
+                match publisher.publish(CdrBytes(cdr)) {
+                    Ok(()) => {
+                        stats.published.fetch_add(1, Ordering::Relaxed);
+                        if let Some(origin) = of {
+                            let mut latencies = stats.latencies.lock().unwrap_or_else(PoisonError::into_inner);
+                            latencies[0].handle(clock.now().nanos_since(origin.stamp));
+                            latencies[1].handle(system_now().nanos_since(origin.received));
+                        }
+                    }
+                    Err(_) => {
+                        stats.failed.fetch_add(1, Ordering::Relaxed);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn name(severity: Severity) -> &'static str {
+    match severity {
+        Severity::Debug => "DEBUG",
+        Severity::Info => "INFO",
+        Severity::Warn => "WARN",
+        Severity::Error => "ERROR",
+        Severity::Fatal => "FATAL",
+    }
+}

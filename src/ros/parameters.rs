@@ -1,0 +1,318 @@
+//! The node's parameters as other nodes see and set them: every key of the table, with its range, unit and meaning.
+
+use ros2_client::parameters::raw;
+use serde::{Deserialize, Serialize};
+
+use crate::config::keys::{ParamDefault, ParamKey, ParamKind, ParamRange};
+use crate::config::{Config, Origin, ParamTree, ParamValue, QOS_OVERRIDES};
+use crate::msg::{Time, WireType};
+
+/// The parameters of a node, and the configuration that they make.
+#[derive(Debug, Clone)]
+pub(super) struct Parameters {
+    tree: ParamTree,
+    cfg: Config,
+}
+
+/// `rcl_interfaces/msg/ParameterEvent`.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct ParameterEvent {
+    stamp: Time,
+    node: String,
+    new_parameters: Vec<raw::Parameter>,
+    changed_parameters: Vec<raw::Parameter>,
+    deleted_parameters: Vec<raw::Parameter>,
+}
+
+impl WireType for ParameterEvent {
+    const TYPE_NAME: &'static str = "rcl_interfaces/msg/ParameterEvent";
+}
+
+impl ParameterEvent {
+    pub(super) fn changed(stamp: Time, node: &str, changed_parameters: Vec<raw::Parameter>) -> Self {
+        let (new_parameters, deleted_parameters) = (Vec::new(), Vec::new());
+        ParameterEvent { stamp, node: node.to_owned(), new_parameters, changed_parameters, deleted_parameters }
+    }
+}
+
+impl Parameters {
+    pub(super) fn new(tree: ParamTree, cfg: Config) -> Self {
+        Parameters { tree, cfg }
+    }
+
+    /// The configuration that they make.
+    pub(super) fn config(&self) -> &Config {
+        &self.cfg
+    }
+
+    /// Sets parameters, all or none of them.
+    ///
+    /// # Errors
+    /// Why it was refused, in one line; nothing has changed then.
+    pub(super) fn set(&mut self, changes: &[raw::Parameter]) -> Result<(), String> {
+        let mut tree = self.tree.clone();
+        let keys = self.cfg.keys();
+        for change in changes {
+            let name = &change.name;
+            let refuse = |why: &str| Err(format!("{name} {why}"));
+            match keys.get(name.as_str()) {
+                Some(key) if key.at_run_time => {}
+                Some(_) => return refuse("is read at start; change the parameter file and restart the node"),
+                None if name.starts_with(QOS_OVERRIDES) => {
+                    return refuse("is read at start; change the parameter file and restart the node");
+                }
+                None => return refuse("is not a parameter of this node; list its parameters to see those that are"),
+            }
+            match from_raw(&change.value) {
+                Some(value) => tree.set(name, value, Origin::Request),
+                None => return refuse("can't be deleted; set it to a value"),
+            }
+        }
+        self.cfg = Config::from_tree(&tree).map_err(|error| error.to_string())?;
+        self.tree = tree;
+        Ok(())
+    }
+
+    /// A value, the default where it is not set; not set where neither is or the name is unknown.
+    pub(super) fn get(&self, name: &str) -> raw::ParameterValue {
+        let key = self.cfg.keys().get(name).copied();
+        let default = || key.and_then(|key| key.default.value());
+        let value = self.tree.get(name).map(|param| param.value.clone()).or_else(default);
+        to_raw(value.as_ref(), key.map(|key| key.kind))
+    }
+
+    /// Names below any of the prefixes, at most `depth` parts below it; 0 is any depth.
+    pub(super) fn list(&self, prefixes: &[String], depth: u64) -> (Vec<String>, Vec<String>) {
+        let within = |rest: &str| depth == 0 || (rest.split('.').count() as u64) <= depth;
+        let listed = |name: &str| {
+            let below = |prefix: &String| match name.strip_prefix(prefix.as_str()) {
+                Some("") => true,
+                Some(rest) => rest.strip_prefix('.').is_some_and(within),
+                None => false,
+            };
+            if prefixes.is_empty() { within(name) } else { prefixes.iter().any(below) }
+        };
+        let names: Vec<String> = self.names().into_iter().filter(|name| listed(name)).collect();
+        let mut above: Vec<String> =
+            names.iter().filter_map(|name| name.rsplit_once('.')).map(|(above, _)| above.to_owned()).collect();
+        above.sort();
+        above.dedup();
+        (names, above)
+    }
+
+    /// What a parameter is and may be.
+    pub(super) fn describe(&self, name: &str) -> raw::ParameterDescriptor {
+        let keys = self.cfg.keys();
+        let Some(key) = keys.get(name) else {
+            let known = self.tree.get(name).is_some();
+            return raw::ParameterDescriptor {
+                name: name.to_owned(),
+                r#type: self.get(name).ptype,
+                description: if known { "QoS of a topic" } else { "" }.to_owned(),
+                additional_constraints: String::new(),
+                read_only: known,
+                dynamic_typing: false,
+                floating_point_range: Vec::new(),
+                integer_range: Vec::new(),
+            };
+        };
+        described(name, key)
+    }
+
+    fn names(&self) -> Vec<String> {
+        let overrides = self.tree.iter().map(|(name, _)| name).filter(|name| name.starts_with(QOS_OVERRIDES));
+        self.cfg.keys().into_keys().chain(overrides.map(str::to_owned)).collect()
+    }
+}
+
+fn described(name: &str, key: &ParamKey) -> raw::ParameterDescriptor {
+    let range = |from_value, to_value| raw::FloatingPointRange { from_value, to_value, step: 0.0 };
+    let unit = if key.unit.is_empty() { String::new() } else { format!(" ({})", key.unit) };
+    // A range of ROS includes both ends; one that doesn't is told in words.
+    let (floats, ints, constraints) = match key.range {
+        ParamRange::Closed { min, max } => (vec![range(min, max)], vec![], String::new()),
+        ParamRange::Above { min, max } => (vec![range(min, max)], vec![], format!("more than {min}")),
+        ParamRange::Int { min, max } if key.kind == ParamKind::Int => {
+            (vec![], vec![raw::IntegerRange { from_value: min, to_value: max, step: 1 }], String::new())
+        }
+        ParamRange::Any => (vec![], vec![], String::new()),
+        other => (vec![], vec![], other.to_string()),
+    };
+    raw::ParameterDescriptor {
+        name: name.to_owned(),
+        r#type: type_of(key.kind),
+        description: format!("{}{unit}", key.about),
+        additional_constraints: match key.default {
+            ParamDefault::Depends(words) if constraints.is_empty() => format!("default: {words}"),
+            ParamDefault::Depends(words) => format!("{constraints}; default: {words}"),
+            _ => constraints,
+        },
+        read_only: !key.at_run_time,
+        dynamic_typing: key.kind == ParamKind::IntOrField,
+        floating_point_range: floats,
+        integer_range: ints,
+    }
+}
+
+fn type_of(kind: ParamKind) -> u8 {
+    match kind {
+        ParamKind::Bool => raw::ParameterType::BOOL,
+        ParamKind::Int => raw::ParameterType::INTEGER,
+        ParamKind::Double => raw::ParameterType::DOUBLE,
+        ParamKind::Str | ParamKind::IntOrField => raw::ParameterType::STRING,
+        ParamKind::IntArray => raw::ParameterType::INTEGER_ARRAY,
+        ParamKind::DoubleArray(_) => raw::ParameterType::DOUBLE_ARRAY,
+        ParamKind::StrArray => raw::ParameterType::STRING_ARRAY,
+    }
+}
+
+/// A value on the wire; where the file has an int or an empty array for a parameter of another type, that type.
+fn to_raw(value: Option<&ParamValue>, kind: Option<ParamKind>) -> raw::ParameterValue {
+    let mut on_wire = raw::ParameterValue {
+        ptype: raw::ParameterType::NOT_SET,
+        boolean_value: false,
+        int_value: 0,
+        double_value: 0.0,
+        string_value: String::new(),
+        byte_array: Vec::new(),
+        bool_array: Vec::new(),
+        int_array: Vec::new(),
+        double_array: Vec::new(),
+        string_array: Vec::new(),
+    };
+    let Some(value) = value else { return on_wire };
+    on_wire.ptype = match (value, kind) {
+        (ParamValue::Int(value), Some(ParamKind::Double)) => {
+            on_wire.double_value = *value as f64;
+            raw::ParameterType::DOUBLE
+        }
+        (ParamValue::IntArray(values), Some(ParamKind::DoubleArray(_))) => {
+            on_wire.double_array = values.iter().map(|value| *value as f64).collect();
+            raw::ParameterType::DOUBLE_ARRAY
+        }
+        (ParamValue::EmptyArray, Some(kind)) => type_of(kind),
+        (ParamValue::EmptyArray, None) => raw::ParameterType::STRING_ARRAY,
+        (ParamValue::Bool(value), _) => {
+            on_wire.boolean_value = *value;
+            raw::ParameterType::BOOL
+        }
+        (ParamValue::Int(value), _) => {
+            on_wire.int_value = *value;
+            raw::ParameterType::INTEGER
+        }
+        (ParamValue::Double(value), _) => {
+            on_wire.double_value = *value;
+            raw::ParameterType::DOUBLE
+        }
+        (ParamValue::Str(value), _) => {
+            on_wire.string_value.clone_from(value);
+            raw::ParameterType::STRING
+        }
+        (ParamValue::BoolArray(values), _) => {
+            on_wire.bool_array.clone_from(values);
+            raw::ParameterType::BOOL_ARRAY
+        }
+        (ParamValue::IntArray(values), _) => {
+            on_wire.int_array.clone_from(values);
+            raw::ParameterType::INTEGER_ARRAY
+        }
+        (ParamValue::DoubleArray(values), _) => {
+            on_wire.double_array.clone_from(values);
+            raw::ParameterType::DOUBLE_ARRAY
+        }
+        (ParamValue::StrArray(values), _) => {
+            on_wire.string_array.clone_from(values);
+            raw::ParameterType::STRING_ARRAY
+        }
+    };
+    on_wire
+}
+
+/// The value of a request; none where it is not set. Bytes, which no parameter here takes, come as ints.
+fn from_raw(value: &raw::ParameterValue) -> Option<ParamValue> {
+    Some(match value.ptype {
+        raw::ParameterType::BOOL => ParamValue::Bool(value.boolean_value),
+        raw::ParameterType::INTEGER => ParamValue::Int(value.int_value),
+        raw::ParameterType::DOUBLE => ParamValue::Double(value.double_value),
+        raw::ParameterType::STRING => ParamValue::Str(value.string_value.clone()),
+        raw::ParameterType::BYTE_ARRAY => {
+            ParamValue::IntArray(value.byte_array.iter().map(|b| i64::from(*b)).collect())
+        }
+        raw::ParameterType::BOOL_ARRAY => ParamValue::BoolArray(value.bool_array.clone()),
+        raw::ParameterType::INTEGER_ARRAY => ParamValue::IntArray(value.int_array.clone()),
+        raw::ParameterType::DOUBLE_ARRAY => ParamValue::DoubleArray(value.double_array.clone()),
+        raw::ParameterType::STRING_ARRAY => ParamValue::StrArray(value.string_array.clone()),
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{DEFAULT_NODE, parse_param_file};
+
+    fn parameters() -> Parameters {
+        let tree = parse_param_file(include_str!("../../params/example.yaml"), "p.yaml", DEFAULT_NODE).unwrap();
+        let cfg = Config::from_tree(&tree).unwrap();
+        Parameters::new(tree, cfg)
+    }
+
+    fn change(name: &str, value: ParamValue) -> raw::Parameter {
+        raw::Parameter { name: name.to_owned(), value: to_raw(Some(&value), None) }
+    }
+
+    #[test]
+    fn thresholds_change_at_run_time_and_the_rest_is_read_only() {
+        let mut parameters = parameters();
+        parameters.set(&[change("contact.on_frames", ParamValue::Int(7))]).unwrap();
+        assert_eq!(parameters.get("contact.on_frames").int_value, 7);
+        assert_eq!(parameters.config().fusion.regions[0].contact.on_frames, 7);
+        let refused = |parameters: &mut Parameters, name, value| parameters.set(&[change(name, value)]).unwrap_err();
+        assert_eq!(
+            refused(&mut parameters, "timing.max_gap_ms", ParamValue::Double(1.0)),
+            "timing.max_gap_ms is read at start; change the parameter file and restart the node"
+        );
+        assert_eq!(
+            refused(&mut parameters, "contact.force_on", ParamValue::Double(0.001)),
+            "p.yaml:123: contact.force_off = 0.014709975 N must be below contact.force_on = 0.001 N"
+        );
+        assert!(refused(&mut parameters, "contact.force_on", ParamValue::Bool(true)).contains("is of type bool"));
+        assert!(refused(&mut parameters, "contact.forc_on", ParamValue::Int(1)).contains("is not a parameter"));
+        assert_eq!(parameters.config().fusion.regions[0].contact.on_frames, 7);
+    }
+
+    #[test]
+    fn several_are_set_together_or_not_at_all() {
+        let mut parameters = parameters();
+        let pair =
+            [change("contact.force_on", ParamValue::Double(2.0)), change("contact.force_off", ParamValue::Int(1))];
+        parameters.set(&pair).unwrap();
+        assert_eq!(parameters.get("contact.force_off").double_value, 1.0);
+        let half =
+            [change("contact.on_frames", ParamValue::Int(5)), change("contact.force_off", ParamValue::Double(3.0))];
+        assert!(parameters.set(&half).is_err());
+        assert_eq!(parameters.get("contact.on_frames").int_value, 2);
+    }
+
+    #[test]
+    fn each_is_described_with_range_unit_and_whether_it_can_be_set() {
+        let parameters = parameters();
+        let on = parameters.describe("contact.force_on");
+        assert!(on.description.ends_with("(N)") && !on.read_only, "{on:?}");
+        assert_eq!((on.r#type, on.floating_point_range[0].to_value), (raw::ParameterType::DOUBLE, 1000.0));
+        assert!(parameters.describe("glove").read_only);
+        assert_eq!(parameters.describe("nothing").r#type, raw::ParameterType::NOT_SET);
+    }
+
+    #[test]
+    fn names_are_listed_below_prefixes_and_down_to_a_depth() {
+        let parameters = parameters();
+        let (all, _) = parameters.list(&[], 0);
+        assert!(all.len() > 50 && all.contains(&"region.index.contact.force_on".to_owned()));
+        let (top, above) = parameters.list(&[], 1);
+        assert!(top.contains(&"regions".to_owned()) && !top.iter().any(|name| name.contains('.')) && above.is_empty());
+        let (contact, above) = parameters.list(&["contact".to_owned()], 1);
+        assert_eq!(contact, ["contact.force_off", "contact.force_on", "contact.off_frames", "contact.on_frames"]);
+        assert_eq!(above, ["contact"]);
+    }
+}
