@@ -17,6 +17,11 @@ test-all:
     scripts/python-venv
     TPF_REQUIRE_ORT=1 TPF_REQUIRE_PYTHON=1 cargo test
 
+# Test the live node against a real ROS 2, in a network namespace of its own
+ros-test:
+    scripts/ros-venv
+    TPF_REQUIRE_ROS=1 tests/ros/test
+
 # Formatting and lints, as CI sees them
 lint:
     cargo fmt --check

@@ -41,3 +41,23 @@ pub fn without_onnx_runtime(why: &str) {
     assert!(std::env::var_os("TPF_REQUIRE_ORT").is_none(), "TPF_REQUIRE_ORT is set, but {why}");
     skipped(why);
 }
+
+/// The Python of `scripts/ros-venv`, where a real ROS 2 is, inside of `tests/ros/isolated`.
+///
+/// Outside of it no test may start a DDS participant, because it could reach a robot: the test is skipped. Where the
+/// environment is missing it is skipped, or fails when `TPF_REQUIRE_ROS` is set.
+pub fn ros_python() -> Option<PathBuf> {
+    let required = std::env::var_os("TPF_REQUIRE_ROS").is_some();
+    if std::env::var("TPF_ISOLATED").as_deref() != Ok("1") {
+        assert!(!required, "TPF_REQUIRE_ROS is set, but this is not inside of tests/ros/isolated");
+        skipped("not inside of tests/ros/isolated");
+        return None;
+    }
+    let python = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/ros-venv/bin/python"));
+    if python.exists() {
+        return Some(python);
+    }
+    assert!(!required, "target/ros-venv is not here; run scripts/ros-venv");
+    skipped("target/ros-venv is not here; scripts/ros-venv makes it");
+    None
+}

@@ -1,0 +1,113 @@
+//! The live node between real ROS 2 peers: what it publishes is what replay writes.
+//!
+//! Every test here starts DDS participants, so it runs inside of `tests/ros/isolated` only.
+#![cfg(feature = "ros")]
+
+mod common;
+mod node_common;
+
+use common::bags::{at, decoded, messages, write_session};
+use common::tpf::tpf;
+use node_common::{Live, PARAMS, peer, write_setup};
+use tactile_pose_fusion::msg::{ContactArray, WrenchStamped};
+use tactile_pose_fusion::units::Stamp;
+
+const NODE: &str = "/tactile_pose_fusion";
+
+/// What a peer wrote down: the wrenches and the contacts that it received.
+fn received(python: &std::path::Path, folder: &std::path::Path, who: &str) -> serde_json::Value {
+    let output = peer(python, "play_session.py", &["session.mcap", "4", who, NODE], folder);
+    serde_json::from_str(&output).unwrap_or_else(|error| panic!("{error}: {output}"))
+}
+
+fn replay(folder: &std::path::Path, bag: &str, out: &str) {
+    let args = ["--params-file", PARAMS, "--calibration", "calibration.yaml", "--batch", "1", "--backend", "rten"];
+    tpf(folder, &[&["replay", bag, "-o", out], &args[..]].concat()).ok();
+}
+
+/// Holds what was received against the bag that replay wrote. The last frames, which replay settles because its input
+/// ends, are still waiting for joint angles in the node.
+fn assert_equals_replay(received: &serde_json::Value, bag: &std::path::Path) {
+    let wrenches: Vec<WrenchStamped> = decoded(bag, "/tactile_pose_fusion/index/wrench");
+    let got = received["wrenches"].as_array().unwrap();
+    assert!(got.len() + 2 >= wrenches.len() && got.len() > 400, "{} of {}", got.len(), wrenches.len());
+    for (got, expected) in got.iter().zip(&wrenches) {
+        assert_eq!(got[0].as_i64(), Some(Stamp::from(expected.header.stamp).0));
+        assert_eq!(got[1], expected.header.frame_id.as_str());
+        let wrench = &expected.wrench;
+        let numbers =
+            [wrench.force.x, wrench.force.y, wrench.force.z, wrench.torque.x, wrench.torque.y, wrench.torque.z];
+        assert_same(&got[2], &numbers);
+    }
+    let contacts: Vec<ContactArray> = decoded(bag, "/tactile_pose_fusion/contacts");
+    let stale = 8;
+    let live = received["contacts"].as_array().unwrap().iter().filter(|array| array[1][4] != stale);
+    let live: Vec<_> = live.collect();
+    assert!(live.len() + 2 >= contacts.len(), "{} of {}", live.len(), contacts.len());
+    for (got, expected) in live.iter().zip(&contacts) {
+        let state = &expected.contacts[0];
+        assert_eq!(got[0].as_i64(), Some(Stamp::from(expected.header.stamp).0));
+        assert_eq!(got[1][0], state.region.as_str());
+        assert_eq!((got[1][1].as_bool(), got[1][2].as_bool()), (Some(state.contact_raw), Some(state.contact)));
+        assert_eq!(got[1][3], state.event);
+        assert_eq!(got[1][4], state.flags);
+        assert_same(&got[1][5], &[state.force, state.force_base, state.pose_age]);
+    }
+}
+
+/// Holds numbers, which the peer wrote as text, against others, to the last bit but for the kind of a NaN.
+fn assert_same(got: &serde_json::Value, expected: &[f64]) {
+    let got: Vec<f64> = got.as_array().unwrap().iter().map(|text| text.as_str().unwrap().parse().unwrap()).collect();
+    let same = |(got, expected): (&f64, &f64)| got == expected || (got.is_nan() && expected.is_nan());
+    assert!(got.len() == expected.len() && got.iter().zip(expected).all(same), "{got:?} is not {expected:?}");
+}
+
+#[test]
+fn rclpy_receives_what_replay_of_the_same_data_writes() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 12);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "");
+    replay(folder.path(), "session.mcap", "replayed.mcap");
+    let live = Live::start(folder.path(), &["--params-file", "live.yaml", "--calibration", "calibration.yaml"]);
+    let got = received(&python, folder.path(), "rclpy");
+    live.stop();
+    assert_equals_replay(&got, &folder.path().join("replayed.mcap"));
+}
+
+#[test]
+fn cyclone_dds_exchanges_our_own_messages_with_the_node() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 12);
+    write_setup(folder.path(), "tactile_pose_fusion/msg/TaxelArray", "");
+    replay(folder.path(), "session.mcap", "replayed.mcap");
+    let live = Live::start(folder.path(), &["--params-file", "live.yaml", "--calibration", "calibration.yaml"]);
+    let got = received(&python, folder.path(), "cyclone");
+    live.stop();
+    assert_equals_replay(&got, &folder.path().join("replayed.mcap"));
+}
+
+#[test]
+fn a_recorded_run_replays_to_the_same_bytes() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 12);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "");
+    let args = ["--params-file", "live.yaml", "--calibration", "calibration.yaml", "--record", "run.mcap"];
+    let live = Live::start(folder.path(), &args);
+    received(&python, folder.path(), "rclpy");
+    let text = live.stop();
+    assert!(text.contains("run.mcap: "), "{text}");
+    let args = ["--params-file", "live.yaml", "--calibration", "calibration.yaml", "--batch", "1", "--backend", "rten"];
+    tpf(folder.path(), &[&["replay", "run.mcap", "-o", "again.mcap"], &args[..]].concat()).ok();
+    let estimates = |name: &str| -> Vec<_> {
+        let all = messages(&folder.path().join(name)).into_iter();
+        all.filter(|message| message.topic.starts_with(NODE))
+            .map(|message| (message.topic, message.log_time, message.data))
+            .collect()
+    };
+    let (live, again) = (estimates("run.mcap"), estimates("again.mcap"));
+    assert!(live.len() > 1000 && live == again, "{} and {} messages", live.len(), again.len());
+    assert!(at(0) < live[0].1);
+}

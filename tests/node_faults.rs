@@ -1,0 +1,172 @@
+//! What goes wrong around the node, and what it does then: no panic, no blocked input, no stale force.
+//!
+//! Every test here starts DDS participants, so it runs inside of `tests/ros/isolated` only.
+#![cfg(feature = "ros")]
+
+mod common;
+mod node_common;
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use common::bags::write_session;
+use node_common::{Feeder, Heard, Listener, Live, memory_mb, peer, peer_command, signal, write_setup};
+use tactile_pose_fusion::msg::ContactState;
+
+const STALE_TACTILE: u32 = ContactState::STALE_TACTILE;
+const STALE_POSE: u32 = ContactState::STALE_POSE;
+
+struct Scene {
+    python: PathBuf,
+    folder: tempfile::TempDir,
+    live: Live,
+    listener: Listener,
+}
+
+impl Scene {
+    /// A calibrated node that someone listens to; none where there is no ROS to test against.
+    fn set(extra: &str) -> Option<Scene> {
+        let python = common::skip::ros_python()?;
+        let folder = tempfile::tempdir().unwrap();
+        write_session(&folder.path().join("session.mcap"), 4);
+        write_setup(folder.path(), "sensor_msgs/msg/LaserScan", extra);
+        let live = Live::start(folder.path(), &["--params-file", "live.yaml", "--calibration", "calibration.yaml"]);
+        let listener = Listener::start(&python, folder.path());
+        Some(Scene { python, folder, live, listener })
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn feed(&self, args: &[&str]) -> Feeder {
+        Feeder::start(&self.python, args, self.path())
+    }
+
+    fn wait_for_estimates(&self) -> Heard {
+        self.listener.wait_for("an estimate", |heard| heard.flags == 0 && !heard.force.is_nan())
+    }
+
+    fn disturb(&self, args: &[&str]) {
+        peer(&self.python, "disturb.py", args, self.path());
+    }
+}
+
+#[test]
+fn tactile_data_that_stops_is_said_within_its_limit_and_recovers_when_it_comes_back() {
+    let Some(scene) = Scene::set("") else { return };
+    let feeder = scene.feed(&["both", "60"]);
+    scene.wait_for_estimates();
+    let stopped = Instant::now();
+    drop(feeder); // killed, as a driver that crashes
+    let stale = scene.listener.wait_for("STALE_TACTILE", |heard| heard.flags & STALE_TACTILE != 0);
+    // 500 ms of silence, a tenth of that to notice, and what two busy cores take on top.
+    assert!(stale.at - stopped < Duration::from_millis(1000), "{:?}", stale.at - stopped);
+    assert!(stale.force.is_nan());
+    let again = scene.listener.wait_for("STALE_TACTILE again", |heard| heard.flags & STALE_TACTILE != 0);
+    assert!(again.at - stale.at > Duration::from_millis(300), "said once a timeout");
+    let _feeder = scene.feed(&["both", "60"]);
+    scene.wait_for_estimates();
+    assert!(scene.live.stop().contains("tactile source glove is back"));
+}
+
+#[test]
+fn joint_angles_that_stop_leave_the_base_branch_and_recover() {
+    let Some(scene) = Scene::set("") else { return };
+    let _taxels = scene.feed(&["taxels", "60"]);
+    let joints = scene.feed(&["joints", "60"]);
+    scene.wait_for_estimates();
+    drop(joints);
+    let stale = scene.listener.wait_for("STALE_POSE", |heard| heard.flags & STALE_POSE != 0);
+    assert!(!stale.force.is_nan() && stale.force == stale.force_base, "{stale:?}");
+    let _joints = scene.feed(&["joints", "60"]);
+    scene.wait_for_estimates();
+    scene.live.stop();
+}
+
+#[test]
+fn stamps_that_jump_start_the_window_anew() {
+    let Some(scene) = Scene::set("") else { return };
+    let now = scene.feed(&["both", "60"]);
+    let before = scene.wait_for_estimates();
+    drop(now);
+    let _then = scene.feed(&["both", "60", "100", "moving", "-1000"]);
+    let after = scene.listener.wait_for("an estimate of then", |heard| heard.flags == 0 && heard.stamp < before.stamp);
+    assert!(!after.force.is_nan());
+    scene.live.stop();
+}
+
+#[test]
+fn another_type_on_the_topic_changes_nothing() {
+    let Some(scene) = Scene::set("") else { return };
+    let _feeder = scene.feed(&["both", "60"]);
+    scene.wait_for_estimates();
+    scene.disturb(&["wrong_type"]);
+    scene.listener.drain();
+    scene.wait_for_estimates();
+    scene.live.stop();
+}
+
+#[test]
+fn malformed_messages_are_dropped_and_said_once() {
+    let Some(scene) = Scene::set("") else { return };
+    let _feeder = scene.feed(&["both", "60"]);
+    scene.wait_for_estimates();
+    scene.disturb(&["malformed"]);
+    scene.listener.drain();
+    scene.wait_for_estimates();
+    let log = scene.live.stop();
+    let said = log.lines().filter(|line| line.contains("topic /taxels: ")).count();
+    assert!((1..=3).contains(&said), "once a reason: {log}");
+}
+
+#[test]
+fn a_frozen_reliable_subscriber_takes_no_frame_from_another() {
+    let Some(scene) = Scene::set("") else { return };
+    let mut frozen = peer_command(&scene.python, "disturb.py", &["frozen"], scene.path());
+    let mut frozen = frozen.stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(frozen.stdout.take().unwrap()).lines();
+    assert_eq!(lines.next().unwrap().unwrap(), "ready");
+    let _feeder = scene.feed(&["both", "60"]);
+    scene.wait_for_estimates();
+    signal(frozen.id(), "STOP");
+    scene.listener.drain();
+    std::thread::sleep(Duration::from_secs(12)); // what is measured is this time
+    let heard = scene.listener.drain();
+    signal(frozen.id(), "KILL");
+    frozen.wait().unwrap();
+    let steps = heard.windows(2).map(|pair| pair[1].stamp - pair[0].stamp);
+    let longest_ms = steps.max().unwrap() / 1_000_000;
+    assert!(heard.len() > 1000, "{} frames of 1200", heard.len());
+    // The feeder sleeps between frames, so a step is as long as it is late; a lost frame would show as twice that.
+    assert!(longest_ms < 60, "{longest_ms} ms between frames");
+    scene.live.stop();
+}
+
+#[test]
+fn two_hundred_restarts_of_a_peer_leave_memory_flat() {
+    let Some(scene) = Scene::set("") else { return };
+    let _feeder = scene.feed(&["both", "120"]);
+    scene.wait_for_estimates();
+    scene.disturb(&["restarts", "50"]);
+    let before = memory_mb(scene.live.pid());
+    scene.disturb(&["restarts", "150"]);
+    let after = memory_mb(scene.live.pid());
+    // 150 peers that were kept would each hold their endpoints and caches: some 100 kB each.
+    assert!(after - before < 10.0, "{before} MB, then {after} MB");
+    scene.listener.drain();
+    scene.wait_for_estimates();
+    scene.live.stop();
+}
+
+#[test]
+fn sigterm_under_load_ends_the_node_at_once() {
+    let Some(scene) = Scene::set("") else { return };
+    let _feeder = scene.feed(&["both", "60", "1000"]);
+    scene.wait_for_estimates();
+    signal(scene.live.pid(), "TERM");
+    scene.live.wait_for(&["leaving"]);
+    scene.live.stop_quietly();
+}

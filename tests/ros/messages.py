@@ -1,0 +1,116 @@
+"""Our messages as Cyclone DDS reads and writes them: an implementation of CDR that has nothing to do with ours.
+
+The fields are those of msg/*.msg and action/Calibrate.action."""
+from dataclasses import dataclass, field
+from typing import List
+
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import array, float32, float64, int8, int32, int64, sequence, uint8, uint32, uint64
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Duration(IdlStruct, typename="builtin_interfaces.msg.dds_.Duration_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class TaxelArray(IdlStruct, typename="tactile_pose_fusion.msg.dds_.TaxelArray_"):
+    header: Header
+    sequence: uint32
+    rows: uint32
+    row_period: Duration
+    values: sequence[float32]
+
+
+@dataclass
+class JointState(IdlStruct, typename="sensor_msgs.msg.dds_.JointState_"):
+    header: Header
+    name: sequence[str]
+    position: sequence[float64]
+    velocity: sequence[float64]
+    effort: sequence[float64]
+
+
+@dataclass
+class ContactState(IdlStruct, typename="tactile_pose_fusion.msg.dds_.ContactState_"):
+    region: str
+    frame_id: str
+    contact_raw: bool
+    contact: bool
+    event: uint8
+    since: Time
+    force: float64
+    force_base: float64
+    artifact: float64
+    on_threshold: float64
+    off_threshold: float64
+    mdf: float64
+    pose_age: float64
+    flags: uint32
+
+
+@dataclass
+class ContactArray(IdlStruct, typename="tactile_pose_fusion.msg.dds_.ContactArray_"):
+    header: Header
+    contacts: sequence[ContactState]
+
+
+# The action, as services with no header in the payload: how Fast DDS has them.
+@dataclass
+class SendGoalRequest(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calibrate_SendGoal_Request_"):
+    goal_id: array[uint8, 16]
+    duration: Duration
+
+
+@dataclass
+class SendGoalResponse(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calibrate_SendGoal_Response_"):
+    accepted: bool
+    stamp: Time
+
+
+@dataclass
+class GetResultRequest(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calibrate_GetResult_Request_"):
+    goal_id: array[uint8, 16]
+
+
+@dataclass
+class GetResultResponse(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calibrate_GetResult_Response_"):
+    status: int8
+    success: bool
+    message: str
+    file: str
+    frames: uint32
+    joints: sequence[str]
+    joint_span: sequence[float64]
+    sources: sequence[str]
+    source_taxels: sequence[uint32]
+    noise: sequence[float32]
+    faulty_taxels: sequence[uint32]
+
+
+@dataclass
+class FeedbackMessage(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calibrate_FeedbackMessage_"):
+    goal_id: array[uint8, 16]
+    time_left: Duration
+    joints: sequence[str]
+    joint_span: sequence[float64]
+    sources: sequence[str]
+    source_taxels: sequence[uint32]
+    noise: sequence[float32]
+
+
+def nanos(stamp):
+    return stamp.sec * 1_000_000_000 + stamp.nanosec

@@ -1,0 +1,114 @@
+"""Plays a bag's taxels and joint angles to the node and writes down what the node answers.
+
+rclpy (Fast DDS) publishes the joint angles and, as sensor_msgs/LaserScan, the taxels, and receives the wrench. Cyclone
+DDS receives the contacts, for which rclpy has no type. With `cyclone` it publishes everything, taxels as TaxelArray."""
+import json
+import sys
+import time
+
+import rclpy
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter, Publisher
+from cyclonedds.sub import DataReader, Subscriber
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+from geometry_msgs.msg import WrenchStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState, LaserScan
+
+import bag
+import messages
+
+bag_path, speed, who, node_name = sys.argv[1], float(sys.argv[2]), sys.argv[3], sys.argv[4]
+RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+CYCLONE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
+
+rclpy.init()
+node = rclpy.create_node("session")
+wrenches, contacts = [], []
+
+
+def numbers(*values):
+    return [repr(value) for value in values]  # as text, which is read back to the last bit
+
+
+def on_wrench(message):
+    force, torque = message.wrench.force, message.wrench.torque
+    stamp = messages.nanos(message.header.stamp)
+    values = numbers(force.x, force.y, force.z, torque.x, torque.y, torque.z)
+    wrenches.append([stamp, message.header.frame_id, values])
+
+
+node.create_subscription(WrenchStamped, f"{node_name}/index/wrench", on_wrench, RELIABLE)
+participant = DomainParticipant(0)
+reader = DataReader(
+    Subscriber(participant), Topic(participant, f"rt{node_name}/contacts", messages.ContactArray), qos=CYCLONE
+)
+
+if who == "cyclone":
+    publisher = Publisher(participant)
+    taxel_writer = DataWriter(publisher, Topic(participant, "rt/taxels", messages.TaxelArray), qos=CYCLONE)
+    joint_writer = DataWriter(publisher, Topic(participant, "rt/joints", messages.JointState), qos=CYCLONE)
+else:
+    taxel_publisher = node.create_publisher(LaserScan, "/taxels", RELIABLE)
+    joint_publisher = node.create_publisher(JointState, "/joints", RELIABLE)
+
+
+def matched():
+    if who == "cyclone":
+        found = all(w.get_matched_subscriptions() for w in (taxel_writer, joint_writer))
+    else:
+        found = all(p.get_subscription_count() for p in (taxel_publisher, joint_publisher))
+    return found and node.count_publishers(f"{node_name}/index/wrench") and reader.get_matched_publications()
+
+
+def receive():
+    while True:
+        before = len(wrenches)
+        rclpy.spin_once(node, timeout_sec=0)
+        if len(wrenches) == before:
+            break
+    for array in reader.take(1000):
+        states = [
+            [c.region, c.contact_raw, c.contact, c.event, c.flags, numbers(c.force, c.force_base, c.pose_age)]
+            for c in array.contacts
+        ]
+        contacts.append([messages.nanos(array.header.stamp), *states])
+
+
+deadline = time.monotonic() + 20
+while not matched():
+    assert time.monotonic() < deadline, "the node was not found"
+    rclpy.spin_once(node, timeout_sec=0.05)
+time.sleep(0.5)  # the other direction of discovery has no event to wait for
+
+first = None
+started = time.monotonic()
+for topic, log_time, message in bag.samples(bag_path, "/taxels", "/joints"):
+    first = log_time if first is None else first
+    while time.monotonic() - started < (log_time - first) * 1e-9 / speed:
+        receive()
+        time.sleep(0.0005)
+    stamp = message.header.stamp
+    if who == "cyclone":
+        header = messages.Header(messages.Time(stamp.sec, stamp.nanosec), "")
+        if topic == "/taxels":
+            period = messages.Duration(0, 0)
+            taxel_writer.write(messages.TaxelArray(header, message.sequence, 1, period, list(message.values)))
+        else:
+            joint_writer.write(messages.JointState(header, list(message.name), list(message.position), [], []))
+    elif topic == "/taxels":
+        out = LaserScan(ranges=list(message.values))
+        out.header.stamp.sec, out.header.stamp.nanosec = stamp.sec, stamp.nanosec
+        taxel_publisher.publish(out)
+    else:
+        out = JointState(name=list(message.name), position=list(message.position))
+        out.header.stamp.sec, out.header.stamp.nanosec = stamp.sec, stamp.nanosec
+        joint_publisher.publish(out)
+quiet = time.monotonic() + 1.0
+while time.monotonic() < quiet:
+    receive()
+    time.sleep(0.002)
+print(json.dumps({"wrenches": wrenches, "contacts": contacts}))
+rclpy.shutdown()
