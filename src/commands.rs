@@ -4,6 +4,8 @@ mod calibrate;
 mod diff;
 mod inspect;
 mod interrupt;
+#[cfg(feature = "ros")]
+mod play;
 mod progress;
 mod replay;
 #[cfg(feature = "ros")]
@@ -31,6 +33,8 @@ enum Command {
     Replay(replay::Args),
     #[cfg(feature = "ros")]
     Run(run::Args),
+    #[cfg(feature = "ros")]
+    Play(play::Args),
     Calibrate(calibrate::Args),
     Diff(diff::Args),
     Inspect(inspect::Args),
@@ -73,6 +77,8 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Replay(args) => replay::run(&args),
         #[cfg(feature = "ros")]
         Command::Run(args) => run::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Play(args) => play::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Inspect(args) => inspect::run(&args),

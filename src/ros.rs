@@ -26,8 +26,10 @@ mod managed;
 mod node;
 mod outbox;
 mod parameters;
+mod player;
 mod services;
 
 pub use engine::Record;
 pub use entities::Names;
 pub use node::{NodeError, Setup, run};
+pub use player::{NotPlayed, PlayedTopic, Player};

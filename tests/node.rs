@@ -7,6 +7,7 @@ mod common;
 mod node_common;
 
 use common::bags::{at, decoded, messages, write_session};
+use common::onnx::LinearModel;
 use common::tpf::tpf;
 use node_common::{Live, PARAMS, peer, write_setup};
 use tactile_pose_fusion::msg::{ContactArray, WrenchStamped};
@@ -14,9 +15,12 @@ use tactile_pose_fusion::units::Stamp;
 
 const NODE: &str = "/tactile_pose_fusion";
 
+/// Frames that may wait for joint angles when the data ends.
+const WAITING: usize = 10;
+
 /// What a peer wrote down: the wrenches and the contacts that it received.
 fn received(python: &std::path::Path, folder: &std::path::Path, who: &str) -> serde_json::Value {
-    let output = peer(python, "play_session.py", &["session.mcap", "4", who, NODE], folder);
+    let output = peer(python, "play_session.py", &["session.mcap", "4", who, NODE, "/taxels", "/joints"], folder);
     serde_json::from_str(&output).unwrap_or_else(|error| panic!("{error}: {output}"))
 }
 
@@ -30,7 +34,7 @@ fn replay(folder: &std::path::Path, bag: &str, out: &str) {
 fn assert_equals_replay(received: &serde_json::Value, bag: &std::path::Path) {
     let wrenches: Vec<WrenchStamped> = decoded(bag, "/tactile_pose_fusion/index/wrench");
     let got = received["wrenches"].as_array().unwrap();
-    assert!(got.len() + 2 >= wrenches.len() && got.len() > 400, "{} of {}", got.len(), wrenches.len());
+    assert!(got.len() + WAITING >= wrenches.len() && got.len() > 400, "{} of {}", got.len(), wrenches.len());
     for (got, expected) in got.iter().zip(&wrenches) {
         assert_eq!(got[0].as_i64(), Some(Stamp::from(expected.header.stamp).0));
         assert_eq!(got[1], expected.header.frame_id.as_str());
@@ -43,7 +47,7 @@ fn assert_equals_replay(received: &serde_json::Value, bag: &std::path::Path) {
     let stale = 8;
     let live = received["contacts"].as_array().unwrap().iter().filter(|array| array[1][4] != stale);
     let live: Vec<_> = live.collect();
-    assert!(live.len() + 2 >= contacts.len(), "{} of {}", live.len(), contacts.len());
+    assert!(live.len() + WAITING >= contacts.len(), "{} of {}", live.len(), contacts.len());
     for (got, expected) in live.iter().zip(&contacts) {
         let state = &expected.contacts[0];
         assert_eq!(got[0].as_i64(), Some(Stamp::from(expected.header.stamp).0));
@@ -72,6 +76,58 @@ fn rclpy_receives_what_replay_of_the_same_data_writes() {
     let live = Live::start(folder.path(), &["--params-file", "live.yaml", "--calibration", "calibration.yaml"]);
     let got = received(&python, folder.path(), "rclpy");
     live.stop();
+    assert_equals_replay(&got, &folder.path().join("replayed.mcap"));
+}
+
+#[test]
+fn a_simulated_session_through_rclpy_gives_what_replay_gives() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["--glove", "1", "--users", "1", "--sessions", "1", "--seed", "3", "--minutes", "1.7", "-o", "sim"];
+    tpf(folder.path(), &[&["simulate"], &args[..]].concat()).ok();
+    let bag = "sim/glove1_user01_session1/glove1_user01_session1_0.mcap";
+    LinearModel::new(64, 6, 4).gains(0.001, 0.5).metadata("unit", "N").write(folder.path(), "model.onnx");
+    let params = |taxels: &str, rest: &str| {
+        format!(
+            "/**:
+  ros__parameters:
+    regions: [index]
+    tactile_sources: [glove]
+    joint_sources: [hand]
+    tactile.glove: {{topic: /glove/taxels, n_taxels: 6{taxels}}}
+    joint.hand: {{topic: /hand/joint_states}}
+    model.tip: {{path: model.onnx, backend: rten}}
+    region.index:
+      model: tip
+      joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd]
+      frame_id: index_tip
+    calibration: {{max_force: 1000.0, file: calibration.yaml}}
+    timing.joint_slack_ms: 500.0
+{rest}"
+        )
+    };
+    std::fs::write(folder.path().join(PARAMS), params("", "")).unwrap();
+    let reliable = "    qos_overrides:
+      /glove/taxels: {subscription: {reliability: reliable}}
+      /hand/joint_states: {subscription: {reliability: reliable}}
+      /tactile_pose_fusion/index/wrench: {publisher: {reliability: reliable, depth: 1000}}
+      /tactile_pose_fusion/contacts: {publisher: {reliability: reliable, depth: 1000}}
+    tactile_timeout_ms: 500.0
+";
+    let live = params(", type: sensor_msgs/msg/LaserScan, field: ranges", reliable);
+    std::fs::write(folder.path().join("live.yaml"), live).unwrap();
+    tpf(folder.path(), &["calibrate", bag, "--params-file", PARAMS, "-o", "calibration.yaml"]).ok();
+    replay(folder.path(), bag, "replayed.mcap");
+    // The calibration that the parameters name is read at start.
+    let live = Live::start(folder.path(), &["--params-file", "live.yaml"]);
+    let output = peer(
+        &python,
+        "play_session.py",
+        &[bag, "6", "rclpy", NODE, "/glove/taxels", "/hand/joint_states"],
+        folder.path(),
+    );
+    live.stop();
+    let got = serde_json::from_str(&output).unwrap_or_else(|error| panic!("{error}: {output}"));
     assert_equals_replay(&got, &folder.path().join("replayed.mcap"));
 }
 

@@ -13,6 +13,12 @@ pub(super) fn listen() {
     }
 }
 
+/// Whether there was an interrupt.
+#[cfg(feature = "ros")]
+pub(super) fn happened() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
 /// Fails when there was an interrupt.
 pub(super) fn check() -> Result<(), Failure> {
     match INTERRUPTED.load(Ordering::Relaxed) {

@@ -26,6 +26,10 @@ pub(super) struct Clock {
     pub(super) clock: Time,
 }
 
+impl WireType for Clock {
+    const TYPE_NAME: &'static str = "rosgraph_msgs/msg/Clock";
+}
+
 /// `diagnostic_msgs/msg/DiagnosticArray`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct DiagnosticArray {

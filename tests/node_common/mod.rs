@@ -31,6 +31,7 @@ pub fn write_setup(folder: &Path, taxel_type: &str, extra: &str) {
     model.tip: {{path: model.onnx, backend: rten}}
     region.index: {{model: tip, joints: [pip, dip], frame_id: index_tip, normal: [0.0, 0.0, -1.0]}}
     calibration.max_force: 1.0
+    timing.joint_slack_ms: 500.0
 {extra}"
         )
     };

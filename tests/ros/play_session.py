@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState, LaserScan
 import bag
 import messages
 
-bag_path, speed, who, node_name = sys.argv[1], float(sys.argv[2]), sys.argv[3], sys.argv[4]
+bag_path, speed, who, node_name, taxels, joints = sys.argv[1], float(sys.argv[2]), *sys.argv[3:7]
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 CYCLONE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
 
@@ -48,11 +48,11 @@ reader = DataReader(
 
 if who == "cyclone":
     publisher = Publisher(participant)
-    taxel_writer = DataWriter(publisher, Topic(participant, "rt/taxels", messages.TaxelArray), qos=CYCLONE)
-    joint_writer = DataWriter(publisher, Topic(participant, "rt/joints", messages.JointState), qos=CYCLONE)
+    taxel_writer = DataWriter(publisher, Topic(participant, f"rt{taxels}", messages.TaxelArray), qos=CYCLONE)
+    joint_writer = DataWriter(publisher, Topic(participant, f"rt{joints}", messages.JointState), qos=CYCLONE)
 else:
-    taxel_publisher = node.create_publisher(LaserScan, "/taxels", RELIABLE)
-    joint_publisher = node.create_publisher(JointState, "/joints", RELIABLE)
+    taxel_publisher = node.create_publisher(LaserScan, taxels, RELIABLE)
+    joint_publisher = node.create_publisher(JointState, joints, RELIABLE)
 
 
 def matched():
@@ -85,20 +85,21 @@ time.sleep(0.5)  # the other direction of discovery has no event to wait for
 
 first = None
 started = time.monotonic()
-for topic, log_time, message in bag.samples(bag_path, "/taxels", "/joints"):
+for topic, log_time, message in bag.samples(bag_path, taxels, joints):
     first = log_time if first is None else first
+    receive()  # also when this process is late: what is not taken in time is lost
     while time.monotonic() - started < (log_time - first) * 1e-9 / speed:
         receive()
         time.sleep(0.0005)
     stamp = message.header.stamp
     if who == "cyclone":
         header = messages.Header(messages.Time(stamp.sec, stamp.nanosec), "")
-        if topic == "/taxels":
+        if topic == taxels:
             period = messages.Duration(0, 0)
             taxel_writer.write(messages.TaxelArray(header, message.sequence, 1, period, list(message.values)))
         else:
             joint_writer.write(messages.JointState(header, list(message.name), list(message.position), [], []))
-    elif topic == "/taxels":
+    elif topic == taxels:
         out = LaserScan(ranges=list(message.values))
         out.header.stamp.sec, out.header.stamp.nanosec = stamp.sec, stamp.nanosec
         taxel_publisher.publish(out)
