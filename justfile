@@ -18,9 +18,9 @@ test-all:
     TPF_REQUIRE_ORT=1 TPF_REQUIRE_PYTHON=1 cargo test
 
 # Test the live node against a real ROS 2, in a network namespace of its own
-ros-test:
-    scripts/ros-venv
-    TPF_REQUIRE_ROS=1 tests/ros/test
+ros-test distro="kilted":
+    scripts/ros-venv {{distro}}
+    TPF_REQUIRE_ROS=1 tests/ros/test {{distro}}
 
 # Formatting and lints, as CI sees them
 lint:

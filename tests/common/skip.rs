@@ -53,11 +53,18 @@ pub fn ros_python() -> Option<PathBuf> {
         skipped("not inside of tests/ros/isolated");
         return None;
     }
-    let python = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/ros-venv/bin/python"));
+    let python = ros_venv().join("bin/python");
     if python.exists() {
         return Some(python);
     }
-    assert!(!required, "target/ros-venv is not here; run scripts/ros-venv");
-    skipped("target/ros-venv is not here; scripts/ros-venv makes it");
+    let missing = format!("{} is not here; scripts/ros-venv makes it", python.display());
+    assert!(!required, "{missing}");
+    skipped(&missing);
     None
+}
+
+/// Where that Python and its ROS 2 are: `TPF_ROS_VENV`, else `target/ros-venv`.
+pub fn ros_venv() -> PathBuf {
+    let default = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/ros-venv"));
+    std::env::var_os("TPF_ROS_VENV").map_or(default, PathBuf::from)
 }

@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use crate::common::onnx::LinearModel;
+use crate::common::skip;
 use crate::common::tpf::tpf;
 
 /// Parameters for replay of the test's own recording, as `write_setup` leaves them.
@@ -49,10 +50,6 @@ pub fn write_setup(folder: &Path, taxel_type: &str, extra: &str) {
     tpf(folder, &[&["calibrate", "session.mcap"], &args[..]].concat()).ok();
 }
 
-fn ros_venv() -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/ros-venv"))
-}
-
 /// A node that runs until it is stopped, or dropped.
 pub struct Live {
     child: Child,
@@ -74,7 +71,7 @@ impl Live {
         let stderr = File::create(&log).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
         command.current_dir(folder).arg("run").args(args).stderr(stderr).stdout(Stdio::null());
-        command.env("AMENT_PREFIX_PATH", ros_venv());
+        command.env("AMENT_PREFIX_PATH", skip::ros_venv());
         Live { child: command.spawn().unwrap(), log }
     }
 
@@ -138,7 +135,7 @@ pub fn signal(pid: u32, name: &str) {
 pub fn peer_command(python: &Path, script: &str, args: &[&str], folder: &Path) -> Command {
     let mut command = Command::new(python);
     command.arg(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros")).join(script));
-    command.args(args).current_dir(folder).env("AMENT_PREFIX_PATH", ros_venv()).env("ROS_LOG_DIR", folder);
+    command.args(args).current_dir(folder).env("AMENT_PREFIX_PATH", skip::ros_venv()).env("ROS_LOG_DIR", folder);
     command
 }
 
