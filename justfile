@@ -22,6 +22,12 @@ ros-test distro="kilted":
     scripts/ros-venv {{distro}}
     TPF_REQUIRE_ROS=1 tests/ros/test {{distro}}
 
+# Latency of the node beside a bare echo and a node in rclpy; MODEL as of a synthetic glove: 6 taxels, 4 joints
+latency model:
+    scripts/ros-venv
+    cargo build --release --bins --examples
+    tests/ros/isolated target/ros-venv/bin/python tests/ros/latency.py target/release {{model}}
+
 # Formatting and lints, as CI sees them
 lint:
     cargo fmt --check

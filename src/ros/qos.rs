@@ -40,10 +40,10 @@ pub fn output_default() -> QosProfile {
     QosProfile::subscription_default().history(History::KeepLast { depth: 10 })
 }
 
-/// What inputs have unless an override says otherwise: best effort, which publishers of either kind match, and room for
-/// a second of a fast glove while a frame is being estimated.
+/// What inputs have unless an override says otherwise: best effort, which publishers of either kind match, and the last
+/// 100. A machine that can't keep up loses samples, which is counted, and is never further behind than these.
 pub fn input_default() -> QosProfile {
-    QosProfile::subscription_default().history(History::KeepLast { depth: 1000 })
+    QosProfile::subscription_default().history(History::KeepLast { depth: 100 })
 }
 
 /// The QoS of one entity after the overrides for it.
