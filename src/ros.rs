@@ -20,6 +20,7 @@ mod cdr_bytes;
 mod clock;
 mod engine;
 mod entities;
+mod farewell;
 mod interfaces;
 mod loading;
 mod managed;

@@ -108,8 +108,8 @@ fn a_simulated_session_through_rclpy_gives_what_replay_gives() {
     };
     std::fs::write(folder.path().join(PARAMS), params("", "")).unwrap();
     let reliable = "    qos_overrides:
-      /glove/taxels: {subscription: {reliability: reliable}}
-      /hand/joint_states: {subscription: {reliability: reliable}}
+      /glove/taxels: {subscription: {reliability: reliable, depth: 1000}}
+      /hand/joint_states: {subscription: {reliability: reliable, depth: 1000}}
       /tactile_pose_fusion/index/wrench: {publisher: {reliability: reliable, depth: 1000}}
       /tactile_pose_fusion/contacts: {publisher: {reliability: reliable, depth: 1000}}
     tactile_timeout_ms: 500.0

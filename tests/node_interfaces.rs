@@ -9,7 +9,7 @@ mod node_common;
 use std::path::Path;
 
 use common::bags::write_session;
-use node_common::{Feeder, Live, peer, write_setup};
+use node_common::{Feeder, Live, PARAMS, peer, write_setup};
 
 /// A node with live data, and a check of `interfaces.py` against it.
 fn check(args: &[&str], extra: &str, feed: &[&str], check: &[&str]) {
@@ -73,4 +73,70 @@ fn a_calibration_is_refused_when_the_hand_hardly_moved() {
 #[test]
 fn a_calibration_is_refused_when_it_looks_loaded() {
     check(&[], "", &["both", "60", "100", "loaded"], &["calibrate", "4.5", "looks loaded"]);
+}
+
+#[test]
+fn node_topics_and_services_go_by_the_names_that_remaps_give() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 4);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "");
+    let params = std::fs::read_to_string(folder.path().join(PARAMS)).unwrap(); // without overrides of topics by name
+    std::fs::write(folder.path().join("live.yaml"), params.replace("topic: /taxels", "topic: taxels")).unwrap();
+    let remaps = "--ros-args --params-file live.yaml -p contact.on_frames:=3 -r __ns:=/left -r __node:=fusion \
+                  -r taxels:=/glove/raw -r ~/index/wrench:=/index/force -r rosservice://~/tare:=/zero";
+    let live = Live::start(folder.path(), &remaps.split_whitespace().collect::<Vec<_>>());
+    run(&python, &["renamed"], folder.path());
+    live.stop();
+}
+
+#[test]
+fn sigterm_takes_the_node_out_of_the_graph_at_once() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 4);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "");
+    let live = Live::start(folder.path(), &["--params-file", "live.yaml", "--calibration", "calibration.yaml"]);
+    run(&python, &["leaves", &live.pid().to_string()], folder.path());
+    live.stop_quietly();
+}
+
+/// Ends by itself, before it joins a graph; what it said.
+fn refused(args: &[&str]) -> String {
+    assert_eq!(std::env::var("TPF_ISOLATED").as_deref(), Ok("1"), "a node must not reach the network");
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 4);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "");
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_tactile_pose_fusion_node"))
+        .current_dir(folder.path())
+        .args(args)
+        .env("AMENT_PREFIX_PATH", common::skip::ros_venv())
+        .output()
+        .unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    text.lines().last().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn what_can_not_run_is_refused_in_one_line() {
+    if common::skip::ros_python().is_none() {
+        return;
+    }
+    for (args, said) in [
+        (&["--ros-args"][..], "no parameters: give --ros-args --params-file FILE"),
+        (&["--ros-args", "--params-file", "none.yaml"], "none.yaml: can't be read"),
+        (
+            &["--params-file", "live.yaml", "-p", "tactile.glove.type:=glove_msgs/msg/Raw"],
+            "no glove_msgs/msg/Raw.msg in ",
+        ),
+        (&["--params-file", "live.yaml", "-p", "tactile.glove.field:=rangez"], "topic /taxels: values: "),
+        (&["--params-file", "live.yaml", "-p", "model.tip.path:=none.onnx"], "none.onnx"),
+        (&["--params-file", "live.yaml", "--calibration", "none.yaml"], "none.yaml: cannot read the calibration"),
+        (&["--params-file", "live.yaml", "--ros-args", "-r", "/taxels:=/raw"], "is for nothing that this node has"),
+        (&["--params-file", "live.yaml", "--ros-args", "-r", "__ns:=left"], "a namespace is absolute"),
+    ] {
+        let text = refused(args);
+        assert!(text.starts_with("tactile_pose_fusion_node: ") && text.contains(said), "{args:?}: {text}");
+    }
 }

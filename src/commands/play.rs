@@ -74,18 +74,20 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         reader = BagReader::open(&args.bags)?;
     }
+    let Play { player, by_name, played, not_played, .. } = play;
+    player.leave();
     for loss in reader.losses() {
         say(&loss.to_string());
     }
-    for ((topic, reason), n) in &play.not_played {
+    for ((topic, reason), n) in &not_played {
         let why = match reason {
             NotPlayed::Encoding => "not plain little-endian CDR",
             NotPlayed::Refused => "a reliable subscriber has not taken those before",
         };
         say(&format!("topic {topic}: {n} messages not played: {why}"));
     }
-    print(&format!("{} messages on {} topics\n", play.played, play.by_name.len()))?;
-    Ok(if play.not_played.is_empty() && reader.losses().is_empty() { Outcome::Done } else { Outcome::InputLost })
+    print(&format!("{} messages on {} topics\n", played, by_name.len()))?;
+    Ok(if not_played.is_empty() && reader.losses().is_empty() { Outcome::Done } else { Outcome::InputLost })
 }
 
 struct Play {

@@ -221,7 +221,8 @@ impl Running {
         let stamp = if self.engine.clock.is_sim() { self.engine.clock.now() } else { arrived };
         // Receipts only grow, so that a recording replays in the order in which it was handled.
         self.received = stamp.max(self.received.offset(1));
-        if let Some(recorder) = &self.engine.recorder {
+        // Without a core nothing handles it, and replay must not either.
+        if let Some(recorder) = self.engine.recorder.as_ref().filter(|_| self.core.is_some()) {
             let record = Record::Input { input, received: self.received, cdr: cdr.clone() };
             if recorder.try_send(record).is_err() {
                 self.unrecorded += 1;

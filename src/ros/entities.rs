@@ -1,8 +1,9 @@
 //! The node's topics and services: their names after remapping, and the DDS entities behind them.
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::time::Duration;
 
-use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::dds::rustdds::{DomainParticipantBuilder, RTPSEntity};
 use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 use ros2_client::{
     Context, Message, MessageTypeName, Name, Node, NodeName as WireNodeName, NodeOptions, Publisher, QosProfile,
@@ -11,6 +12,7 @@ use ros2_client::{
 
 use super::cdr_bytes::CdrBytes;
 use super::environment::{Environment, ServiceStyle};
+use super::farewell;
 use super::node::NodeError;
 use super::remap::{self, NameKind, Remap};
 use crate::config::{Config, NameError, NodeName};
@@ -45,11 +47,14 @@ impl Names {
     }
 }
 
+/// How long the middleware gets to tell that entities are gone. A RustDDS participant that is dropped stops sending at
+/// once and doesn't say when it has told everyone; what it has not told stays in the graph until its lease is over.
+const FAREWELL: Duration = Duration::from_millis(100);
+
 /// What makes entities.
 pub(super) struct Graph {
-    // In front of the context, so that the node leaves before its participant does.
     pub(super) node: Node,
-    _context: Context,
+    context: Context,
     name: NodeName,
     mapping: ServiceMapping,
     remaps: Vec<Remap>,
@@ -81,7 +86,17 @@ impl Graph {
             ServiceStyle::Enhanced => ServiceMapping::Enhanced,
             ServiceStyle::Cyclone => ServiceMapping::Cyclone,
         };
-        Ok(Graph { node, _context: context, name: name.clone(), mapping, remaps: remaps.to_vec() })
+        Ok(Graph { node, context, name: name.clone(), mapping, remaps: remaps.to_vec() })
+    }
+
+    /// Leaves the graph, when everything that was made here has been dropped.
+    pub(super) fn leave(self) {
+        let Graph { node, context, .. } = self;
+        drop(node);
+        std::thread::sleep(FAREWELL);
+        let (guid, domain_id) = (context.domain_participant().guid().to_bytes(), context.domain_id());
+        drop(context);
+        farewell::send(guid, domain_id);
     }
 
     /// A publisher on an absolute name.

@@ -175,6 +175,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     }
     drop(shared);
     publishing.end();
+    graph.leave();
     outcome
 }
 

@@ -88,7 +88,7 @@ pub(super) fn start(
     let (sender, receiver) = sync_channel(CAPACITY);
     let stats = Arc::new(Stats::default());
     let outbox = Outbox { sender: sender.clone(), stats: Arc::clone(&stats), log };
-    let work = move || publish(&receiver, &publishers, &rosout, &stats, &clock);
+    let work = move || Publishing { publishers, rosout, log, stats, clock }.run(&receiver);
     let thread = std::thread::Builder::new().name("publish".into()).spawn(work)?;
     Ok((outbox, PublishThread { sender, thread: Some(thread) }))
 }
@@ -107,10 +107,8 @@ impl Outbox {
             return;
         }
         let text = text.into();
-        if self.log.stderr {
-            let _ = writeln!(std::io::stderr(), "[{}] {text}", name(severity)); // a closed stderr is nobody to tell
-        }
-        if self.log.rosout && self.sender.try_send(Out::Log { severity, text }).is_err() {
+        // Written by the other thread: a terminal that hangs must not hold who reads inputs.
+        if self.sender.try_send(Out::Log { severity, text }).is_err() {
             self.stats.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -133,43 +131,54 @@ impl PublishThread {
     }
 }
 
-fn publish(
-    receiver: &Receiver<Out>,
-    publishers: &[Publisher<CdrBytes>],
-    rosout: &NodeLoggingHandle,
-    stats: &Stats,
-    clock: &Clock,
-) {
-    while let Ok(out) = receiver.recv() {
-        match out {
-            Out::End => return,
-            Out::Log { severity, text } => {
-                let level = match severity {
-                    Severity::Debug => LogLevel::Debug,
-                    Severity::Info => LogLevel::Info,
-                    Severity::Warn => LogLevel::Warn,
-                    Severity::Error => LogLevel::Error,
-                    Severity::Fatal => LogLevel::Fatal,
-                };
-                let stamp = ros2_client::builtin_interfaces::Time::from_nanos(clock.now().0);
-                rosout.rosout_raw(stamp, level, rosout.base_name(), &text, "", "", 0);
+/// What the thread that publishes has.
+struct Publishing {
+    publishers: Vec<Publisher<CdrBytes>>,
+    rosout: NodeLoggingHandle,
+    log: LogConfig,
+    stats: Arc<Stats>,
+    clock: Arc<Clock>,
+}
+
+impl Publishing {
+    fn run(self, receiver: &Receiver<Out>) {
+        while let Ok(out) = receiver.recv() {
+            match out {
+                Out::End => return,
+                Out::Log { severity, text } => self.log(severity, &text),
+                Out::Message { to, cdr, of } => self.publish(to, cdr, of),
             }
-            Out::Message { to, cdr, of } => {
-                let Some(publisher) = publishers.get(to.0) else { continue };
-                match publisher.publish(CdrBytes(cdr)) {
-                    Ok(()) => {
-                        stats.published.fetch_add(1, Ordering::Relaxed);
-                        if let Some(origin) = of {
-                            let mut latencies = stats.latencies.lock().unwrap_or_else(PoisonError::into_inner);
-                            latencies[0].handle(clock.now().nanos_since(origin.stamp));
-                            latencies[1].handle(system_now().nanos_since(origin.received));
-                        }
-                    }
-                    Err(_) => {
-                        stats.failed.fetch_add(1, Ordering::Relaxed);
-                    }
-                }
-            }
+        }
+    }
+
+    fn log(&self, severity: Severity, text: &str) {
+        if self.log.stderr {
+            let _ = writeln!(std::io::stderr(), "[{}] {text}", name(severity)); // a closed stderr is nobody to tell
+        }
+        if self.log.rosout {
+            let level = match severity {
+                Severity::Debug => LogLevel::Debug,
+                Severity::Info => LogLevel::Info,
+                Severity::Warn => LogLevel::Warn,
+                Severity::Error => LogLevel::Error,
+                Severity::Fatal => LogLevel::Fatal,
+            };
+            let stamp = ros2_client::builtin_interfaces::Time::from_nanos(self.clock.now().0);
+            self.rosout.rosout_raw(stamp, level, self.rosout.base_name(), text, "", "", 0);
+        }
+    }
+
+    fn publish(&self, to: OutIdx, cdr: Vec<u8>, of: Option<Origin>) {
+        let Some(publisher) = self.publishers.get(to.0) else { return };
+        if publisher.publish(CdrBytes(cdr)).is_err() {
+            self.stats.failed.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
+        self.stats.published.fetch_add(1, Ordering::Relaxed);
+        if let Some(origin) = of {
+            let mut latencies = self.stats.latencies.lock().unwrap_or_else(PoisonError::into_inner);
+            latencies[0].handle(self.clock.now().nanos_since(origin.stamp));
+            latencies[1].handle(system_now().nanos_since(origin.received));
         }
     }
 }

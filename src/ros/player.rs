@@ -19,7 +19,6 @@ const PLAIN_LITTLE_ENDIAN: [u8; 2] = [0, 1];
 pub struct Player {
     publishers: Vec<Publisher<CdrBytes>>,
     clock: Option<Publisher<CdrBytes>>,
-    // After the publishers, so that they are gone before their node is.
     graph: Graph,
     node: NodeName,
     remaps: Vec<Remap>,
@@ -51,6 +50,13 @@ impl Player {
             false => None,
         };
         Ok(Player { publishers: Vec::new(), clock, graph, node: node.clone(), remaps: remaps.to_vec() })
+    }
+
+    /// Leaves the graph.
+    pub fn leave(self) {
+        let Player { publishers, clock, graph, .. } = self;
+        drop((publishers, clock));
+        graph.leave();
     }
 
     /// Adds a topic by its absolute name and type, such as `sensor_msgs/msg/JointState`. Publishing waits up to 100 ms

@@ -38,8 +38,8 @@ pub fn write_setup(folder: &Path, taxel_type: &str, extra: &str) {
     };
     let reliable = "    tactile_timeout_ms: 500.0
     qos_overrides:
-      /taxels: {subscription: {reliability: reliable}}
-      /joints: {subscription: {reliability: reliable}}
+      /taxels: {subscription: {reliability: reliable, depth: 1000}}
+      /joints: {subscription: {reliability: reliable, depth: 1000}}
       /tactile_pose_fusion/index/wrench: {publisher: {reliability: reliable, depth: 1000}}
       /tactile_pose_fusion/contacts: {publisher: {reliability: reliable, depth: 1000}}
 ";

@@ -184,6 +184,26 @@ def sim_time():
     wait(told, "diagnostics stamped by /clock")
 
 
+def renamed():
+    wait(lambda: ("fusion", "/left") in node.get_node_names_and_namespaces(), "the node's other name")
+    topics = {"/left/fusion/contacts", "/index/force", "/glove/raw", "/left/fusion/transition_event"}
+    wait(lambda: topics <= set(dict(node.get_topic_names_and_types())), "its topics by their other names")
+    client = node.create_client(Trigger, "/zero")
+    assert client.wait_for_service(10.0), "tare by its other name"
+
+
+def leaves(pid):
+    import os
+    import signal
+
+    wait(lambda: "tactile_pose_fusion" in node.get_node_names(), "the node's name")
+    wait(lambda: node.count_publishers(f"{NODE}/contacts"), "its publisher")
+    os.kill(int(pid), signal.SIGTERM)
+    # A node that only dies is there until its lease is over, after 20 s and more.
+    gone = lambda: "tactile_pose_fusion" not in node.get_node_names() and not node.count_publishers(f"{NODE}/contacts")
+    wait(gone, "its leaving", seconds=3.0)
+
+
 def calibrate(seconds="2.5", expected="true"):
     from cyclonedds.core import Policy, Qos
     from cyclonedds.domain import DomainParticipant
@@ -229,7 +249,7 @@ def calibrate(seconds="2.5", expected="true"):
         assert not result.success and result.status == 6 and expected in result.message, result
 
 
-checks = [graph, parameters, reports, tare, lifecycle, sim_time, calibrate]
+checks = [graph, parameters, reports, tare, lifecycle, sim_time, renamed, leaves, calibrate]
 {check.__name__: check for check in checks}[sys.argv[1]](*sys.argv[2:])
 print("ok")
 rclpy.shutdown()
