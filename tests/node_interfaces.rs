@@ -61,8 +61,21 @@ fn under_sim_time_stamps_are_those_of_clock() {
 }
 
 #[test]
-fn calibrate_gives_feedback_and_keeps_what_it_found() {
-    check(&[], "    calibration.file: kept.yaml\n", &["both", "60"], &["calibrate"]);
+fn calibrate_gives_feedback_and_keeps_what_it_found_for_the_next_start() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 4);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "    calibration.file: kept.yaml\n    user: ada\n");
+    let params = ["--params-file", "live.yaml"];
+    let live = Live::start(folder.path(), &params);
+    let feeder = Feeder::start(&python, &["both", "60"], folder.path());
+    run(&python, &["calibrate"], folder.path());
+    drop(feeder);
+    assert!(live.stop().contains("no calibration there yet"));
+    let again = Live::start(folder.path(), &params).stop();
+    assert!(again.contains("[INFO] calibration ") && again.contains("kept.yaml"), "{again}");
+    let other = Live::start(folder.path(), &[&params[..], &["-p", "user:=bob"]].concat()).stop();
+    assert!(other.contains("made for user \"ada\", the parameters say \"bob\""), "{other}");
 }
 
 #[test]
