@@ -2,13 +2,18 @@
 
 mod calibrate;
 mod diff;
+mod eval;
 mod inspect;
 mod interrupt;
 mod progress;
 mod replay;
+mod sessions;
 mod setup;
 mod simulate;
+mod split;
 mod summary;
+#[cfg(feature = "train")]
+mod train;
 mod zero;
 
 use std::io::Write;
@@ -28,8 +33,11 @@ enum Command {
     Replay(replay::Args),
     Calibrate(calibrate::Args),
     Diff(diff::Args),
+    Eval(eval::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
+    #[cfg(feature = "train")]
+    Train(train::Args),
 }
 
 /// How a command ended that did not fail.
@@ -68,8 +76,11 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Replay(args) => replay::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Eval(args) => eval::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        #[cfg(feature = "train")]
+        Command::Train(args) => train::run(&args),
     }
 }
 

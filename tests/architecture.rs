@@ -13,10 +13,14 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("msg", &["fusion", "units"]),
     ("eval", &["fusion", "units"]),
     ("sim", &["units"]),
-    ("train", &["fusion", "model"]),
+    ("train", &["eval", "fusion", "model"]),
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["fusion", "msg", "units"]),
-    ("commands", &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "sim", "units"]),
+    ("recording", &["bag", "config", "eval", "fusion", "msg", "units"]),
+    (
+        "commands",
+        &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "recording", "sim", "train", "units"],
+    ),
 ];
 
 fn sources() -> Vec<PathBuf> {

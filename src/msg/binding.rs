@@ -3,9 +3,11 @@
 
 mod joints;
 mod taxels;
+mod truth;
 
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
+pub use truth::{TruthBinding, TruthFields};
 
 use super::definition::TypeTree;
 use super::dynamic::{FieldError, FieldPlan, ReadAs, ReadError};
@@ -27,7 +29,7 @@ pub struct Topic<Fields> {
     pub name: String,
     /// Canonical name of its message type.
     pub type_name: String,
-    /// [`TaxelFields`] or [`JointFields`].
+    /// [`TaxelFields`], [`JointFields`] or [`TruthFields`].
     pub fields: Fields,
 }
 
