@@ -33,7 +33,7 @@ lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
 
-# Benchmarks: one tick, and replay in frames a second, on both backends
+# Benchmarks: one tick, and replay in frames a second, on both backends; one step of training
 bench:
     scripts/fetch-onnxruntime
     cargo bench

@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod diff;
+mod eval;
 mod inspect;
 mod interrupt;
 #[cfg(feature = "ros")]
@@ -10,9 +11,13 @@ mod progress;
 mod replay;
 #[cfg(feature = "ros")]
 mod run;
+mod sessions;
 mod setup;
 mod simulate;
+mod split;
 mod summary;
+#[cfg(feature = "train")]
+mod train;
 mod zero;
 
 use std::io::Write;
@@ -37,8 +42,11 @@ enum Command {
     Play(play::Args),
     Calibrate(calibrate::Args),
     Diff(diff::Args),
+    Eval(eval::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
+    #[cfg(feature = "train")]
+    Train(train::Args),
 }
 
 /// How a command ended that did not fail.
@@ -81,8 +89,11 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Play(args) => play::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Eval(args) => eval::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        #[cfg(feature = "train")]
+        Command::Train(args) => train::run(&args),
     }
 }
 

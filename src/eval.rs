@@ -6,6 +6,7 @@
 mod contact;
 mod curve;
 mod diff;
+mod evaluation;
 mod groups;
 mod metric;
 mod metrics;
@@ -23,13 +24,16 @@ pub use diff::{
     Diff, DiffConfig, DiffError, Difference, EstimateRecord, Field, FieldDiff, FieldValue, Moment, OnlyIn, RegionDiff,
     diff,
 };
+pub use evaluation::{
+    ContactReport, Evaluation, EvaluationError, FREE_MOVEMENT, GroupScore, ScoredFrames, group_scores,
+};
 pub use groups::{Group, GroupBy, Origin, PairedTest, Tallies, UserPair, paired_by_user};
 pub use metric::{Metric, Undefined};
 pub use metrics::{Confusion, Coverage, Measure, MetricError, Score, Tally};
 pub use pose_age::{PoseAge, PoseAgeBin, PoseAgeError, PoseAgeTally};
 pub use preservation::{Fate, Preservation, PreservationTally, TouchFate};
 pub use scoring::{BIN_WIDTH, MDF_BALANCED_ACCURACY, MissingEstimate, Scoring, ScoringError, TOUCH};
-pub use split::{FrameLabel, Part, Split, SplitBy, SplitError, substage_frames};
+pub use split::{Cuts, Part, Split, SplitBy, SplitError, StageSpan};
 pub use statistics::{Distribution, StatisticsError, Wilcoxon, cohens_dz, wilcoxon_greater};
 pub use table::{Cell, Improvement, ModelRow, ResultTable};
 pub use truth::{TareBuilder, TareCurve, TareKnot, TruthError, ZeroLoad, ZeroLoadCheck};

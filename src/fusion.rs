@@ -123,6 +123,8 @@ struct ModelQueue {
 struct PendingTick {
     source: usize,
     stamp: Stamp,
+    epoch: u64,
+    number: i64,
     received: Stamp,
     regions: Vec<(usize, Readiness)>,
 }
@@ -256,6 +258,11 @@ impl Fusion {
         &self.cfg
     }
 
+    /// The models, for another core.
+    pub fn into_regressors(self) -> Vec<Box<dyn Regressor>> {
+        self.models.into_iter().map(|model| model.regressor).collect()
+    }
+
     /// The contract of the model of a region.
     pub fn contract(&self, region_idx: usize) -> &Contract {
         self.models[self.cfg.regions[region_idx].model].regressor.contract()
@@ -326,6 +333,7 @@ impl Fusion {
         let source = &self.sources[source_idx];
         let mut tick = self.spare_pending.pop().unwrap_or_default();
         (tick.source, tick.stamp, tick.received) = (source_idx, frame.stamp, received);
+        (tick.epoch, tick.number) = (frame.epoch, frame.number);
         tick.regions.clear();
         let PendingFrame { stamp, epoch, number, ref values } = *frame;
         for &region_idx in &source.regions {
@@ -354,11 +362,14 @@ impl Fusion {
             let mut tick = self.spare_ticks.pop().unwrap_or_else(|| Tick {
                 source: TactileSourceIdx(0),
                 stamp: Stamp(0),
+                epoch: 0,
+                number: 0,
                 received: Stamp(0),
                 estimates: Vec::new(),
             });
             tick.source = TactileSourceIdx(pending.source);
             (tick.stamp, tick.received) = (pending.stamp, pending.received);
+            (tick.epoch, tick.number) = (pending.epoch, pending.number);
             tick.estimates.clear();
             for &(region_idx, ref readiness) in &pending.regions {
                 let region = &mut self.regions[region_idx];

@@ -13,6 +13,7 @@ pub mod eval;
 pub mod fusion;
 pub mod model;
 pub mod msg;
+pub mod recording;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod sim;

@@ -17,9 +17,7 @@ mod reference_tests;
 mod trainer;
 
 pub use architecture::{Architecture, Kind, N_FEATURES, Parameter};
-pub use dataset::{
-    Batch, Dataset, Part, Session, SessionFrames, SplitConfig, SplitRule, TOUCH_GF, WindowSpec, smoothed_change,
-};
+pub use dataset::{Batch, Dataset, Session, SessionFrames, TOUCH_GF, WindowSpec, smoothed_change};
 pub use error::{DatasetError, TrainError};
 pub use export::{GraphForm, ModelCard, onnx_model};
 pub use loss::{LossConfig, LossTerms};

@@ -13,11 +13,15 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("msg", &["fusion", "units"]),
     ("eval", &["fusion", "units"]),
     ("sim", &["units"]),
-    ("train", &["fusion", "model"]),
+    ("train", &["eval", "fusion", "model"]),
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["fusion", "msg", "units"]),
+    ("recording", &["bag", "config", "eval", "fusion", "msg", "units"]),
     ("ros", &["calibration", "config", "fusion", "model", "msg", "units"]),
-    ("commands", &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "ros", "sim", "units"]),
+    (
+        "commands",
+        &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "recording", "ros", "sim", "train", "units"],
+    ),
 ];
 
 fn sources() -> Vec<PathBuf> {

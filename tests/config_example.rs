@@ -8,7 +8,7 @@ use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE, parse_param_file};
 const EXAMPLE: &str = include_str!("../params/example.yaml");
 
 /// Optional keys that say what the example's glove is like, so that they can't show their defaults.
-const OF_THE_EXAMPLE: [&str; 2] = ["joint_sources", "region.<name>.joints"];
+const OF_THE_EXAMPLE: [&str; 3] = ["joint_sources", "truth_sources", "region.<name>.joints"];
 
 /// Optional keys that exclude another one or would override it, so that the example has them as comments.
 fn is_commented(pattern: &str) -> bool {

@@ -219,68 +219,63 @@ fn annotations_that_cannot_be_are_refused() {
     assert_eq!((tare.knots().len(), tare.unused()), (1, &[zero_load(0, 10)][..]));
 }
 
-fn labels(stages: &[(&'static str, &'static str, i64)]) -> Vec<FrameLabel<'static>> {
-    let frames = stages.iter().flat_map(|&(stage, substage, n)| (0..n).map(move |_| (stage, substage)));
-    let label = |(k, (stage, substage)): (usize, _)| FrameLabel { stamp: Stamp(k as i64), stage, substage };
-    frames.enumerate().map(label).collect()
+fn span(from: i64, to: i64, stage: &str) -> StageSpan<'_> {
+    StageSpan { from: Stamp(from), to: Stamp(to), stage }
 }
 
-fn count(parts: &[Part], part: Part) -> usize {
-    parts.iter().filter(|&&other| other == part).count()
+/// The moments at which the part changes, from 0 to `end`.
+fn changes(cuts: &Cuts, end: i64) -> Vec<(i64, Option<Part>)> {
+    let parts = (0..end).map(|at| (at, cuts.part_at(Stamp(at))));
+    let mut last = None;
+    parts.filter(|(_, part)| last.replace(*part) != Some(*part)).collect()
 }
 
 #[test]
 fn each_stage_is_cut_by_itself_and_the_session_as_a_whole_only_when_asked() {
-    let frames = labels(&[("air", "poses", 50), ("load", "taps", 30), ("load", "free", 20), ("press", "hold", 10)]);
-    let by_stage = Split::default().parts(&frames);
-    for (stage, n_test) in [("air", 10), ("load", 10), ("press", 2)] {
-        let parts: Vec<Part> =
-            frames.iter().zip(&by_stage).filter(|(frame, _)| frame.stage == stage).map(|(_, &part)| part).collect();
-        assert_eq!(count(&parts, Part::Test), n_test, "{stage}");
-        assert!(parts.is_sorted_by_key(|&part| part == Part::Test), "{stage}: the later frames test");
-    }
-    let whole = Split::new(SplitBy::Session, 0.8, 0).unwrap().parts(&frames);
-    assert_eq!(whole.iter().position(|&part| part == Part::Test), Some(88));
-    assert_eq!(count(&whole, Part::Test), 22);
+    use Part::{Test, Train, Validation};
+    let spans = [span(10, 60, "air"), span(60, 90, "load"), span(100, 120, "load"), span(120, 130, "press")];
+    let by_stage = Split::new(SplitBy::Stage, 0.1, 0.2).unwrap().cuts(&spans);
+    let air = [(0, None), (10, Some(Train)), (45, Some(Validation)), (50, Some(Test))];
+    // 50 of the stage's time, of which 30 lie before the interruption: it is cut 35 and 40 in.
+    let load = [(60, Some(Train)), (90, None), (100, Some(Train)), (105, Some(Validation)), (110, Some(Test))];
+    let press = [(120, Some(Train)), (127, Some(Validation)), (128, Some(Test)), (130, None)];
+    assert_eq!(changes(&by_stage, 140), [&air[..], &load[..], &press[..]].concat());
+
+    let whole = Split::new(SplitBy::Session, 0.0, 0.2).unwrap().cuts(&spans);
+    let expected = [(0, None), (10, Some(Train)), (90, None), (100, Some(Train)), (108, Some(Test)), (130, None)];
+    assert_eq!(changes(&whole, 140), expected);
 }
 
 #[test]
-fn a_guard_keeps_windows_apart() {
-    let parts = Split::new(SplitBy::Session, 0.5, 3).unwrap().parts(&labels(&[("air", "poses", 10)]));
-    use Part::{Guard, Test, Train};
-    assert_eq!(parts, [Train, Train, Train, Train, Train, Guard, Guard, Guard, Test, Test]);
-    for share in [0.0, 1.0, f64::NAN] {
-        assert!(matches!(Split::new(SplitBy::Stage, share, 0), Err(SplitError::Share(_))));
+fn shares_that_leave_nothing_are_refused() {
+    for share in [1.0, -0.1, f64::NAN] {
+        assert!(matches!(Split::new(SplitBy::Stage, 0.0, share), Err(SplitError::Share { part: Part::Test, .. })));
+        assert!(matches!(Split::new(SplitBy::Stage, share, 0.2), Err(SplitError::Share { .. })));
     }
-}
-
-#[test]
-fn substages_are_selected_by_name_and_a_wrong_name_is_refused() {
-    let frames = labels(&[("air", "poses", 2), ("load", "free", 3)]);
-    assert_eq!(substage_frames(&frames, &["free"]).unwrap(), [false, false, true, true, true]);
-    assert_eq!(
-        substage_frames(&frames, &["fre"]).unwrap_err().to_string(),
-        "substage fre is not in the data, which has free, poses; name one of these"
-    );
+    let text = Split::new(SplitBy::Stage, 0.5, 0.5).unwrap_err().to_string();
+    assert_eq!(text, "0.5 for the validation and 0.5 for the test leave nothing to train on; expected a sum below 1");
+    assert_eq!(Split::default(), Split::new(SplitBy::Stage, 0.0, 0.2).unwrap());
 }
 
 proptest! {
     #[test]
-    fn the_split_follows_stamps_and_not_the_order_of_frames(
-        stamps in prop::collection::vec((any::<i64>(), 0usize..3), 0..60),
+    fn within_a_stage_nothing_that_trains_comes_after_what_tests(
+        lengths in prop::collection::vec((1i64..50, 0usize..3), 1..20),
+        validation in 0.0..0.4,
+        test in 0.0..0.5,
     ) {
-        let label = |&(stamp, stage): &(i64, usize)| {
-            FrameLabel { stamp: Stamp(stamp), stage: ["air", "load", "press"][stage], substage: "" }
-        };
-        let frames: Vec<_> = stamps.iter().map(label).collect();
-        let parts = Split::default().parts(&frames);
-        prop_assert_eq!(parts.len(), frames.len());
-        for (a, part_a) in frames.iter().zip(&parts) {
-            for (b, part_b) in frames.iter().zip(&parts) {
-                if a.stage == b.stage && *part_a == Part::Train && *part_b == Part::Test {
-                    prop_assert!(a.stamp <= b.stamp);
-                }
-            }
+        let mut at = 0;
+        let spans: Vec<_> = lengths.iter().map(|&(length, stage)| {
+            at += length;
+            span(at - length, at, ["air", "load", "press"][stage])
+        }).collect();
+        let cuts = Split::new(SplitBy::Stage, validation, test).unwrap().cuts(&spans);
+        for stage in ["air", "load", "press"] {
+            let in_stage = spans.iter().filter(|span| span.stage == stage).flat_map(|span| span.from.0..span.to.0);
+            let parts: Vec<Part> = in_stage.map(|at| cuts.part_at(Stamp(at)).unwrap()).collect();
+            prop_assert!(parts.is_sorted());
+            let n_test = parts.iter().filter(|part| **part == Part::Test).count() as f64;
+            prop_assert!((n_test - test * parts.len() as f64).abs() <= 1.0);
         }
     }
 

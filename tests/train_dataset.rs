@@ -2,8 +2,9 @@
 
 mod train_common;
 
+use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::train::*;
-use train_common::{JOINTS, TAXELS, WINDOW, all_of_it, frames, session};
+use train_common::{JOINTS, TAXELS, WINDOW, all_of_it, frames, session, split_session};
 
 type Change = fn(&mut SessionFrames);
 
@@ -17,7 +18,7 @@ fn sessions_that_cannot_be_trained_on_are_refused_with_what_to_do() {
         (|f| f.pose[9] = f32::NAN, "session a: pose at frame 4 is NaN"),
         (|f| f.pose.truncate(239), "session a: pose holds 239 values, expected 240 for 120 frames"),
         (|f| f.tactile.truncate(359), "session a: tactile holds 359 values"),
-        (|f| f.stage.push(0), "session a: stage holds 121 values, expected 120"),
+        (|f| f.part.push(Part::Test), "session a: part holds 121 values, expected 120"),
         (|f| f.n_taxels = 0, "session a: no taxels"),
     ];
     for (change, expected) in cases {
@@ -60,10 +61,6 @@ fn datasets_that_cannot_be_trained_on_are_refused() {
     assert!(matches!(refused(vec![session_a()], WindowSpec { window: 0, ..spec }), DatasetError::Setting { .. }));
     assert!(matches!(refused(vec![session_a()], WindowSpec { stride: 0, ..spec }), DatasetError::Setting { .. }));
     assert!(matches!(refused(vec![session_a()], WindowSpec { window: 121, ..spec }), DatasetError::NoWindows { .. }));
-    for split in [(1.0, 0.0), (-0.1, 0.0), (0.5, 0.5), (f64::NAN, 0.0)] {
-        let split = SplitConfig { test: split.0, validation: split.1, ..SplitConfig::default() };
-        assert!(matches!(refused(vec![session_a()], WindowSpec { split, ..spec }), DatasetError::Setting { .. }));
-    }
 }
 
 #[test]
@@ -88,10 +85,9 @@ fn no_window_crosses_a_gap() {
 }
 
 #[test]
-fn each_stage_is_split_in_time_and_no_window_is_in_two_parts() {
-    let split = SplitConfig { test: 0.2, validation: 0.2, ..SplitConfig::default() };
-    let spec = WindowSpec { split, ..all_of_it(Kind::PoseAware) };
-    let dataset = Dataset::new(vec![session("a", 160)], spec).unwrap(); // two stages of 80 frames
+fn no_window_is_in_two_parts() {
+    let parts = [(Part::Train, 48), (Part::Validation, 16), (Part::Test, 16)];
+    let dataset = Dataset::new(vec![split_session("a", &[parts, parts].concat())], all_of_it(Kind::PoseAware)).unwrap();
     let ends = |part| -> Vec<usize> {
         (0..dataset.n_windows(part)).filter_map(|window| Some(dataset.window_end(part, window)?.1)).collect()
     };
@@ -99,17 +95,13 @@ fn each_stage_is_split_in_time_and_no_window_is_in_two_parts() {
     assert_eq!(ends(Part::Train), of(0, 48).chain(of(80, 128)).collect::<Vec<_>>());
     assert_eq!(ends(Part::Validation), of(48, 64).chain(of(128, 144)).collect::<Vec<_>>());
     assert_eq!(ends(Part::Test), of(64, 80).chain(of(144, 160)).collect::<Vec<_>>());
-
-    let whole = SplitConfig { rule: SplitRule::WholeSession, ..split };
-    let dataset = Dataset::new(vec![session("a", 160)], WindowSpec { split: whole, ..spec }).unwrap();
-    assert_eq!(dataset.window_end(Part::Test, 0), Some((0, 128 + WINDOW - 1)));
 }
 
 #[test]
 fn strides_thin_out_the_windows_of_each_part() {
-    let split = SplitConfig { test: 0.5, validation: 0.0, rule: SplitRule::WholeSession };
-    let spec = WindowSpec { stride: 3, eval_stride: 5, split, ..all_of_it(Kind::PoseAware) };
-    let dataset = Dataset::new(vec![session("a", 160)], spec).unwrap();
+    let session = split_session("a", &[(Part::Train, 80), (Part::Test, 80)]);
+    let spec = WindowSpec { stride: 3, eval_stride: 5, ..all_of_it(Kind::PoseAware) };
+    let dataset = Dataset::new(vec![session], spec).unwrap();
     assert_eq!(dataset.n_windows(Part::Train), (80 - WINDOW + 1usize).div_ceil(3));
     assert_eq!(dataset.n_windows(Part::Test), (80 - WINDOW + 1usize).div_ceil(5));
 }
@@ -160,14 +152,12 @@ fn the_auxiliary_target_is_the_net_change_over_the_window() {
 #[test]
 fn scale_and_pose_range_come_from_the_training_part_alone() {
     let mut frames = frames("a", 160);
-    frames.stage.fill(0);
+    frames.part = [vec![Part::Train; 112], vec![Part::Validation; 16], vec![Part::Test; 32]].concat();
     frames.tactile.fill(2.0);
     frames.tactile[130 * TAXELS..].fill(1000.0);
     frames.pose.fill(0.5);
     frames.pose[130 * JOINTS..].fill(9.0);
-    let split = SplitConfig { test: 0.2, validation: 0.1, ..SplitConfig::default() };
-    let spec = WindowSpec { split, ..all_of_it(Kind::PoseAware) };
-    let dataset = Dataset::new(vec![Session::new(frames).unwrap()], spec).unwrap();
+    let dataset = Dataset::new(vec![Session::new(frames).unwrap()], all_of_it(Kind::PoseAware)).unwrap();
     assert_eq!(dataset.tactile_scale(), 2.0);
     assert_eq!(dataset.pose_range(), [0.5, 0.5].map(|at| tactile_pose_fusion::fusion::PoseRange { min: at, max: at }));
 }

@@ -10,6 +10,7 @@ use std::sync::atomic::AtomicBool;
 use common::shared;
 use safetensors::SafeTensors;
 use serde_json::json;
+use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::fusion::{ForceUnit, Forces, PoseRange, Windows};
 use tactile_pose_fusion::model::{self, BackendChoice, ModelError, ModelSpec};
 use tactile_pose_fusion::train::*;

@@ -4,8 +4,9 @@ mod train_common;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::train::*;
-use train_common::{WINDOW, all_of_it, config, dataset, session};
+use train_common::{WINDOW, all_of_it, config, dataset, split_session};
 
 fn run(trainer: &mut Trainer<'_>) -> Outcome {
     trainer.run(&AtomicBool::new(false), None, &mut |_| {}).unwrap()
@@ -13,8 +14,8 @@ fn run(trainer: &mut Trainer<'_>) -> Outcome {
 
 /// A dataset with a validation part.
 fn split_dataset() -> Dataset {
-    let split = SplitConfig { test: 0.2, validation: 0.2, ..SplitConfig::default() };
-    Dataset::new(vec![session("a", 240)], WindowSpec { split, ..all_of_it(Kind::PoseAware) }).unwrap()
+    let session = split_session("a", &[(Part::Train, 150), (Part::Validation, 45), (Part::Test, 45)]);
+    Dataset::new(vec![session], all_of_it(Kind::PoseAware)).unwrap()
 }
 
 #[test]
@@ -30,7 +31,7 @@ fn every_kind_learns_a_small_set_by_heart() {
                 last = progress.loss;
             })
             .unwrap();
-        let learned = validate(&outcome.last, &dataset, Part::Train, 1).unwrap();
+        let learned = validate(&outcome.last, &dataset, Part::Train, &LossConfig::default(), 1).unwrap();
         let first = first.unwrap();
         assert!(last.force < 0.3 * first.force, "{kind:?}: {first:?} to {last:?}");
         assert!(learned.mae_gf < 10.0, "{kind:?}: {learned:?}"); // of forces up to 100 gF
@@ -90,7 +91,7 @@ fn progress_tells_of_every_step_and_the_best_is_the_smallest_validation_loss() {
     let best = all.iter().filter_map(|p| Some((p.step, p.validation.clone()?)));
     let best = best.min_by(|a, b| a.1.loss.total_cmp(&b.1.loss)).unwrap();
     assert_eq!((outcome.best_step, outcome.best_validation.clone()), (best.0, Some(best.1)));
-    let again = validate(&outcome.best, &dataset, Part::Validation, 1).unwrap();
+    let again = validate(&outcome.best, &dataset, Part::Validation, &LossConfig::default(), 1).unwrap();
     assert_eq!(Some(again), outcome.best_validation);
     assert!(all.iter().all(|p| p.gradient_norm > 0.0 && p.loss.total.is_finite()));
 }

@@ -79,8 +79,8 @@ pub fn collect_baselines(
                     ZeroLoad::First(seconds) => stamp.nanos_since(first) as f64 <= seconds * 1e9,
                 });
             }
-            Input::Stage { stamp, zero_load } => annotation = Some((stamp, zero_load)),
-            Input::Event(Event::Joints(_)) | Input::None => {}
+            Input::Stage(stage) => annotation = Some((stage.header.stamp.into(), stage.zero_load)),
+            Input::Event(Event::Joints(_)) | Input::Truth { .. } | Input::None => {}
         }
         if matches!(zero_load, ZeroLoad::First(_)) && sources.iter().all(|source| source.done) {
             break;

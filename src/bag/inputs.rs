@@ -6,7 +6,9 @@ use serde::Serialize;
 
 use super::{BagChannel, BagError, BagMessage, BagReader};
 use crate::fusion::{Event, JointSourceIdx, TactileSourceIdx};
-use crate::msg::binding::{BindingError, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic};
+use crate::msg::binding::{
+    BindingError, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic, TruthBinding, TruthFields,
+};
 use crate::msg::definition::{DefinitionError, TypeTree};
 use crate::msg::{Stage, WireType, canonical_type_name, from_cdr};
 use crate::units::Stamp;
@@ -18,22 +20,28 @@ pub struct InputTopics {
     pub taxels: Vec<Topic<TaxelFields>>,
     /// One a joint source.
     pub joints: Vec<Topic<JointFields>>,
+    /// One a source of true force; empty where none is asked for.
+    pub truth: Vec<Topic<TruthFields>>,
     /// Name of the topic with stage annotations, which a bag may lack.
     pub stage: String,
 }
 
-/// What a message is to the core.
-#[derive(Debug, Clone, Copy)]
+/// What a message is to the core, or to who judges it.
+#[derive(Debug, Clone)]
 pub enum Input<'a> {
     /// A sample.
     Event(Event<'a>),
-    /// From this stamp on the glove is known, or not known, to touch nothing.
-    Stage {
-        /// When.
+    /// What a force sensor measured.
+    Truth {
+        /// Index of the source in [`InputTopics::truth`].
+        source: usize,
+        /// When it was measured.
         stamp: Stamp,
-        /// Whether it is.
-        zero_load: bool,
+        /// The force as it was sent, in the unit and with the sign of the source.
+        force: f64,
     },
+    /// What the protocol asks for from the stamp of its header on: among others, that nothing touches the glove.
+    Stage(Stage),
     /// Nothing: another topic, or a message that could not be read and is counted.
     None,
 }
@@ -67,7 +75,7 @@ pub enum InputError {
     Binding { topic: String, error: Box<BindingError> },
     #[error("topic {topic}: none of its {messages} messages could be read: {first}")]
     NothingRead { topic: String, messages: u64, first: String },
-    #[error("topic {topic} has no messages in this bag; the tactile source needs some")]
+    #[error("topic {topic} has no messages in this bag; its source in the parameters needs some")]
     NoMessages { topic: String },
     #[error(
         "joints {missing:?} are in no message of {topics:?}, which name {seen:?}; correct region.*.joints or the joint source"
@@ -88,6 +96,7 @@ pub struct Inputs {
 enum Role {
     Other,
     Samples(SampleBinding),
+    Truth(usize, Box<TruthBinding>),
     Stage,
 }
 
@@ -98,7 +107,9 @@ impl Inputs {
     /// [`InputError`] when the bag lacks a topic or has it with another type.
     pub fn new(topics: InputTopics, reader: &mut BagReader) -> Result<Self, InputError> {
         let taxels = topics.taxels.iter().map(|topic| topic.name.as_str());
-        let needed: Vec<&str> = taxels.chain(topics.joints.iter().map(|topic| topic.name.as_str())).collect();
+        let joints = topics.joints.iter().map(|topic| topic.name.as_str());
+        let truth = topics.truth.iter().map(|topic| topic.name.as_str());
+        let needed: Vec<&str> = taxels.chain(joints).chain(truth).collect();
         reader.scan(&needed)?;
         for name in &needed {
             reader.required(name)?;
@@ -126,10 +137,7 @@ impl Inputs {
         let (input, error) = match role {
             None | Some(Role::Other) => return Ok(Input::None),
             Some(Role::Stage) => match from_cdr::<Stage>(message.data) {
-                Ok(stage) => {
-                    let stamp = Stamp::from_sec_nanosec(stage.header.stamp.sec, stage.header.stamp.nanosec);
-                    (Input::Stage { stamp, zero_load: stage.zero_load }, None)
-                }
+                Ok(stage) => (Input::Stage(stage), None),
                 Err(error) => (Input::None, Some(("unreadable", error.to_string()))),
             },
             Some(Role::Samples(binding)) => match binding.decode(message.data, received) {
@@ -142,6 +150,10 @@ impl Inputs {
                     }
                     (Input::Event(event), None)
                 }
+                Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
+            },
+            Some(Role::Truth(source, binding)) => match binding.decode(message.data, received) {
+                Ok((stamp, force)) => (Input::Truth { source: *source, stamp, force }, None),
                 Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
             },
         };
@@ -169,8 +181,9 @@ impl Inputs {
     /// # Errors
     /// [`InputError::NoMessages`], [`InputError::NothingRead`], [`InputError::MissingJoints`].
     pub fn check_end<'n>(&self, missing_joints: impl Iterator<Item = &'n str>) -> Result<(), InputError> {
-        let names = self.topics.taxels.iter().map(|topic| &topic.name);
-        for topic in names.chain(self.topics.joints.iter().map(|topic| &topic.name)) {
+        let InputTopics { taxels, joints, truth, .. } = &self.topics;
+        let names = taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
+        for topic in names.chain(truth.iter().map(|topic| &topic.name)) {
             let counters = self.counters.get(topic).cloned().unwrap_or_default();
             if counters.read == 0 {
                 let messages = counters.unreadable.values().sum();
@@ -192,21 +205,29 @@ impl Inputs {
     fn bind(&mut self, channel: &BagChannel) -> Result<(), InputError> {
         let taxels = self.topics.taxels.iter().position(|topic| topic.name == channel.topic);
         let joints = self.topics.joints.iter().position(|topic| topic.name == channel.topic);
+        let truth = self.topics.truth.iter().position(|topic| topic.name == channel.topic);
         let type_name = channel.schema.as_ref().map(|schema| canonical_type_name(&schema.name)).unwrap_or_default();
-        let role = match (taxels, joints) {
-            (Some(source), _) => {
+        let role = match (taxels, joints, truth) {
+            (Some(source), ..) => {
                 let topic = &self.topics.taxels[source];
                 let tree = tree_of(channel, &topic.type_name)?;
                 let binding = TaxelBinding::compile(&topic.fields, &tree);
                 let binding = binding.map_err(|error| binding_error(channel, error))?;
                 Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), Box::new(binding)))
             }
-            (None, Some(source)) => {
+            (None, Some(source), _) => {
                 let topic = &self.topics.joints[source];
                 let tree = tree_of(channel, &topic.type_name)?;
                 let binding = JointBinding::compile(&topic.fields, &tree);
                 let binding = binding.map_err(|error| binding_error(channel, error))?;
                 Role::Samples(SampleBinding::Joints(JointSourceIdx(source), Box::new(binding)))
+            }
+            (None, None, Some(source)) => {
+                let topic = &self.topics.truth[source];
+                let tree = tree_of(channel, &topic.type_name)?;
+                let binding = TruthBinding::compile(&topic.fields, &tree);
+                let binding = binding.map_err(|error| binding_error(channel, error))?;
+                Role::Truth(source, Box::new(binding))
             }
             _ if channel.topic == self.topics.stage && type_name == Stage::TYPE_NAME => Role::Stage,
             _ => Role::Other,

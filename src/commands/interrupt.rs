@@ -26,3 +26,9 @@ pub(super) fn check() -> Result<(), Failure> {
         false => Ok(()),
     }
 }
+
+/// Whether there was an interrupt, for work that asks by itself.
+#[cfg(feature = "train")]
+pub(super) fn flag() -> &'static AtomicBool {
+    &INTERRUPTED
+}

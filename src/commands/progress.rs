@@ -45,6 +45,14 @@ impl Progress {
     }
 }
 
+impl Progress {
+    /// Says something above the bar.
+    #[cfg(feature = "train")]
+    pub(crate) fn line(&self, text: &str) {
+        self.bar.suspend(|| super::say(text));
+    }
+}
+
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::progress::Progress;
-use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
+use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown, without_unused_joints};
 use super::summary::{ModelSummary, Summary};
 use super::zero::{LoadCheck, ZeroArgs};
 use super::{Failure, Outcome, interrupt, print, say};
@@ -46,6 +46,13 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let (text, outcome) = replay(args)?;
+    print(&text)?;
+    Ok(outcome)
+}
+
+/// Replays, and gives the summary to print.
+pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let mut cfg = args.params.load()?;
     cfg.fusion.batch = args.batch;
     args.models.apply(&mut cfg)?;
@@ -63,6 +70,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let options = WriteOptions { overwrite: args.overwrite, inputs: args.bags.clone(), ..WriteOptions::default() };
     let mut writer = BagWriter::create(&args.output, options)?;
     let models = load_models(&cfg)?;
+    if args.models.replaces() {
+        without_unused_joints(&mut cfg, &models.infos);
+    }
     let zero = args.zero.find(&cfg, &args.bags, &models.infos)?;
     let mdf: Vec<_> = cfg.fusion.regions.iter().map(|region| models.infos[region.model].contract.mdf).collect();
     let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &mdf)?;
@@ -100,8 +110,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     finished.notes.iter().for_each(|note| say(note));
     summary.warnings(&fusion).iter().for_each(|warning| say(warning));
-    print(&if args.json { summary.to_json()? } else { summary.to_string() })?;
-    Ok(if summary.losses.is_empty() && !inputs.has_unreadable() { Outcome::Done } else { Outcome::InputLost })
+    let text = if args.json { summary.to_json()? } else { summary.to_string() };
+    let lost = !summary.losses.is_empty() || inputs.has_unreadable();
+    Ok((text, if lost { Outcome::InputLost } else { Outcome::Done }))
 }
 
 /// What runs while messages come.

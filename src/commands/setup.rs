@@ -6,8 +6,8 @@ use clap::ValueEnum;
 
 use super::{Failure, say};
 use crate::bag::InputTopics;
-use crate::config::{Config, DEFAULT_NODE, load_tree};
-use crate::fusion::{CalibrationLimits, Regressor};
+use crate::config::{Config, DEFAULT_NODE, Origin, ParamValue, load_tree};
+use crate::fusion::{CalibrationLimits, RegionConfig, Regressor};
 use crate::model::{self, BackendChoice, ModelInfo};
 
 /// Where the parameters come from.
@@ -30,6 +30,13 @@ pub(super) struct ModelArgs {
     /// Model to use instead of the one in the parameters
     #[arg(long, value_name = "ONNX")]
     model: Option<PathBuf>,
+    #[command(flatten)]
+    backend: BackendArgs,
+}
+
+/// In what models run.
+#[derive(Debug, clap::Args)]
+pub(super) struct BackendArgs {
     /// Runtime for the models; auto takes ONNX Runtime where it is found
     #[arg(long, value_enum)]
     backend: Option<Backend>,
@@ -45,12 +52,35 @@ enum Backend {
 impl ParamArgs {
     /// The configuration that the parameters make.
     pub(super) fn load(&self) -> Result<Config, Failure> {
+        self.load_with_truth(None)
+    }
+
+    /// The configuration that the parameters make, with the true force on another topic than theirs: that of the only
+    /// force sensor, or of one that they don't have.
+    pub(super) fn load_with_truth(&self, truth: Option<&str>) -> Result<Config, Failure> {
         let mut tree = load_tree(&self.params_file, &self.node)?;
         for rule in &self.param {
             if !tree.set_override(rule)? {
                 return Err(Failure(format!("-p {rule} is for another node than {}; correct it or --node", self.node)));
             }
         }
+        let Some(topic) = truth else { return Ok(Config::from_tree(&tree)?) };
+        let sources = match tree.get("truth_sources").map(|param| &param.value) {
+            Some(ParamValue::StrArray(sources)) => sources.clone(),
+            _ => Vec::new(),
+        };
+        let source = match sources.as_slice() {
+            [] => "truth",
+            [only] => only,
+            several => {
+                let several = several.join(", ");
+                return Err(Failure(format!(
+                    "--truth stands for one force sensor, the parameters have {several}; set -p truth.NAME.topic:=TOPIC"
+                )));
+            }
+        };
+        tree.set("truth_sources", ParamValue::StrArray(vec![source.to_owned()]), Origin::CommandLine);
+        tree.set(&format!("truth.{source}.topic"), ParamValue::Str(topic.to_owned()), Origin::CommandLine);
         Ok(Config::from_tree(&tree)?)
     }
 }
@@ -64,29 +94,56 @@ pub(super) struct Models {
 }
 
 impl ModelArgs {
+    /// Whether the command line names another model than the parameters.
+    pub(super) fn replaces(&self) -> bool {
+        self.model.is_some()
+    }
+
     /// Puts what the command line says about models into the configuration.
     pub(super) fn apply(&self, cfg: &mut Config) -> Result<(), Failure> {
         if let Some(path) = &self.model {
-            let [only] = cfg.models.as_mut_slice() else {
-                let names: Vec<&str> = cfg.models.iter().map(|model| model.name.as_str()).collect();
-                return Err(Failure(format!(
-                    "--model stands for one model, the parameters have {}: {}; set -p model.NAME.path:=FILE for each",
-                    names.len(),
-                    names.join(", ")
-                )));
-            };
-            only.spec.path.clone_from(path);
+            replace_model(cfg, path)?;
         }
-        if let Some(backend) = self.backend {
-            for model in &mut cfg.models {
-                model.spec.backend = match backend {
-                    Backend::Auto => BackendChoice::Auto,
-                    Backend::Onnxruntime => BackendChoice::OnnxRuntime,
-                    Backend::Rten => BackendChoice::Rten,
-                };
-            }
-        }
+        self.backend.apply(cfg);
         Ok(())
+    }
+}
+
+impl BackendArgs {
+    /// Puts what the command line says about runtimes into the configuration.
+    pub(super) fn apply(&self, cfg: &mut Config) {
+        let Some(backend) = self.backend else { return };
+        for model in &mut cfg.models {
+            model.spec.backend = match backend {
+                Backend::Auto => BackendChoice::Auto,
+                Backend::Onnxruntime => BackendChoice::OnnxRuntime,
+                Backend::Rten => BackendChoice::Rten,
+            };
+        }
+    }
+}
+
+/// Puts another file in the place of the only model of a configuration.
+pub(super) fn replace_model(cfg: &mut Config, path: &Path) -> Result<(), Failure> {
+    let [only] = cfg.models.as_mut_slice() else {
+        let names: Vec<&str> = cfg.models.iter().map(|model| model.name.as_str()).collect();
+        return Err(Failure(format!(
+            "--model stands for one model, the parameters have {}: {}; set -p model.NAME.path:=FILE for each",
+            names.len(),
+            names.join(", ")
+        )));
+    };
+    only.spec.path = path.to_path_buf();
+    Ok(())
+}
+
+/// Takes the joints from regions whose model has no pose input: so that the parameters of a pose-aware model also run
+/// the tactile-only one that it is compared with.
+pub(super) fn without_unused_joints(cfg: &mut Config, models: &[ModelInfo]) {
+    let without_pose = |region: &&mut RegionConfig| models[region.model].contract.n_joints == 0;
+    for region in cfg.fusion.regions.iter_mut().filter(without_pose).filter(|region| !region.joints.is_empty()) {
+        say(&format!("region {}: its model has no pose input, so its joints are not used", region.name));
+        region.joints.clear();
     }
 }
 
@@ -109,7 +166,12 @@ pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
 
 /// The topics of a bag that feed this configuration.
 pub(super) fn input_topics(cfg: &Config) -> InputTopics {
-    InputTopics { taxels: cfg.tactile.clone(), joints: cfg.joints.clone(), stage: cfg.stage_topic.clone() }
+    InputTopics {
+        taxels: cfg.tactile.clone(),
+        joints: cfg.joints.clone(),
+        truth: Vec::new(),
+        stage: cfg.stage_topic.clone(),
+    }
 }
 
 /// When a calibration is refused.

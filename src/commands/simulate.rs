@@ -8,11 +8,9 @@ use crate::bag::{BagMetadata, BagWriter, OutChannel, WriteOptions};
 use crate::msg::{
     Duration, Header, JointState, Stage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped, to_cdr_into,
 };
+use crate::recording::SESSION_NOTES;
 use crate::sim::{Record, SessionSpec, simulate};
 use crate::units::Stamp;
-
-/// Name of the notes within a bag that say how it was made.
-const NOTES: &str = "tactile_pose_fusion.session";
 
 /// Writes sessions of a synthetic glove: taxels, joint angles, force truth and stage annotations.
 #[derive(Debug, clap::Args)]
@@ -53,7 +51,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     for spec in &specs {
         let name = format!("glove{}_user{:02}_session{}", spec.glove, spec.user, spec.session);
         let path = args.output.join(name);
-        let n_messages = write(spec, &path)?;
+        let n_messages = write(spec, &path, false)?;
         text += &format!("{}: {n_messages} messages (synthetic)\n", path.display());
     }
     print(&text)?;
@@ -61,11 +59,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// Writes one session; the number of its messages.
-fn write(spec: &SessionSpec, path: &Path) -> Result<u64, Failure> {
+pub(super) fn write(spec: &SessionSpec, path: &Path, overwrite: bool) -> Result<u64, Failure> {
     let session = simulate(spec)?;
     let mut progress = Progress::steps("simulate", session.n_frames());
-    let mut bag = BagWriter::create(path, WriteOptions::default())?;
-    bag.copy_metadata(&BagMetadata { name: NOTES, metadata: &session.metadata() })?;
+    let mut bag = BagWriter::create(path, WriteOptions { overwrite, ..WriteOptions::default() })?;
+    bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &session.metadata() })?;
     let mut topics = Topics {
         taxels: bag.add_topic::<TaxelArray>("/glove/taxels")?,
         joints: bag.add_topic::<JointState>("/hand/joint_states")?,

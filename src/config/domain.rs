@@ -19,8 +19,8 @@ use super::names::NodeName;
 use super::param_file::{Origin, ParamTree};
 use crate::fusion::{ForceUnit, FusionConfig, Timing};
 use crate::model::{BackendChoice, ModelSpec, TensorNames};
-use crate::msg::binding::{JointFields, TaxelFields, Topic};
-use crate::units::{Newton, from_millis};
+use crate::msg::binding::{JointFields, TaxelFields, Topic, TruthFields};
+use crate::units::{GramForce, Newton, from_millis};
 
 /// A model by name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is an index into these.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +29,30 @@ pub struct ModelConfig {
     pub name: String,
     /// The file and what is said about it.
     pub spec: ModelSpec,
+}
+
+/// A force sensor that tells the true force.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TruthSource {
+    /// Name in the parameters.
+    pub name: String,
+    /// Added to every stamp of this source, ns.
+    pub stamp_offset_ns: i64,
+    /// Whether a lower reading means more pressure.
+    pub inverted: bool,
+    /// Unit of its readings.
+    pub unit: ForceUnit,
+}
+
+impl TruthSource {
+    /// A reading as a force, positive under pressure.
+    pub fn force(&self, reading: f64) -> GramForce {
+        let reading = if self.inverted { -reading } else { reading };
+        match self.unit {
+            ForceUnit::GramForce => GramForce(reading),
+            ForceUnit::Newton => Newton(reading).into(),
+        }
+    }
 }
 
 /// How a calibration in the air is made.
@@ -59,6 +83,12 @@ pub struct Config {
     pub tactile: Vec<Topic<TaxelFields>>,
     /// Topics of the joint sources, by source index.
     pub joints: Vec<Topic<JointFields>>,
+    /// The force sensors that tell the true force.
+    pub truth_sources: Vec<TruthSource>,
+    /// Topics of the force sensors, by source index.
+    pub truth: Vec<Topic<TruthFields>>,
+    /// `[regions]`: index of the force sensor that tells the region's true force, where one does.
+    pub truth_of_region: Vec<Option<usize>>,
     /// The models that regions use, in the order in which regions first name them.
     pub models: Vec<ModelConfig>,
     /// How a calibration is made.
@@ -88,13 +118,25 @@ impl Config {
         let tactile_names = reader.names("tactile_sources")?;
         reader.refuse_empty("tactile_sources", &tactile_names)?;
         let joint_names = reader.names("joint_sources")?;
+        let truth_names = reader.names("truth_sources")?;
         let region_names = reader.names("regions")?;
         reader.refuse_empty("regions", &region_names)?;
         let models = region::model_names(&reader, &region_names)?;
-        check::names(tree, &tactile_names, &joint_names, &region_names, &models)?;
+        check::names(
+            tree,
+            &[
+                ("tactile", "tactile_sources", &tactile_names),
+                ("joint", "joint_sources", &joint_names),
+                ("truth", "truth_sources", &truth_names),
+                ("region", "regions", &region_names),
+                ("model", "the models that regions use", &models),
+            ],
+        )?;
 
         let (tactile_sources, tactile) = source::all(&reader, &tactile_names, source::tactile)?;
         let (joint_sources, joints) = source::all(&reader, &joint_names, source::joint)?;
+        let (truth_sources, truth) = source::all(&reader, &truth_names, source::truth)?;
+        let truth_of_region = region::truths(&reader, &region_names, &truth_names)?;
         let regions = region::all(&reader, &region_names, &models, &tactile_sources, &joints)?;
         let calibration = calibration(&reader)?;
         let fusion = FusionConfig { tactile_sources, joint_sources, regions, timing: timing(&reader)?, batch: 1 };
@@ -102,6 +144,9 @@ impl Config {
             fusion,
             tactile,
             joints,
+            truth_sources,
+            truth,
+            truth_of_region,
             models: models.iter().map(|name| model(&reader, name)).collect::<Result<_, _>>()?,
             calibration,
             glove: reader.non_empty("glove")?,
@@ -120,6 +165,7 @@ impl Config {
             let names: Vec<&str> = match key.pattern.split('.').next() {
                 Some("tactile") => self.fusion.tactile_sources.iter().map(|source| source.name.as_str()).collect(),
                 Some("joint") => self.fusion.joint_sources.iter().map(|source| source.name.as_str()).collect(),
+                Some("truth") => self.truth_sources.iter().map(|source| source.name.as_str()).collect(),
                 Some("model") => self.models.iter().map(|model| model.name.as_str()).collect(),
                 Some("region") => self.fusion.regions.iter().map(|region| region.name.as_str()).collect(),
                 _ => vec![""],

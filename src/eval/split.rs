@@ -1,128 +1,159 @@
-//! Which frames train and which test: always the earlier and the later ones, so that no future leaks into a model.
-
-use std::collections::{BTreeMap, BTreeSet};
+//! What trains and what tests: always the earlier and the later part, so that no future leaks into a model.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::Stamp;
 
-/// What is known of a frame besides its data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FrameLabel<'a> {
-    /// Its stamp.
-    pub stamp: Stamp,
-    /// The session's stage that it belongs to.
-    pub stage: &'a str,
-    /// The substage of the stage.
-    pub substage: &'a str,
-}
-
 /// Within what a session is cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SplitBy {
-    /// Each stage by itself, so that the test set holds all of them. The default.
+    /// Each stage by itself, so that the test part holds all of them. The default.
     #[default]
     Stage,
     /// The session as a whole: the paper's words (Sec. VI-A). Of a staged session that tests the last stage alone.
     Session,
 }
 
-/// What a frame is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+/// What a moment of a session is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Part {
-    /// Training.
+    /// Gradients come from here.
     Train,
-    /// Neither: between the two, so that no window of a test frame holds a training frame.
-    Guard,
-    /// Testing.
+    /// The best step of a training is picked here; the end of what would train, so that the test stays unseen.
+    Validation,
+    /// What results are reported on.
     Test,
+}
+
+impl Part {
+    /// All parts, in the order in which they lie in time.
+    pub const ALL: [Part; 3] = [Part::Train, Part::Validation, Part::Test];
+
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Part::Train => "training",
+            Part::Validation => "validation",
+            Part::Test => "test",
+        }
+    }
 }
 
 /// A split that can't be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SplitError {
-    #[error("share of frames to train on is {0}, expected above 0 and below 1; the paper's is 0.8")]
-    Share(f64),
-    #[error("substage {name} is not in the data, which has {}; name one of these", .available.join(", "))]
-    UnknownSubstage { name: String, available: Vec<String> },
+    #[error("share of a session that is kept for the {part} is {got}, expected 0 or more, and below 1", part = part.name())]
+    Share { part: Part, got: f64 },
+    #[error(
+        "{validation} for the validation and {test} for the test leave nothing to train on; expected a sum below 1"
+    )]
+    NothingLeft { validation: f64, test: f64 },
 }
 
-/// A chronological split.
+/// A stretch of a session in one stage, from `from` up to but without `to`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StageSpan<'a> {
+    /// Begin, inclusive.
+    pub from: Stamp,
+    /// End, exclusive.
+    pub to: Stamp,
+    /// The stage.
+    pub stage: &'a str,
+}
+
+/// A chronological split, in shares of time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Split {
     by: SplitBy,
-    train_share: f64,
-    guard_frames: usize,
+    validation: f64,
+    test: f64,
 }
 
 impl Default for Split {
-    /// 80/20 within each stage, without a guard.
+    /// The paper's 80/20, within each stage, and nothing for a validation.
     fn default() -> Self {
-        Split { by: SplitBy::Stage, train_share: 0.8, guard_frames: 0 }
+        Split { by: SplitBy::Stage, validation: 0.0, test: 0.2 }
     }
 }
 
 impl Split {
-    /// A split in which `train_share` of the frames train, the next `guard_frames` are left out and the rest tests.
-    ///
-    /// The paper has no guard. With windows of 64 frames a guard of 63 keeps training frames out of every test window
-    /// that follows them directly. It does nothing where the training frames of a stage follow the test frames of the
-    /// one before: who trains there leaves out windows that reach over the seam.
+    /// A split that keeps the last `test` of the time for the test, and `validation` of it right before.
     ///
     /// # Errors
-    /// [`SplitError::Share`] unless the share is between 0 and 1.
-    pub fn new(by: SplitBy, train_share: f64, guard_frames: usize) -> Result<Self, SplitError> {
-        if !(train_share > 0.0 && train_share < 1.0) {
-            return Err(SplitError::Share(train_share));
-        }
-        Ok(Split { by, train_share, guard_frames })
-    }
-
-    /// The part of each frame of one session, in the order in which the frames are given.
-    ///
-    /// The frames of a stage are put in the order of their stamps, equal ones in the order given; the first
-    /// `floor(share * n)` train. A stage that was interrupted and taken up again is one stage.
-    ///
-    /// # Shapes
-    /// `frames`: `[n_frames]` of one session; the result: `[n_frames]`.
-    pub fn parts(&self, frames: &[FrameLabel<'_>]) -> Vec<Part> {
-        let mut groups: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-        for (idx, frame) in frames.iter().enumerate() {
-            let group = match self.by {
-                SplitBy::Stage => frame.stage,
-                SplitBy::Session => "",
-            };
-            groups.entry(group).or_default().push(idx);
-        }
-        let mut parts = vec![Part::Train; frames.len()];
-        for mut group in groups.into_values() {
-            group.sort_by_key(|&idx| frames[idx].stamp);
-            let n_train = (self.train_share * group.len() as f64).floor() as usize;
-            for (position, idx) in group.into_iter().enumerate().skip(n_train) {
-                parts[idx] = if position - n_train < self.guard_frames { Part::Guard } else { Part::Test };
+    /// [`SplitError`] for shares that are none, or leave nothing.
+    pub fn new(by: SplitBy, validation: f64, test: f64) -> Result<Self, SplitError> {
+        for (part, got) in [(Part::Validation, validation), (Part::Test, test)] {
+            if !(0.0..1.0).contains(&got) {
+                return Err(SplitError::Share { part, got });
             }
         }
-        parts
+        if validation + test >= 1.0 {
+            return Err(SplitError::NothingLeft { validation, test });
+        }
+        Ok(Split { by, validation, test })
+    }
+
+    /// Where the cuts of one session lie. Stretches that end before they begin are left out.
+    ///
+    /// Stages are cut by the time that was spent in them; one that was interrupted and taken up again is one stage. The
+    /// cuts are times, not counts of frames, so that they are the same for every model and rate.
+    pub fn cuts(&self, spans: &[StageSpan<'_>]) -> Cuts {
+        let mut sorted: Vec<StageSpan<'_>> = spans.iter().copied().filter(|span| span.from < span.to).collect();
+        sorted.sort_by_key(|span| span.from);
+        let group = |span: &StageSpan<'_>| match self.by {
+            SplitBy::Stage => span.stage.to_owned(),
+            SplitBy::Session => String::new(),
+        };
+        let mut cuts: Vec<Cut> = Vec::new();
+        let mut groups: std::collections::BTreeMap<String, Vec<StageSpan<'_>>> = std::collections::BTreeMap::new();
+        sorted.iter().for_each(|span| groups.entry(group(span)).or_default().push(*span));
+        for spans in groups.values() {
+            let nanos = |span: &StageSpan<'_>| i128::from(span.to.0) - i128::from(span.from.0);
+            let total: i128 = spans.iter().map(nanos).sum();
+            let at = |kept: f64| (total as f64 * (1.0 - kept)).round() as i128;
+            let (validation_at, test_at) = (at(self.validation + self.test), at(self.test));
+            let mut done = 0;
+            for span in spans {
+                // Where in this stretch a share of the stage's time is reached; its ends where that lies outside.
+                let reached = |share: i128| Stamp(span.from.0 + (share - done).clamp(0, nanos(span)) as i64);
+                cuts.push(Cut {
+                    from: span.from,
+                    to: span.to,
+                    validation: reached(validation_at),
+                    test: reached(test_at),
+                });
+                done += nanos(span);
+            }
+        }
+        cuts.sort_by_key(|cut| cut.from);
+        Cuts(cuts)
     }
 }
 
-/// Which frames belong to the named substages: how the free movements, the paper's "unseen" poses, are told apart.
-///
-/// # Shapes
-/// The result: `[n_frames]`.
-/// # Errors
-/// [`SplitError::UnknownSubstage`] for a name that no frame has, so that a typing error isn't an empty result.
-/// # Source
-/// Pose-aware tactile gloves, Sec. VI-B, "Generalizability against unseen poses".
-pub fn substage_frames(frames: &[FrameLabel<'_>], names: &[&str]) -> Result<Vec<bool>, SplitError> {
-    let available: BTreeSet<&str> = frames.iter().map(|frame| frame.substage).collect();
-    if let Some(name) = names.iter().find(|name| !available.contains(**name)) {
-        let available = available.into_iter().map(str::to_owned).collect();
-        return Err(SplitError::UnknownSubstage { name: (*name).to_owned(), available });
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Cut {
+    from: Stamp,
+    to: Stamp,
+    validation: Stamp,
+    test: Stamp,
+}
+
+/// Where one session is cut.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cuts(Vec<Cut>);
+
+impl Cuts {
+    /// The part that a moment belongs to; `None` outside of every stage.
+    pub fn part_at(&self, stamp: Stamp) -> Option<Part> {
+        let after = self.0.partition_point(|cut| cut.from <= stamp);
+        let cut = self.0.get(after.checked_sub(1)?).filter(|cut| stamp < cut.to)?;
+        Some(match stamp {
+            _ if stamp >= cut.test => Part::Test,
+            _ if stamp >= cut.validation => Part::Validation,
+            _ => Part::Train,
+        })
     }
-    let wanted: BTreeSet<&str> = names.iter().copied().collect();
-    Ok(frames.iter().map(|frame| wanted.contains(frame.substage)).collect())
 }

@@ -121,6 +121,10 @@ pub struct Tick {
     pub source: TactileSourceIdx,
     /// Stamp of the frame.
     pub stamp: Stamp,
+    /// Changes wherever the stream of frames broke off or started again.
+    pub epoch: u64,
+    /// Number of the frame within its epoch; numbers that are left out are frames that are missing.
+    pub number: i64,
     /// Receipt of the event that completed the frame.
     pub received: Stamp,
     /// One a region of the source, in the order of the configuration.

@@ -4,10 +4,12 @@
 mod joints;
 mod samples;
 mod taxels;
+mod truth;
 
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
+pub use truth::{TruthBinding, TruthFields};
 
 use super::definition::TypeTree;
 use super::dynamic::{FieldError, FieldPlan, ReadAs, ReadError};
@@ -29,7 +31,7 @@ pub struct Topic<Fields> {
     pub name: String,
     /// Canonical name of its message type.
     pub type_name: String,
-    /// [`TaxelFields`] or [`JointFields`].
+    /// [`TaxelFields`], [`JointFields`] or [`TruthFields`].
     pub fields: Fields,
 }
 

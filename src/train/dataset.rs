@@ -8,15 +8,14 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::error::DatasetError;
+use crate::eval::Part;
 use crate::fusion::PoseRange;
 
 mod batch;
 mod session;
-mod split;
 
 pub use batch::{Batch, smoothed_change};
 pub use session::{Session, SessionFrames};
-pub use split::{Part, SplitConfig, SplitRule};
 
 /// Touch is true force at or above this, gF (paper, Sec. VI-A: all zero-load truth lies below).
 pub const TOUCH_GF: f32 = 2.5;
@@ -33,13 +32,11 @@ pub struct WindowSpec {
     pub eval_stride: usize,
     /// Whether the network takes joint angles.
     pub needs_pose: bool,
-    /// What is trained on and what is kept apart.
-    pub split: SplitConfig,
 }
 
 impl Default for WindowSpec {
     fn default() -> Self {
-        WindowSpec { window: 64, stride: 1, eval_stride: 1, needs_pose: true, split: SplitConfig::default() }
+        WindowSpec { window: 64, stride: 1, eval_stride: 1, needs_pose: true }
     }
 }
 
@@ -60,7 +57,7 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Splits sessions and cuts their windows.
+    /// Cuts the windows of sessions.
     ///
     /// # Errors
     /// [`DatasetError`] when settings are out of range, sessions don't fit together, have no joints though the network
@@ -73,16 +70,15 @@ impl Dataset {
         positive("window", spec.window)?;
         positive("stride", spec.stride)?;
         positive("eval_stride", spec.eval_stride)?;
-        spec.split.check()?;
         check_widths(&sessions, spec.needs_pose)?;
 
         let mut parts = [Vec::new(), Vec::new(), Vec::new()];
         let mut train_frames = Vec::with_capacity(sessions.len());
         for (session_idx, session) in sessions.iter().enumerate() {
-            let of_frame = spec.split.parts(session);
+            let of_frame = &session.frames().part;
             for part in Part::ALL {
                 let stride = if part == Part::Train { spec.stride } else { spec.eval_stride };
-                let ends = window_ends(session, &of_frame, part, spec.window);
+                let ends = window_ends(session, of_frame, part, spec.window);
                 let windows =
                     ends.step_by(stride).map(|end| WindowIdx { session: session_idx as u32, end: end as u32 });
                 parts[part as usize].extend(windows);
@@ -195,7 +191,8 @@ impl Dataset {
 
     fn check_windows(&self) -> Result<(), DatasetError> {
         for part in Part::ALL {
-            let wanted = self.spec.split.fraction(part) > 0.0;
+            let wanted =
+                part == Part::Train || self.sessions.iter().any(|session| session.frames().part.contains(&part));
             if wanted && self.n_windows(part) == 0 {
                 return Err(DatasetError::NoWindows { window: self.spec.window, part: part.name() });
             }

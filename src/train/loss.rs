@@ -15,12 +15,14 @@ pub struct LossConfig {
     pub base_weight: f32,
     /// The paper's lambda, weight of the zero-load tactile term; it depends on the glove, and 0 leaves it out.
     pub lambda: f32,
+    /// What the denominator of the relative losses adds to the true force, gF; the paper's is 1.
+    pub offset_gf: f32,
 }
 
 impl Default for LossConfig {
     fn default() -> Self {
         // The paper selects lambda by sweeping; with taxels scaled to about 1 both kinds of term are about 1 at the start.
-        LossConfig { base_weight: 1.0, lambda: 1.0 }
+        LossConfig { base_weight: 1.0, lambda: 1.0, offset_gf: 1.0 }
     }
 }
 
@@ -30,6 +32,10 @@ impl LossConfig {
     /// # Errors
     /// [`TrainError::Setting`].
     pub fn check(&self) -> Result<(), TrainError> {
+        if !(self.offset_gf.is_finite() && self.offset_gf > 0.0) {
+            let got = self.offset_gf.to_string();
+            return Err(TrainError::Setting { key: "offset_gf", got, expected: "a positive number" });
+        }
         for (key, weight) in [("base_weight", self.base_weight), ("lambda", self.lambda)] {
             if !weight.is_finite() || weight < 0.0 {
                 return Err(TrainError::Setting { key, got: weight.to_string(), expected: "0 or a positive number" });
@@ -82,11 +88,11 @@ pub(super) fn share(
     device: &Device,
 ) -> (Tensor<1>, LossTerms) {
     let truth = Tensor::<2>::from_data(TensorData::new(part.truth_gf.clone(), [part.n, 1]), device);
-    let force = relative_error(output.force, truth.clone()).sum() / measure.windows as f32;
+    let force = relative_error(output.force, truth.clone(), cfg.offset_gf).sum() / measure.windows as f32;
     let mut terms = LossTerms { force: scalar(&force), ..LossTerms::default() };
     let mut total = force;
     if let Some(base) = output.base.filter(|_| cfg.base_weight > 0.0) {
-        let base = relative_error(base, truth).sum() / measure.windows as f32;
+        let base = relative_error(base, truth, cfg.offset_gf).sum() / measure.windows as f32;
         terms.base = scalar(&base);
         total = total + base * cfg.base_weight;
     }
@@ -105,9 +111,9 @@ pub(super) fn share(
     (total, terms)
 }
 
-/// |F^ - F| / (1 + F) of each window. A truth below zero is what taring left, so it counts as no load.
-fn relative_error(force: Tensor<2>, truth: Tensor<2>) -> Tensor<2> {
-    (force - truth.clone()).abs() / (truth.clamp_min(0.0) + 1.0)
+/// |F^ - F| / (offset + F) of each window. A truth below zero is what taring left, so it counts as no load.
+fn relative_error(force: Tensor<2>, truth: Tensor<2>, offset_gf: f32) -> Tensor<2> {
+    (force - truth.clone()).abs() / (truth.clamp_min(0.0) + offset_gf)
 }
 
 fn scalar(tensor: &Tensor<1>) -> f32 {

@@ -1,23 +1,27 @@
 //! The paper's network (Sec. V): its weights, and its pass from windows to forces.
 
+use std::array::from_fn;
 use std::ops::Range;
 
 use burn::tensor::activation::{gelu, relu};
-use burn::tensor::module::conv1d;
-use burn::tensor::ops::ConvOptions;
 use burn::tensor::{Device, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 
-use super::architecture::{Architecture, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, Parameter, TAPS};
+use super::architecture::{Architecture, Kind, LSTM_HIDDEN, N_FEATURES, Parameter};
 use super::error::TrainError;
 use super::random::{Random, Stream};
 use crate::fusion::{Forces, Windows};
 
+mod conv;
+mod flex;
 pub(super) mod lstm;
 mod lstm_op;
 mod matrix;
+mod tactile;
+mod tactile_op;
 
-pub(super) use lstm_op::values;
+pub(super) use flex::values;
+use tactile::TactileShape;
 
 /// Keeps normalizations from dividing by zero; PyTorch's default for both kinds.
 pub(super) const NORM_EPSILON: f32 = 1e-5;
@@ -160,11 +164,12 @@ pub(super) enum Normalize<'a> {
     ByStatistics(&'a BatchNormStatistics),
 }
 
-/// Windows on a device.
+/// Windows, time first.
 pub(super) struct Input {
-    /// `[N, T, L]`: channels before time.
-    tactile: Tensor<3>,
-    /// `[L, N, P]`: time first.
+    n: usize,
+    /// `[L, N, T]`, in units of the tactile scale.
+    tactile: Vec<f32>,
+    /// `[L, N, P]`, rad.
     pose: Option<Tensor<3>>,
 }
 
@@ -200,21 +205,22 @@ impl Weights<'_> {
         self.parameters.iter().map(Parameter::range)
     }
 
-    /// Windows as tensors. `tactile`: `[N, L, T]`, `pose`: `[N, L, P]`, both row-major.
+    /// Windows turned time first. `tactile`: `[N, L, T]`, `pose`: `[N, L, P]`, both row-major.
     pub(super) fn input(&self, n: usize, tactile: Vec<f32>, pose: Vec<f32>) -> Input {
         let Architecture { window, n_taxels, n_joints, tactile_scale, kind, .. } = *self.architecture;
-        let tactile = Tensor::<3>::from_data(TensorData::new(tactile, [n, window, n_taxels]), &self.device);
+        let mut tactile = time_first(&tactile, [n, window, n_taxels]);
+        tactile.iter_mut().for_each(|value| *value /= tactile_scale);
         let pose = kind.uses_pose().then(|| {
-            let pose = Tensor::<3>::from_data(TensorData::new(pose, [n, window, n_joints]), &self.device);
-            pose.swap_dims(0, 1)
+            let pose = time_first(&pose, [n, window, n_joints]);
+            Tensor::<3>::from_data(TensorData::new(pose, [window, n, n_joints]), &self.device)
         });
-        Input { tactile: tactile.swap_dims(1, 2) / tactile_scale, pose }
+        Input { n, tactile, pose }
     }
 
     /// The paper's pass: base force from touch, residual from pose and touch, force as their difference.
     pub(super) fn forward(&self, input: Input, normalize: Normalize<'_>) -> Output {
         let scale = self.architecture.force_scale;
-        let (touch, statistics) = self.tactile_features(input.tactile, normalize);
+        let (touch, statistics) = self.tactile_features(input.n, input.tactile, normalize);
         let hidden = input.pose.map(|pose| self.pose_hidden(pose));
         let last = |hidden: &Tensor<3>| {
             let [frames, n, width] = hidden.dims();
@@ -242,53 +248,21 @@ impl Weights<'_> {
         }
     }
 
-    /// Tactile branch: `[N, T, L]` to `[N, 64]`.
+    /// Tactile branch: `[L, N, T]` to `[N, 64]`.
     fn tactile_features(
         &self,
-        tactile: Tensor<3>,
+        n: usize,
+        tactile: Vec<f32>,
         normalize: Normalize<'_>,
     ) -> (Tensor<2>, Option<BatchNormStatistics>) {
-        let n_taxels = self.architecture.n_taxels;
-        let (x, statistics) = self.batch_norm(self.conv("tactile.conv0", tactile, n_taxels, 1), normalize);
-        let mut x = relu(x);
-        for (idx, dilation) in DILATIONS.into_iter().enumerate() {
-            x = relu(self.conv(&format!("tactile.conv{}", idx + 1), x, N_FEATURES, dilation));
-        }
-        let n = x.dims()[0];
-        (x.max_dim(2).reshape([n, N_FEATURES]), statistics)
-    }
-
-    fn conv(&self, name: &str, x: Tensor<3>, n_in: usize, dilation: usize) -> Tensor<3> {
-        let weight = self.flat(&format!("{name}.weight")).reshape([N_FEATURES, n_in, TAPS]);
-        let bias = self.flat(&format!("{name}.bias"));
-        let padding = dilation * (TAPS - 1) / 2; // keeps the number of frames
-        conv1d(x, weight, Some(bias), ConvOptions::new([1], [padding], [dilation], 1))
-    }
-
-    fn batch_norm(&self, x: Tensor<3>, normalize: Normalize<'_>) -> (Tensor<3>, Option<BatchNormStatistics>) {
-        let channels = |tensor: Tensor<1>| tensor.reshape([1, N_FEATURES, 1]);
-        let [n, _, frames] = x.dims();
-        let (mean, variance, statistics) = match normalize {
-            Normalize::ByBatch => {
-                let mean = x.clone().mean_dim(2).mean_dim(0);
-                let variance = (x.clone() - mean.clone()).square().mean_dim(2).mean_dim(0);
-                let count = (n * frames) as f32;
-                let unbiased = count / (count - 1.0).max(1.0);
-                let statistics = BatchNormStatistics {
-                    mean: values(mean.clone().detach()),
-                    variance: values(variance.clone().detach()).iter().map(|value| value * unbiased).collect(),
-                };
-                (mean, variance, Some(statistics))
-            }
-            Normalize::ByStatistics(statistics) => {
-                let tensor = |values: &[f32]| {
-                    channels(Tensor::from_data(TensorData::new(values.to_vec(), [N_FEATURES]), &self.device))
-                };
-                (tensor(&statistics.mean), tensor(&statistics.variance), None)
-            }
-        };
-        let gain = channels(self.flat("tactile.norm.weight")) / (variance + NORM_EPSILON).sqrt();
-        ((x - mean) * gain + channels(self.flat("tactile.norm.bias")), statistics)
+        let Architecture { window, n_taxels, .. } = *self.architecture;
+        let shape = TactileShape { frames: window, batch: n, n_taxels };
+        let layers = ["conv0", "norm", "conv1", "conv2", "conv3"];
+        let parameters = from_fn(|idx| {
+            let part = ["weight", "bias"][idx % 2];
+            self.flat(&format!("tactile.{}.{part}", layers[idx / 2]))
+        });
+        tactile_op::features(shape, tactile, parameters, normalize, &self.device)
     }
 
     /// Pose branch: `[L, N, P]` to hidden states `[L, N, 64]`.
@@ -327,4 +301,10 @@ impl Weights<'_> {
     fn decode(&self, name: &str, x: Tensor<2>) -> Tensor<2> {
         self.linear(&format!("{name}.1"), relu(self.linear(&format!("{name}.0"), x)))
     }
+}
+
+/// `[N, L, C]` to `[L, N, C]`.
+fn time_first(values: &[f32], [n, frames, width]: [usize; 3]) -> Vec<f32> {
+    let row = |frame: usize, window: usize| &values[(window * frames + frame) * width..][..width];
+    (0..frames).flat_map(|frame| (0..n).flat_map(move |window| row(frame, window))).copied().collect()
 }

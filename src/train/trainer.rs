@@ -10,11 +10,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use burn::tensor::Device;
 
 use super::architecture::Architecture;
-use super::dataset::{Dataset, Part};
+use super::dataset::Dataset;
 use super::error::TrainError;
 use super::loss::LossTerms;
 use super::network::Network;
 use super::random::{Random, Stream};
+use crate::eval::Part;
 
 mod adam;
 mod checkpoint;
@@ -139,6 +140,16 @@ impl<'a> Trainer<'a> {
         Ok(trainer)
     }
 
+    /// The settings of the run.
+    pub fn config(&self) -> &TrainConfig {
+        &self.cfg
+    }
+
+    /// Steps in all.
+    pub fn steps(&self) -> u64 {
+        self.cfg.schedule.steps
+    }
+
     /// The run as it stands.
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint {
@@ -231,7 +242,7 @@ impl<'a> Trainer<'a> {
         if !due || self.dataset.n_windows(Part::Validation) == 0 {
             return Ok(None);
         }
-        validate(&self.network, self.dataset, Part::Validation, self.threads).map(Some)
+        validate(&self.network, self.dataset, Part::Validation, &self.cfg.loss, self.threads).map(Some)
     }
 
     fn is_best(&self, now: &Validation) -> bool {

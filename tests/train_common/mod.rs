@@ -1,9 +1,8 @@
 //! Small sessions with a force that can be learned.
 #![allow(dead_code)] // each test binary uses its part
 
-use tactile_pose_fusion::train::{
-    Dataset, Kind, Schedule, Session, SessionFrames, SplitConfig, TrainConfig, WindowSpec,
-};
+use tactile_pose_fusion::eval::Part;
+use tactile_pose_fusion::train::{Dataset, Kind, Schedule, Session, SessionFrames, TrainConfig, WindowSpec};
 
 pub const TAXELS: usize = 3;
 pub const JOINTS: usize = 2;
@@ -25,8 +24,7 @@ pub fn frames(name: &str, n: usize) -> SessionFrames {
         frames.pose.extend(bends);
         frames.truth_gf.push(force);
         frames.zero_load.push(!loaded);
-        frames.stage.push((frame / 80) as u16);
-        frames.substage.push(0);
+        frames.part.push(Part::Train);
         frames.epoch.push(0);
     }
     frames
@@ -36,14 +34,16 @@ pub fn session(name: &str, n: usize) -> Session {
     Session::new(frames(name, n)).unwrap()
 }
 
+/// A session whose frames are for the given parts, one after the other.
+pub fn split_session(name: &str, parts: &[(Part, usize)]) -> Session {
+    let mut frames = frames(name, parts.iter().map(|(_, n)| n).sum());
+    frames.part = parts.iter().flat_map(|(part, n)| std::iter::repeat_n(*part, *n)).collect();
+    Session::new(frames).unwrap()
+}
+
 /// Everything is trained on, nothing kept apart.
 pub fn all_of_it(kind: Kind) -> WindowSpec {
-    WindowSpec {
-        window: WINDOW,
-        needs_pose: kind.uses_pose(),
-        split: SplitConfig { test: 0.0, validation: 0.0, ..SplitConfig::default() },
-        ..WindowSpec::default()
-    }
+    WindowSpec { window: WINDOW, needs_pose: kind.uses_pose(), ..WindowSpec::default() }
 }
 
 pub fn dataset(kind: Kind, n: usize) -> Dataset {

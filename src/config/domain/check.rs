@@ -54,22 +54,12 @@ fn hint(key: &str) -> String {
 }
 
 /// Refuses keys for a source, model or region that the lists don't name.
-pub(super) fn names(
-    tree: &ParamTree,
-    tactile: &[String],
-    joints: &[String],
-    regions: &[String],
-    models: &[String],
-) -> Result<(), ConfigError> {
+///
+/// Of each family of keys: its first token, where its names are listed, and the names.
+pub(super) fn names(tree: &ParamTree, families: &[(&str, &str, &[String])]) -> Result<(), ConfigError> {
     for (key, param) in tree.iter() {
         let Some((family, rest)) = key.split_once('.') else { continue };
-        let (listed_in, names) = match family {
-            "tactile" => ("tactile_sources", tactile),
-            "joint" => ("joint_sources", joints),
-            "region" => ("regions", regions),
-            "model" => ("the models that regions use", models),
-            _ => continue,
-        };
+        let Some((_, listed_in, names)) = families.iter().find(|(known, ..)| *known == family) else { continue };
         let name = rest.split('.').next().unwrap_or_default();
         if names.iter().any(|known| known == name) {
             continue;

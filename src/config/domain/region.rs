@@ -59,6 +59,25 @@ pub(super) fn all(
     names.iter().map(one).collect()
 }
 
+/// Which force sensor tells the true force of each region; none where nothing says and there isn't just one.
+pub(super) fn truths(
+    reader: &Reader<'_>,
+    regions: &[String],
+    sources: &[String],
+) -> Result<Vec<Option<usize>>, ConfigError> {
+    let one = |region: &String| {
+        let key = format!("region.{region}.truth");
+        if !reader.is_set(&key) {
+            return Ok((sources.len() == 1).then_some(0));
+        }
+        let name = reader.text(&key)?;
+        let found = sources.iter().position(|source| *source == name);
+        let known = || list(sources.iter().map(String::as_str));
+        found.map(Some).ok_or_else(|| reader.refused(&key, format!("is not among truth_sources = [{}]", known())))
+    };
+    regions.iter().map(one).collect()
+}
+
 fn tactile_source(reader: &Reader<'_>, key: &str, sources: &[TactileSource]) -> Result<usize, ConfigError> {
     let known = || list(sources.iter().map(|source| source.name.as_str()));
     if !reader.is_set(key) {

@@ -2,9 +2,10 @@
 
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
+use super::TruthSource;
 use super::reader::Reader;
-use crate::fusion::{FrameClock, JointSource, TactileSource};
-use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields, Topic};
+use crate::fusion::{ForceUnit, FrameClock, JointSource, TactileSource};
+use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields, Topic, TruthFields};
 
 const RECEIPT: &str = "receipt";
 
@@ -140,6 +141,27 @@ pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Top
         stamp: Some(stamp(reader, &key("stamp"))?),
         positions: field_or(reader, &key("field"), known.as_ref().map(|known| known.positions.as_str()))?,
         names,
+    };
+    Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
+}
+
+/// A force sensor that tells the true force.
+pub(super) fn truth(reader: &Reader<'_>, name: &str) -> Result<(TruthSource, Topic<TruthFields>), ConfigError> {
+    let key = |tail: &str| format!("truth.{name}.{tail}");
+    let type_name = message_type(reader, &key("type"))?;
+    let known = TruthFields::for_type(&type_name);
+    let source = TruthSource {
+        name: name.to_owned(),
+        stamp_offset_ns: millis_to_ns(reader.double(&key("stamp_offset_ms"))?),
+        inverted: reader.int(&key("sign"))? < 0,
+        unit: match reader.text(&key("unit"))?.as_str() {
+            "gF" => ForceUnit::GramForce,
+            _ => ForceUnit::Newton,
+        },
+    };
+    let fields = TruthFields {
+        stamp: Some(stamp(reader, &key("stamp"))?),
+        force: field_or(reader, &key("field"), known.as_ref().map(|known| known.force.as_str()))?,
     };
     Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
 }

@@ -15,6 +15,12 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("regions", Kind::StrArray, Required, "Names of the patches to estimate, each with one force"),
     ParamKey::new("tactile_sources", Kind::StrArray, Required, "Names of the streams of taxels"),
     ParamKey::new("joint_sources", Kind::StrArray, EmptyArray, "Names of the streams of joint angles"),
+    ParamKey::new(
+        "truth_sources",
+        Kind::StrArray,
+        EmptyArray,
+        "Names of the force sensors that tell the true force, for training and evaluation",
+    ),
     // One stream of taxels.
     ParamKey::new("tactile.<source>.topic", Kind::Str, Required, "Topic of the taxels"),
     ParamKey::new(
@@ -125,6 +131,32 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("joint.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
         .range(OFFSET_MS)
         .unit("ms"),
+    // One force sensor that tells the true force.
+    ParamKey::new("truth.<source>.topic", Kind::Str, Required, "Topic of the true force"),
+    ParamKey::new(
+        "truth.<source>.type",
+        Kind::Str,
+        Str("geometry_msgs/msg/WrenchStamped"),
+        "Message type; another one needs field",
+    ),
+    ParamKey::new(
+        "truth.<source>.field",
+        Kind::Str,
+        Depends("wrench.force.z for WrenchStamped, else required"),
+        "Path of the force: one number",
+    ),
+    ParamKey::new(
+        "truth.<source>.stamp",
+        Kind::Str,
+        Str("header.stamp"),
+        "Path of the stamp, or receipt: the time at which the message came in",
+    ),
+    ParamKey::new("truth.<source>.unit", Kind::Str, Str("N"), "Unit of the force").range(OneOf(&["N", "gF"])),
+    ParamKey::new("truth.<source>.sign", Kind::Int, Int(1), "-1 where a lower reading means more pressure")
+        .range(ParamRange::Ints(&[1, -1])),
+    ParamKey::new("truth.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
+        .range(OFFSET_MS)
+        .unit("ms"),
     // One model; models are named by the regions.
     ParamKey::new(
         "model.<name>.path",
@@ -189,6 +221,12 @@ pub static KEYS: &[ParamKey] = &[
         Kind::StrArray,
         EmptyArray,
         "Its joints by name, in the order of the model's input; empty for a model without pose",
+    ),
+    ParamKey::new(
+        "region.<name>.truth",
+        Kind::Str,
+        Depends("the only truth source; none where there are several"),
+        "Which force sensor tells its true force",
     ),
     ParamKey::new("region.<name>.frame_id", Kind::Str, Required, "Frame in which its wrench is told, right-handed"),
     ParamKey::new(

@@ -3,6 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use super::super::error::DatasetError;
+use crate::eval::Part;
 
 /// The columns of a session. All have one entry a frame, matrices one row a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -21,10 +22,8 @@ pub struct SessionFrames {
     pub truth_gf: Vec<f32>,
     /// `[n]`: frames annotated as free of load.
     pub zero_load: Vec<bool>,
-    /// `[n]`: stage of the protocol. The split is made within each.
-    pub stage: Vec<u16>,
-    /// `[n]`: substage, for reports.
-    pub substage: Vec<u16>,
+    /// `[n]`: what the frame is for.
+    pub part: Vec<Part>,
     /// `[n]`: changes wherever frames are missing. No window crosses such a gap.
     pub epoch: Vec<u32>,
 }
@@ -54,8 +53,7 @@ impl Session {
             ("pose", frames.pose.len(), width(frames.n_joints)),
             ("truth_gf", frames.truth_gf.len(), n),
             ("zero_load", frames.zero_load.len(), n),
-            ("stage", frames.stage.len(), n),
-            ("substage", frames.substage.len(), n),
+            ("part", frames.part.len(), n),
             ("epoch", frames.epoch.len(), n),
         ] {
             if got != expected {

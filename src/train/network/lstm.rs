@@ -3,7 +3,9 @@
 //! PyTorch's gate order (input, forget, cell, output) and semantics. All matrices are row-major and time-major:
 //! `x [L, B, I]`, `h [L, B, H]`, gates `[L, B, 4H]`.
 
-use super::matrix::{Matrix, multiply};
+use macerator::AutoArch;
+
+use super::matrix::{Matrix, add_column_sums, add_product, multiply};
 
 /// Sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,49 +61,58 @@ impl LstmShape {
 pub(in crate::train) fn forward(shape: LstmShape, x: &[f32], weights: LstmWeights<'_>) -> LstmTape {
     let LstmShape { frames, batch, input, hidden, .. } = shape;
     let (n, n_gates) = (batch * hidden, 4 * batch * hidden);
-    let mut gates = weights.bias.repeat(frames * batch);
-    let x = Matrix::new(x, frames * batch, input);
-    multiply(&mut gates, x, Matrix::new(weights.input, 4 * hidden, input).transposed(), 1.0);
-    let recurrent = Matrix::new(weights.hidden, 4 * hidden, hidden).transposed();
-    let mut cells = vec![0.0; frames * n];
-    let mut tanh_cells = vec![0.0; frames * n];
-    let mut outputs = vec![0.0; frames * n];
-    let mut last_cells = vec![0.0; n];
-    let mut last_outputs = vec![0.0; n];
+    let from_input = Matrix::new(weights.input, 4 * hidden, input).transposed().to_rows();
+    let from_input = Matrix::new(&from_input, input, 4 * hidden);
+    let from_hidden = Matrix::new(weights.hidden, 4 * hidden, hidden).transposed().to_rows();
+    let from_hidden = Matrix::new(&from_hidden, hidden, 4 * hidden);
+    let mut tape = LstmTape {
+        gates: weights.bias.repeat(frames * batch),
+        cells: vec![0.0; frames * n],
+        tanh_cells: vec![0.0; frames * n],
+        hidden: vec![0.0; frames * n],
+    };
+    let mut cells = vec![0.0; n];
+    let mut outputs = vec![0.0; n];
     for step in 0..frames {
         let frame = shape.frame(step);
-        let gates = &mut gates[frame * n_gates..(frame + 1) * n_gates];
+        let gates = &mut tape.gates[frame * n_gates..(frame + 1) * n_gates];
+        add_product(
+            gates,
+            Matrix::new(&x[frame * batch * input..(frame + 1) * batch * input], batch, input),
+            from_input,
+        );
         if step > 0 {
-            multiply(gates, Matrix::new(&last_outputs, batch, hidden), recurrent, 1.0);
+            add_product(gates, Matrix::new(&outputs, batch, hidden), from_hidden);
         }
-        for row in 0..batch {
-            let gates = &mut gates[row * 4 * hidden..(row + 1) * 4 * hidden];
-            let at = row * hidden..(row + 1) * hidden;
-            advance(hidden, gates, &mut last_cells[at.clone()]);
-            for (tanh, cell) in tanh_cells[frame * n..][at.clone()].iter_mut().zip(&last_cells[at.clone()]) {
-                *tanh = tanh_of(*cell);
-            }
-            let output_gate = &gates[3 * hidden..];
-            let tanh = &tanh_cells[frame * n..][at.clone()];
-            for ((output, gate), tanh) in last_outputs[at].iter_mut().zip(output_gate).zip(tanh) {
-                *output = gate * tanh;
-            }
-        }
-        cells[frame * n..(frame + 1) * n].copy_from_slice(&last_cells);
-        outputs[frame * n..(frame + 1) * n].copy_from_slice(&last_outputs);
+        let at = frame * n..(frame + 1) * n;
+        let tanh_cells = &mut tape.tanh_cells[at.clone()];
+        // All vector instructions that the machine has: the exponentials are most of the time.
+        AutoArch::new().dispatch(|| advance(hidden, gates, &mut cells, tanh_cells, &mut outputs));
+        tape.cells[at.clone()].copy_from_slice(&cells);
+        tape.hidden[at].copy_from_slice(&outputs);
     }
-    LstmTape { gates, cells, tanh_cells, hidden: outputs }
+    tape
 }
 
-/// Gates through their nonlinearities, and the cells one step on.
-fn advance(hidden: usize, gates: &mut [f32], cells: &mut [f32]) {
-    gates[..2 * hidden].iter_mut().for_each(|gate| *gate = sigmoid(*gate));
-    gates[2 * hidden..3 * hidden].iter_mut().for_each(|gate| *gate = tanh_of(*gate));
-    gates[3 * hidden..].iter_mut().for_each(|gate| *gate = sigmoid(*gate));
-    let (input_gates, rest) = gates.split_at(hidden);
-    let (forget_gates, rest) = rest.split_at(hidden);
-    for (((cell, i), f), g) in cells.iter_mut().zip(input_gates).zip(forget_gates).zip(rest) {
-        *cell = f * *cell + i * g;
+/// Gates of a frame through their nonlinearities, and cells and outputs one step on.
+#[inline(always)]
+fn advance(hidden: usize, gates: &mut [f32], cells: &mut [f32], tanh_cells: &mut [f32], outputs: &mut [f32]) {
+    for (row, gates) in gates.chunks_exact_mut(4 * hidden).enumerate() {
+        let at = row * hidden..(row + 1) * hidden;
+        let (cells, tanh_cells, outputs) = (&mut cells[at.clone()], &mut tanh_cells[at.clone()], &mut outputs[at]);
+        gates[..2 * hidden].iter_mut().for_each(|gate| *gate = sigmoid(*gate));
+        gates[2 * hidden..3 * hidden].iter_mut().for_each(|gate| *gate = tanh_of(*gate));
+        gates[3 * hidden..].iter_mut().for_each(|gate| *gate = sigmoid(*gate));
+        let (input_gates, rest) = gates.split_at(hidden);
+        let (forget_gates, rest) = rest.split_at(hidden);
+        let (candidates, output_gates) = rest.split_at(hidden);
+        for (((cell, i), f), g) in cells.iter_mut().zip(input_gates).zip(forget_gates).zip(candidates) {
+            *cell = f * *cell + i * g;
+        }
+        tanh_cells.iter_mut().zip(&*cells).for_each(|(tanh, cell)| *tanh = tanh_of(*cell));
+        for ((output, gate), tanh) in outputs.iter_mut().zip(output_gates).zip(&*tanh_cells) {
+            *output = gate * tanh;
+        }
     }
 }
 
@@ -116,62 +127,57 @@ pub(in crate::train) fn backward(
     tape: &LstmTape,
     grad: &[f32],
 ) -> LstmGradients {
-    let LstmShape { frames, batch, input, hidden, reversed } = shape;
-    let (n, n_gates) = (batch * hidden, 4 * batch * hidden);
-    let recurrent = Matrix::new(weights.hidden, 4 * hidden, hidden);
-    let mut grad_gates = vec![0.0; frames * n_gates];
+    let LstmShape { frames, batch, input, hidden, .. } = shape;
+    let (n, n_gates, n_input) = (batch * hidden, 4 * batch * hidden, batch * input);
+    let from_input = Matrix::new(weights.input, 4 * hidden, input);
+    let from_hidden = Matrix::new(weights.hidden, 4 * hidden, hidden);
+    let mut back = LstmGradients {
+        x: vec![0.0; frames * n_input],
+        weight_input: vec![0.0; 4 * hidden * input],
+        weight_hidden: vec![0.0; 4 * hidden * hidden],
+        bias: vec![0.0; 4 * hidden],
+    };
+    let mut grad_gates = vec![0.0; n_gates];
     let mut grad_hidden = vec![0.0; n];
     let mut grad_cells = vec![0.0; n];
     let zeros = vec![0.0; n];
     for step in (0..frames).rev() {
         let frame = shape.frame(step);
-        for (carried, given) in grad_hidden.iter_mut().zip(&grad[frame * n..(frame + 1) * n]) {
-            *carried += given;
+        let before = step.checked_sub(1).map(|step| shape.frame(step) * n..(shape.frame(step) + 1) * n);
+        let at = frame * n..(frame + 1) * n;
+        grad_hidden.iter_mut().zip(&grad[at.clone()]).for_each(|(carried, given)| *carried += given);
+        let cells_before = before.clone().map_or(&zeros[..], |before| &tape.cells[before]);
+        let gates = &tape.gates[frame * n_gates..(frame + 1) * n_gates];
+        let tanh_cells = &tape.tanh_cells[at];
+        AutoArch::new().dispatch(|| {
+            for row in 0..batch {
+                let (at, of_gates) = (row * hidden..(row + 1) * hidden, 4 * row * hidden..4 * (row + 1) * hidden);
+                back_through_row(
+                    &gates[of_gates.clone()],
+                    &tanh_cells[at.clone()],
+                    &cells_before[at.clone()],
+                    &grad_hidden[at.clone()],
+                    &mut grad_cells[at],
+                    &mut grad_gates[of_gates],
+                );
+            }
+        });
+        let of_frame = Matrix::new(&grad_gates, batch, 4 * hidden);
+        multiply(&mut grad_hidden, of_frame, from_hidden);
+        let x_at = frame * n_input..(frame + 1) * n_input;
+        add_product(&mut back.x[x_at.clone()], of_frame, from_input);
+        add_product(&mut back.weight_input, of_frame.transposed(), Matrix::new(&x[x_at], batch, input));
+        if let Some(before) = before {
+            let outputs_before = Matrix::new(&tape.hidden[before], batch, hidden);
+            add_product(&mut back.weight_hidden, of_frame.transposed(), outputs_before);
         }
-        let cells_before = match step {
-            0 => &zeros[..],
-            _ => &tape.cells[shape.frame(step - 1) * n..][..n],
-        };
-        for row in 0..batch {
-            let at = row * hidden..(row + 1) * hidden;
-            let frame_gates = frame * n_gates + row * 4 * hidden;
-            back_through_row(
-                &tape.gates[frame_gates..frame_gates + 4 * hidden],
-                &tape.tanh_cells[frame * n..][at.clone()],
-                &cells_before[at.clone()],
-                &grad_hidden[at.clone()],
-                &mut grad_cells[at],
-                &mut grad_gates[frame_gates..frame_gates + 4 * hidden],
-            );
-        }
-        let grad_of_frame = &grad_gates[frame * n_gates..(frame + 1) * n_gates];
-        if step > 0 {
-            multiply(&mut grad_hidden, Matrix::new(grad_of_frame, batch, 4 * hidden), recurrent, 0.0);
-        }
+        add_column_sums(&mut back.bias, &grad_gates);
     }
-
-    let all = Matrix::new(&grad_gates, frames * batch, 4 * hidden);
-    let mut grad_x = vec![0.0; frames * batch * input];
-    multiply(&mut grad_x, all, Matrix::new(weights.input, 4 * hidden, input), 0.0);
-    let mut weight_input = vec![0.0; 4 * hidden * input];
-    multiply(&mut weight_input, all.transposed(), Matrix::new(x, frames * batch, input), 0.0);
-    // The state that a frame starts from is the output of its neighbour, so both are one shifted block.
-    let mut weight_hidden = vec![0.0; 4 * hidden * hidden];
-    let rows = (frames - 1) * batch;
-    let (gates_at, state_at) = if reversed { (0, n) } else { (n_gates, 0) };
-    if rows > 0 {
-        let later = Matrix::new(&grad_gates[gates_at..gates_at + rows * 4 * hidden], rows, 4 * hidden);
-        let state = Matrix::new(&tape.hidden[state_at..state_at + rows * hidden], rows, hidden);
-        multiply(&mut weight_hidden, later.transposed(), state, 0.0);
-    }
-    let mut bias = vec![0.0; 4 * hidden];
-    for row in grad_gates.chunks_exact(4 * hidden) {
-        bias.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
-    }
-    LstmGradients { x: grad_x, weight_input, weight_hidden, bias }
+    back
 }
 
 /// One window's gates at one frame.
+#[inline(always)]
 fn back_through_row(
     gates: &[f32],
     tanh_cells: &[f32],
@@ -181,6 +187,9 @@ fn back_through_row(
     grad_gates: &mut [f32],
 ) {
     let hidden = tanh_cells.len();
+    let (gates, grad_gates) = (&gates[..4 * hidden], &mut grad_gates[..4 * hidden]);
+    let (cells_before, grad_hidden) = (&cells_before[..hidden], &grad_hidden[..hidden]);
+    let grad_cells = &mut grad_cells[..hidden];
     for unit in 0..hidden {
         let [i, f, g, o] = [0, 1, 2, 3].map(|gate| gates[gate * hidden + unit]);
         let tanh = tanh_cells[unit];
@@ -194,11 +203,13 @@ fn back_through_row(
 }
 
 /// Logistic function.
+#[inline(always)]
 fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// Hyperbolic tangent to 2e-7 absolute.
+#[inline(always)]
 fn tanh_of(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }
@@ -206,6 +217,7 @@ fn tanh_of(x: f32) -> f32 {
 /// Exponential to 2e-7 relative, without branches or calls so that loops over it become vector code.
 ///
 /// Cody and Waite's reduction by ln 2 in two parts, then the Taylor series on `[-ln2/2, ln2/2]` to its 7th power.
+#[inline(always)]
 fn exp(x: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits
     const LN2_HIGH: f32 = 0.693_359_4; // 355/512: exact in few bits, so its multiples are exact

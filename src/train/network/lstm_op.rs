@@ -6,10 +6,10 @@ use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
-use burn::backend::flex::FlexTensor;
 use burn::backend::{Autodiff, Flex};
 use burn::tensor::{Tensor, TensorData};
 
+use super::flex::{ON_FLEX, primitive, primitive_values, values};
 use super::lstm::{self, LstmShape, LstmTape, LstmWeights};
 
 /// Runs an LSTM from a zero state over all frames.
@@ -26,7 +26,6 @@ pub(super) fn lstm(x: Tensor<3>, weights: [Tensor<1>; 3], hidden: usize, reverse
         let tape = lstm::forward(shape, &values(x), weights);
         return Tensor::from_data(TensorData::new(tape.hidden, [frames, batch, hidden]), &device);
     }
-    const ON_FLEX: &str = "every tensor of the network is made on the flex device with autodiff";
     let x = x.try_into_primitive::<Autodiff<Flex>>().expect(ON_FLEX);
     let [w_input, w_hidden, bias] = weights.map(|w| w.try_into_primitive::<Autodiff<Flex>>().expect(ON_FLEX));
     let nodes = [x.node(), w_input.node(), w_hidden.node(), bias.node()];
@@ -84,21 +83,4 @@ impl Backward<Flex, 4> for LstmBackward {
             }
         }
     }
-}
-
-fn primitive(values: Vec<f32>, dims: &[usize]) -> FlexTensor {
-    FlexTensor::from_data(TensorData::new(values, dims))
-}
-
-fn primitive_values(tensor: FlexTensor) -> Vec<f32> {
-    floats(tensor.into_data())
-}
-
-/// A tensor's values, row-major.
-pub(in crate::train) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    floats(tensor.into_data())
-}
-
-fn floats(data: TensorData) -> Vec<f32> {
-    data.try_into_vec().expect("every tensor of the network holds float32")
 }

@@ -1,6 +1,10 @@
 //! Matrix products on slices.
+//!
+//! A tile of the result stays in registers over the whole inner axis, so neither factor is packed. Each value is summed
+//! in the order of the inner axis: the width of the machine's vectors reaches no result, only whether it fuses
+//! multiplication and addition does.
 
-use nalgebra::{DMatrixView, DMatrixViewMut, Dyn};
+use macerator::{AutoArch, Scalar, Simd, Vector, WithSimd};
 
 /// A row-major matrix, or its transpose.
 #[derive(Debug, Clone, Copy)]
@@ -14,6 +18,7 @@ pub(super) struct Matrix<'a> {
 
 impl<'a> Matrix<'a> {
     pub(super) fn new(data: &'a [f32], rows: usize, columns: usize) -> Self {
+        assert_eq!(data.len(), rows * columns, "a matrix of {rows} x {columns}");
         Matrix { data, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
@@ -27,48 +32,148 @@ impl<'a> Matrix<'a> {
         }
     }
 
-    fn view(self) -> DMatrixView<'a, f32, Dyn, Dyn> {
-        DMatrixView::from_slice_with_strides_generic(
-            self.data,
-            Dyn(self.rows),
-            Dyn(self.columns),
-            Dyn(self.row_stride),
-            Dyn(self.column_stride),
-        )
+    /// Its values, row-major.
+    pub(super) fn to_rows(self) -> Vec<f32> {
+        let at = |row: usize, column: usize| self.data[row * self.row_stride + column * self.column_stride];
+        (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| at(row, column))).collect()
     }
 }
 
-/// Products with an axis shorter than this are done by plain loops: nalgebra 0.35 sends those with up to 5 to a path of
-/// its own that doesn't hold for strided views, all others to `matrixmultiply`.
-const SMALL: usize = 8;
-
-/// `out = keep * out + a b`, `out` row-major.
-pub(super) fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>, keep: f32) {
-    if a.rows.min(a.columns).min(b.columns) < SMALL {
-        return multiply_small(out, a, b, keep);
-    }
-    // nalgebra counts columns first: the row-major `out` is the transpose of what it writes.
-    let mut out = DMatrixViewMut::<f32, Dyn, Dyn>::from_slice_with_strides_generic(
-        out,
-        Dyn(b.columns),
-        Dyn(a.rows),
-        Dyn(1),
-        Dyn(b.columns),
-    );
-    out.gemm(1.0, &b.transposed().view(), &a.transposed().view(), keep);
+/// `out = a b`, `out` row-major.
+pub(super) fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
+    out.fill(0.0);
+    add_product(out, a, b);
 }
 
-fn multiply_small(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>, keep: f32) {
-    for (row_idx, row) in out.chunks_exact_mut(b.columns.max(1)).enumerate().take(a.rows) {
-        // What is not kept isn't read either: it may be NaN.
-        row.iter_mut().for_each(|value| *value = if keep == 0.0 { 0.0 } else { keep * *value });
-        for inner in 0..a.columns {
-            let factor = a.data[row_idx * a.row_stride + inner * a.column_stride];
-            for (column, value) in row.iter_mut().enumerate() {
-                *value += factor * b.data[inner * b.row_stride + column * b.column_stride];
+/// `out += a b`, `out` row-major. Fastest where `b` is row-major: its transpose is copied first.
+pub(super) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
+    assert_eq!(a.columns, b.rows, "the inner axes of a product");
+    assert_eq!(out.len(), a.rows * b.columns, "a product of {} x {}", a.rows, b.columns);
+    if b.column_stride == 1 {
+        AutoArch::new().dispatch(Product { out, a, b });
+    } else {
+        AutoArch::new().dispatch(Product { out, a, b: Matrix::new(&b.to_rows(), b.rows, b.columns) });
+    }
+}
+
+/// `out += column sums of rows`: the gradient of a bias.
+pub(super) fn add_column_sums(out: &mut [f32], rows: &[f32]) {
+    for row in rows.chunks_exact(out.len()) {
+        out.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+}
+
+/// Adds the product of `a` and a row-major `b`.
+struct Product<'a> {
+    out: &'a mut [f32],
+    a: Matrix<'a>,
+    b: Matrix<'a>,
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self) {
+        let lanes = lanes::<S>();
+        let columns = self.b.columns;
+        let mut from = 0;
+        // 6 rows of 4 vectors fill the 32 registers of AVX-512 and NEON, 6 rows of 2 the 16 of AVX2.
+        if lanes != 8 {
+            while from + 4 * lanes <= columns {
+                self.columns::<S, 4>(from);
+                from += 4 * lanes;
+            }
+        }
+        while from + 2 * lanes <= columns {
+            self.columns::<S, 2>(from);
+            from += 2 * lanes;
+        }
+        while from + lanes <= columns {
+            self.columns::<S, 1>(from);
+            from += lanes;
+        }
+        if from < columns {
+            self.last_columns::<S>(from);
+        }
+    }
+}
+
+impl Product<'_> {
+    /// The columns of `V` vectors.
+    #[inline(always)]
+    fn columns<S: Simd, const V: usize>(&mut self, from: usize) {
+        let mut row = 0;
+        while row + 6 <= self.a.rows {
+            self.tile::<S, 6, V>(row, from);
+            row += 6;
+        }
+        while row + 2 <= self.a.rows {
+            self.tile::<S, 2, V>(row, from);
+            row += 2;
+        }
+        if row < self.a.rows {
+            self.tile::<S, 1, V>(row, from);
+        }
+    }
+
+    /// `R` rows of `V` vectors.
+    #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, so that the sums stay in registers")]
+    fn tile<S: Simd, const R: usize, const V: usize>(&mut self, row: usize, from: usize) {
+        let Matrix { data, columns: inner, row_stride, column_stride, .. } = self.a;
+        let lanes = lanes::<S>();
+        let width = self.b.columns;
+        let mut sums = [[0.0f32.splat::<S>(); V]; R];
+        for k in 0..inner {
+            let line = &self.b.data[k * self.b.row_stride + from..][..V * lanes];
+            let mut factors = [0.0f32.splat::<S>(); V];
+            for v in 0..V {
+                factors[v] = load(&line[v * lanes..(v + 1) * lanes]);
+            }
+            for r in 0..R {
+                let a = data[(row + r) * row_stride + k * column_stride].splat::<S>();
+                for v in 0..V {
+                    sums[r][v] = a.mul_add(factors[v], sums[r][v]);
+                }
+            }
+        }
+        for r in 0..R {
+            let line = &mut self.out[(row + r) * width + from..][..V * lanes];
+            for v in 0..V {
+                let part = &mut line[v * lanes..(v + 1) * lanes];
+                let sum = load::<S>(part) + sums[r][v];
+                part.copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(&sum)));
             }
         }
     }
+
+    /// The columns that fill no vector, padded to one.
+    #[inline(always)]
+    fn last_columns<S: Simd>(&mut self, from: usize) {
+        let (lanes, width) = (lanes::<S>(), self.b.columns);
+        let (n, rows) = (width - from, self.a.rows);
+        let mut b = vec![0.0; self.b.rows * lanes];
+        for (k, padded) in b.chunks_exact_mut(lanes).enumerate() {
+            padded[..n].copy_from_slice(&self.b.data[k * self.b.row_stride + from..][..n]);
+        }
+        let mut out = vec![0.0; rows * lanes];
+        Product { out: &mut out, a: self.a, b: Matrix::new(&b, self.b.rows, lanes) }.columns::<S, 1>(0);
+        for (row, padded) in out.chunks_exact(lanes).enumerate() {
+            let line = &mut self.out[row * width + from..(row + 1) * width];
+            line.iter_mut().zip(padded).for_each(|(sum, value)| *sum += value);
+        }
+    }
+}
+
+#[inline(always)]
+fn lanes<S: Simd>() -> usize {
+    size_of::<Vector<S, f32>>() / size_of::<f32>()
+}
+
+#[inline(always)]
+fn load<S: Simd>(values: &[f32]) -> Vector<S, f32> {
+    bytemuck::pod_read_unaligned(bytemuck::cast_slice(values))
 }
 
 #[cfg(test)]
@@ -78,29 +183,27 @@ mod tests {
     #[test]
     fn every_size_and_layout_gives_the_product() {
         let number = |idx: usize| ((idx * 37 + 11) % 19) as f32 - 9.0; // small whole numbers: sums are exact
+        let turned =
+            |values: &[f32], rows: usize, columns: usize| Matrix::new(values, rows, columns).transposed().to_rows();
         for rows in [1, 2, 5, 6, 8, 9, 17] {
-            for inner in [1, 3, 6, 8, 20] {
-                for columns in [1, 4, 7, 8, 13] {
+            for inner in [0, 1, 3, 8, 20] {
+                for columns in [1, 4, 7, 8, 13, 16, 39, 64, 107] {
                     let a: Vec<f32> = (0..rows * inner).map(number).collect();
                     let b: Vec<f32> = (0..inner * columns).map(|idx| number(idx + 5)).collect();
-                    let turned = |values: &[f32], rows: usize, columns: usize| -> Vec<f32> {
-                        (0..columns).flat_map(|c| (0..rows).map(move |r| values[r * columns + c])).collect()
-                    };
                     let (a_turned, b_turned) = (turned(&a, rows, inner), turned(&b, inner, columns));
-                    let expected = |keep: f32| -> Vec<f32> {
-                        let dot =
-                            |r: usize, c: usize| (0..inner).map(|i| a[r * inner + i] * b[i * columns + c]).sum::<f32>();
-                        (0..rows * columns).map(|idx| keep * 2.0 + dot(idx / columns, idx % columns)).collect()
-                    };
-                    for keep in [0.0, 1.0] {
-                        for a in [Matrix::new(&a, rows, inner), Matrix::new(&a_turned, inner, rows).transposed()] {
-                            for b in
-                                [Matrix::new(&b, inner, columns), Matrix::new(&b_turned, columns, inner).transposed()]
-                            {
-                                let mut out = vec![if keep == 0.0 { f32::NAN } else { 2.0 }; rows * columns];
-                                multiply(&mut out, a, b, keep);
-                                assert_eq!(out, expected(keep), "{rows} x {inner} x {columns}");
-                            }
+                    let dot =
+                        |r: usize, c: usize| (0..inner).map(|i| a[r * inner + i] * b[i * columns + c]).sum::<f32>();
+                    let expected: Vec<f32> = (0..rows * columns).map(|idx| dot(idx / columns, idx % columns)).collect();
+                    let onto: Vec<f32> = expected.iter().map(|value| value + 2.0).collect();
+                    for a in [Matrix::new(&a, rows, inner), Matrix::new(&a_turned, inner, rows).transposed()] {
+                        for b in [Matrix::new(&b, inner, columns), Matrix::new(&b_turned, columns, inner).transposed()]
+                        {
+                            let mut out = vec![f32::NAN; rows * columns];
+                            multiply(&mut out, a, b);
+                            assert_eq!(out, expected, "{rows} x {inner} x {columns}");
+                            out.fill(2.0);
+                            add_product(&mut out, a, b);
+                            assert_eq!(out, onto, "{rows} x {inner} x {columns}");
                         }
                     }
                 }

@@ -2,10 +2,11 @@
 
 use burn::tensor::Device;
 
-use super::super::dataset::{Batch, Dataset, Part};
+use super::super::dataset::{Batch, Dataset};
 use super::super::loss::{self, LossTerms, Measure};
 use super::super::network::{BatchNormStatistics, Network, Normalize, values};
 use super::config::TrainConfig;
+use crate::eval::Part;
 
 /// Weight of a new batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;

@@ -2,10 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::dataset::{Batch, Dataset, Part, TOUCH_GF};
+use super::super::dataset::{Batch, Dataset, TOUCH_GF};
 use super::super::error::TrainError;
+use super::super::loss::LossConfig;
 use super::super::network::Network;
 use super::step::on_threads;
+use crate::eval::Part;
 use crate::fusion::{Forces, Windows};
 
 /// Windows that are put together at once.
@@ -32,7 +34,13 @@ pub struct Validation {
 ///
 /// # Errors
 /// [`TrainError::Architecture`] when the network was made for other data.
-pub fn validate(network: &Network, dataset: &Dataset, part: Part, threads: usize) -> Result<Validation, TrainError> {
+pub fn validate(
+    network: &Network,
+    dataset: &Dataset,
+    part: Part,
+    loss: &LossConfig,
+    threads: usize,
+) -> Result<Validation, TrainError> {
     let windows: Vec<usize> = (0..dataset.n_windows(part)).collect();
     let batches: Vec<&[usize]> = windows.chunks(BATCH).collect();
     let results = on_threads(&batches, threads, |windows| -> Result<(Forces, Batch), TrainError> {
@@ -48,7 +56,7 @@ pub fn validate(network: &Network, dataset: &Dataset, part: Part, threads: usize
         truth.extend(batch.truth_gf);
     }
     let has_base = !base.is_empty();
-    let relative = |(f, t): (&f32, &f32)| f64::from((f - t).abs() / (1.0 + t.max(0.0)));
+    let relative = |(f, t): (&f32, &f32)| f64::from((f - t).abs() / (loss.offset_gf + t.max(0.0)));
     Ok(Validation {
         n: truth.len(),
         loss: force.iter().zip(&truth).map(relative).sum::<f64>() / truth.len().max(1) as f64,

@@ -1,0 +1,111 @@
+//! `tpf eval`: what a model, or the estimates in a bag, are worth against the true force.
+
+mod render;
+mod run;
+mod session;
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+pub(super) use self::render::short_text;
+use self::run::{Evaluated, Runs};
+pub(super) use self::session::recorded;
+use super::sessions::find_bags;
+use super::setup::{BackendArgs, ParamArgs};
+use super::split::SplitArgs;
+use super::zero::ZeroArgs;
+use super::{Failure, Outcome, interrupt, print, say};
+use crate::eval::{GroupBy, Split};
+
+/// Scores force and contact against the true force: per session, user, glove and substage, in the shape of the paper.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Bags, or folders of bags: one recording each, of one donning of the glove
+    #[arg(required = true, value_name = "BAG")]
+    bags: Vec<PathBuf>,
+    #[command(flatten)]
+    params: ParamArgs,
+    /// Model to score; without it the estimates in the bags, where they hold some, else the models of the parameters
+    #[arg(long, value_name = "ONNX")]
+    model: Option<PathBuf>,
+    /// Score this model too, and test what --model gains over it; may be given several times, the first is the baseline
+    #[arg(long, value_name = "ONNX")]
+    compare: Vec<PathBuf>,
+    #[command(flatten)]
+    backend: BackendArgs,
+    /// Topic of the true force, instead of the one in the parameters
+    #[arg(long, value_name = "TOPIC")]
+    truth: Option<String>,
+    #[command(flatten)]
+    split: SplitArgs,
+    /// Score every frame, not only those that `tpf train` keeps for the test: for recordings never trained on
+    #[arg(long, conflicts_with_all = ["split", "test_share"])]
+    whole: bool,
+    #[command(flatten)]
+    zero: ZeroArgs,
+    /// Also print the scores of each of these groups
+    #[arg(long, value_enum, value_delimiter = ',')]
+    by: Vec<ByArg>,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ByArg {
+    User,
+    Session,
+    Stage,
+    Substage,
+}
+
+impl From<ByArg> for GroupBy {
+    fn from(by: ByArg) -> Self {
+        match by {
+            ByArg::User => GroupBy::User,
+            ByArg::Session => GroupBy::Session,
+            ByArg::Stage => GroupBy::Stage,
+            ByArg::Substage => GroupBy::Substage,
+        }
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    interrupt::listen();
+    let result = evaluate(args)?;
+    result.sessions.iter().flat_map(|session| &session.warnings).for_each(|warning| say(warning));
+    print(&if args.json {
+        serde_json::to_string_pretty(&result)? + "\n"
+    } else {
+        render::text(&result, &args.by.iter().map(|by| GroupBy::from(*by)).collect::<Vec<_>>())
+    })?;
+    let lost = result.sessions.iter().any(|session| !session.losses.is_empty());
+    Ok(if lost { Outcome::InputLost } else { Outcome::Done })
+}
+
+/// Scores, and gives everything that was found.
+pub(super) fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
+    let cfg = args.params.load_with_truth(args.truth.as_deref())?;
+    if cfg.truth_of_region.iter().all(Option::is_none) {
+        return Err(Failure(
+            "no region has a true force; set truth_sources and truth.*.topic in the parameters, or give --truth TOPIC"
+                .to_owned(),
+        ));
+    }
+    let split = if args.whole { None } else { Some(args.split.split(0.0)?) };
+    let bags = find_bags(&args.bags)?;
+    let mut runs = Runs::new(args, cfg, &bags)?;
+    for bag in &bags {
+        runs.handle_session(bag, split, &args.zero)?;
+    }
+    runs.finish(args, split)
+}
+
+/// What was scored of each session, in words.
+fn scored(split: Option<Split>) -> &'static str {
+    match split {
+        None => "every frame",
+        Some(_) => "the held-out test part",
+    }
+}

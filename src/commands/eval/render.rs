@@ -1,0 +1,150 @@
+//! Results as a person reads them at a terminal.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use comfy_table::{Table, presets};
+
+use super::run::{Evaluated, ModelScores, Pairing};
+use crate::eval::{Distribution, GroupBy, Measure, Metric, ResultTable, Score};
+
+/// The table, and what was gained.
+pub(in crate::commands) fn short_text(result: &Evaluated) -> String {
+    let mut text = String::new();
+    heading(&mut text, result);
+    improvements(&mut text, result);
+    text
+}
+
+fn heading(text: &mut String, result: &Evaluated) {
+    let synthetic = if result.synthetic { "SYNTHETIC data: " } else { "" };
+    let sessions = match result.sessions.len() {
+        1 => "1 session".to_owned(),
+        n => format!("{n} sessions"),
+    };
+    let _ = writeln!(text, "{synthetic}{} of {sessions}\n\n{}", result.scored, result.table.text());
+}
+
+/// The tables, and a few sentences around them.
+pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
+    let mut text = String::new();
+    heading(&mut text, result);
+    if result.free_movement_table.rows.iter().any(|row| row.cells.iter().any(Option::is_some)) {
+        let _ = writeln!(text, "\nFree movement alone (poses that nobody asked for)\n");
+        let _ = writeln!(text, "{}", result.free_movement_table.text());
+    }
+    for by in by {
+        let key = key_of(*by);
+        let rows: Vec<(&str, BTreeMap<String, Score>)> =
+            result.models.iter().map(|model| (model.name.as_str(), by_group(model, key))).collect();
+        let table = ResultTable::new(rows.iter().map(|(name, scores)| (*name, scores)));
+        let _ = writeln!(text, "\nBy {key}\n\n{}", table.text());
+    }
+    improvements(&mut text, result);
+    result.paired.iter().for_each(|pairing| paired(&mut text, pairing));
+    contacts(&mut text, result);
+    text
+}
+
+fn key_of(by: GroupBy) -> &'static str {
+    match by {
+        GroupBy::User => "user",
+        GroupBy::Session => "session",
+        GroupBy::Stage => "stage",
+        GroupBy::Substage => "substage",
+        GroupBy::Glove | GroupBy::All => "glove",
+    }
+}
+
+fn by_group(model: &ModelScores, key: &str) -> BTreeMap<String, Score> {
+    let scores = model.by.get(key).into_iter().flatten();
+    scores.map(|scored| (scored.group.to_string(), scored.score.clone())).collect()
+}
+
+fn improvements(text: &mut String, result: &Evaluated) {
+    let share = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:+.1} %", -100.0 * share));
+    if !result.improvements.is_empty() {
+        let _ = writeln!(text);
+    }
+    for change in &result.improvements {
+        let _ = writeln!(
+            text,
+            "glove {}, {} to {}: MDF {}, touch error {}, MAE {}",
+            change.glove,
+            change.from,
+            change.to,
+            share(change.mdf_reduction),
+            share(change.touch_error_reduction),
+            share(change.mae_reduction)
+        );
+    }
+}
+
+fn paired(text: &mut String, pairing: &Pairing) {
+    let _ = writeln!(
+        text,
+        "\nPaired by user, {} to {} (one-sided exact Wilcoxon, Cohen's d_z)\n",
+        pairing.from, pairing.to
+    );
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header(["Glove", "Measure", "Better for", "p", "d_z", "Left out"]);
+    for test in &pairing.tests {
+        let p = test.wilcoxon.as_ref().map_or("-".to_owned(), |wilcoxon| format!("{:.4}", wilcoxon.p));
+        let d_z = match test.d_z {
+            Metric::Value(value) => format!("{value:.2}"),
+            Metric::Undefined { undefined } => undefined.to_string(),
+        };
+        let better = format!("{} of {}", test.n_improved, test.pairs.len());
+        table.add_row([test.glove.clone(), measure(test.measure).to_owned(), better, p, d_z, test.left_out.join(", ")]);
+    }
+    let _ = writeln!(text, "{table}");
+}
+
+fn measure(measure: Measure) -> &'static str {
+    match measure {
+        Measure::Ba => "BA",
+        Measure::F1 => "F1",
+        Measure::Mdf => "MDF",
+        Measure::Mae => "MAE",
+        Measure::R2 => "R2",
+    }
+}
+
+fn contacts(text: &mut String, result: &Evaluated) {
+    let _ = writeln!(text, "\nContact\n");
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header([
+        "Glove",
+        "Model",
+        "Touches",
+        "Missed",
+        "False/min",
+        "Onset ms p50 (p95)",
+        "Offset ms p50 (p95)",
+        "Removed",
+        "Delayed",
+    ]);
+    for model in &result.models {
+        for (glove, contact) in &model.contacts {
+            let found = &contact.detection;
+            let per_minute = found.air.per_minute.value().map_or("-".to_owned(), |rate| format!("{rate:.2}"));
+            let kept = contact.preservation.as_ref();
+            table.add_row([
+                glove.clone(),
+                model.name.clone(),
+                found.n_true.to_string(),
+                found.n_missed.to_string(),
+                per_minute,
+                latency(found.onset_ms.as_ref()),
+                latency(found.offset_ms.as_ref()),
+                kept.map_or("-".to_owned(), |kept| kept.n_removed.to_string()),
+                kept.map_or("-".to_owned(), |kept| kept.n_delayed.to_string()),
+            ]);
+        }
+    }
+    let _ = writeln!(text, "{table}");
+}
+
+fn latency(latency: Option<&Distribution>) -> String {
+    latency.map_or("-".to_owned(), |latency| format!("{:.0} ({:.0})", latency.p50, latency.p95))
+}

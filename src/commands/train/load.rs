@@ -1,0 +1,135 @@
+//! From bags to sessions that can be trained on: every column by the core that also runs live.
+
+use std::path::Path;
+
+use super::super::sessions::{Stopped, session_name};
+use super::super::setup::input_topics;
+use super::super::zero::ZeroArgs;
+use super::super::{Failure, interrupt, say};
+use crate::bag::{BagReader, Inputs};
+use crate::config::Config;
+use crate::eval::Split;
+use crate::recording::{Labels, Listener, Notes, RowCollector, Rows, aligned, read};
+use crate::train::{Session, SessionFrames};
+use crate::units::Stamp;
+
+/// Frames a second where neither parameters nor a model say it; the paper's.
+const DEFAULT_RATE_HZ: f64 = 100.0;
+
+/// How far the frames of a source may be from the rate that a model is trained for.
+const RATE_TOLERANCE: f64 = 0.05;
+
+/// One region's data out of bags.
+pub(super) struct Loader<'c> {
+    cfg: &'c Config,
+    region_idx: usize,
+    truth_idx: usize,
+    window: usize,
+    split: Split,
+    rate_hz: f64,
+}
+
+/// A session, and what was noted about it.
+pub(super) struct LoadedSession {
+    pub(super) session: Session,
+    pub(super) notes: Notes,
+    /// Frames that could be used but for the truth, which was not measured there.
+    pub(super) n_without_truth: usize,
+}
+
+impl<'c> Loader<'c> {
+    /// A loader of the only region of a configuration; the network's kind decides whether its joints are read.
+    pub(super) fn new(cfg: &'c Config, window: usize, split: Split) -> Result<Self, Failure> {
+        let region_idx = 0;
+        let region = &cfg.fusion.regions[region_idx];
+        let Some(truth_idx) = cfg.truth_of_region[region_idx] else {
+            return Err(Failure(format!(
+                "region {}: no force sensor tells its true force; set truth_sources and truth.*.topic in the parameters, or give --truth TOPIC",
+                region.name
+            )));
+        };
+        let rate_hz = cfg.models[region.model].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
+        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz })
+    }
+
+    /// Model frames a second.
+    pub(super) fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Reads one bag.
+    pub(super) fn load(&self, bag: &Path) -> Result<LoadedSession, Failure> {
+        let bags = [bag.to_path_buf()];
+        let in_bag = |failure: Failure| Failure(format!("{}: {failure}", bag.display()));
+        let mut topics = input_topics(self.cfg);
+        topics.truth = vec![self.cfg.truth[self.truth_idx].clone()];
+        let mut reader = BagReader::open(&bags)?;
+        let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| in_bag(error.into()))?;
+        if !inputs.has_annotations() {
+            return Err(in_bag(Failure(format!(
+                "no stage annotations on {}; training needs to know where nothing touches the glove: record that topic, or set stage_topic",
+                self.cfg.stage_topic
+            ))));
+        }
+        let zero = ZeroArgs::first(None).find(self.cfg, &bags, &[]).map_err(in_bag)?;
+        let (mut rows, fusion) = RowCollector::new(self.cfg.fusion.clone(), self.window, self.rate_hz)?;
+        let mut cores = [fusion];
+        zero.install(&mut cores[0])?;
+        let mut labels = Labels::new(&self.cfg.truth_sources[self.truth_idx..=self.truth_idx]);
+        let listener = Listener::<Stopped> {
+            on_tick: &mut |_, tick| rows.handle_tick(tick),
+            on_other: &mut |_| Ok(()),
+            is_wanted: &|_| true,
+            between: &mut |_| Ok(interrupt::check()?),
+        };
+        read(&mut reader, &mut inputs, &mut labels, &mut cores, listener).map_err(|stopped| stopped.of_bag(bag))?;
+        let [fusion] = cores;
+        inputs.check_end(fusion.missing_joints()).map_err(|error| in_bag(error.into()))?;
+        for loss in reader.losses() {
+            say(&format!("{}: input lost: {loss}", bag.display()));
+        }
+        let measured = fusion.counters().tactile.first().and_then(|source| source.measured_rate_hz);
+        if let Some(measured) = measured.filter(|hz| (hz / self.rate_hz - 1.0).abs() > RATE_TOLERANCE) {
+            let (model, rate_hz) =
+                (&self.cfg.models[self.cfg.fusion.regions[self.region_idx].model].name, self.rate_hz);
+            return Err(in_bag(Failure(format!(
+                "frames come at {measured:.1} Hz and the model is trained for {rate_hz} Hz; set model.{model}.rate_hz, or frame_clock: grid"
+            ))));
+        }
+        self.session(session_name(bag), &labels, rows.finish()).map_err(in_bag)
+    }
+
+    /// Puts rows and labels together.
+    fn session(&self, name: String, labels: &Labels, rows: Rows) -> Result<LoadedSession, Failure> {
+        let region = &self.cfg.fusion.regions[self.region_idx];
+        let (n_taxels, n_joints) = (region.taxels.len(), region.joints.len());
+        let track = &labels.truth[0];
+        let end = track.span().map_or(Stamp(i64::MIN), |(_, last)| last);
+        let tare = track
+            .tare(&labels.annotations.zero_load(end))
+            .map_err(|error| Failure(format!("truth {}: {error}", track.name())))?;
+        let cuts = self.split.cuts(&labels.annotations.stage_spans(end.offset(1)));
+        let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing.max_gap);
+        let mut frames = SessionFrames { name, n_taxels, n_joints, ..SessionFrames::default() };
+        let (mut epoch, mut last, mut n_without_truth) = (0, None, 0);
+        for (row, truth) in truth.iter().enumerate() {
+            let Some(truth) = truth else {
+                (last, n_without_truth) = (None, n_without_truth + 1);
+                continue;
+            };
+            if last != Some(rows.stretch[row]) {
+                (epoch, last) = (epoch + 1, Some(rows.stretch[row]));
+            }
+            let stamp = rows.stamp[row];
+            // Before the first annotation there is no stage: nothing there is scored either.
+            let Some(part) = cuts.part_at(stamp) else { continue };
+            frames.tactile.extend_from_slice(&rows.tactile[row * n_taxels..(row + 1) * n_taxels]);
+            frames.pose.extend_from_slice(&rows.pose[row * n_joints..(row + 1) * n_joints]);
+            frames.truth_gf.push(truth.0 as f32);
+            frames.zero_load.push(labels.annotations.at(stamp).is_some_and(|annotation| annotation.zero_load));
+            frames.part.push(part);
+            frames.epoch.push(epoch);
+        }
+        Ok(LoadedSession { session: Session::new(frames)?, notes: labels.notes.clone(), n_without_truth })
+    }
+}

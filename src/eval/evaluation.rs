@@ -1,0 +1,201 @@
+//! Everything that is measured of one series of estimates, session by session.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::contact::{ContactError, Detection, DetectionTally, Touches, Touching};
+use super::groups::{GroupBy, Origin, Tallies};
+use super::metrics::{MetricError, Score};
+use super::pose_age::{PoseAgeBin, PoseAgeTally};
+use super::preservation::{Preservation, PreservationTally};
+use super::scoring::Scoring;
+use crate::eval::Group;
+use crate::units::Stamp;
+
+/// What marks a substage of pseudo-unseen poses by its name.
+///
+/// # Source
+/// Pose-aware tactile gloves, Sec. VI-B, "Generalizability against unseen poses".
+pub const FREE_MOVEMENT: &str = "free_movement";
+
+/// How far a detected touch may lie from a true one and still be the same: debounce, and half a window of blur.
+const CONTACT_SLACK: Duration = Duration::from_millis(150);
+
+/// Truth that chatters around the threshold is one touch; shorter than a light tap is none.
+const TRUE_TOUCHES: Touching = Touching {
+    max_gap: Duration::from_millis(50),
+    join_within: Duration::from_millis(100),
+    at_least: Duration::from_millis(50),
+};
+
+/// A kept touch that the correction detects later than this is a delayed one.
+const TOLERATED_DELAY: Duration = Duration::from_millis(50);
+
+/// The frames of one session that are scored.
+///
+/// # Shapes
+/// All but `origins`: `[n_frames]`, in the order of their stamps.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ScoredFrames {
+    /// Stamps.
+    pub stamp: Vec<Stamp>,
+    /// True force, gF, tared.
+    pub truth_gf: Vec<f64>,
+    /// Estimated force, gF; `None` where there is no estimate.
+    pub estimate_gf: Vec<Option<f64>>,
+    /// Contact, with hysteresis and debounce.
+    pub contact: Vec<bool>,
+    /// The same of the base force, where the model gives it; else empty.
+    pub base_contact: Vec<bool>,
+    /// Age of the oldest joint angle, ns.
+    pub pose_age_ns: Vec<Option<i64>>,
+    /// Index into `origins`.
+    pub origin: Vec<usize>,
+    /// Where frames come from: they share glove, user and session.
+    pub origins: Vec<Origin>,
+}
+
+/// Frames that can't be scored.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the texts say it
+pub enum EvaluationError {
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+}
+
+/// What is gathered of one series of estimates.
+#[derive(Debug, Clone)]
+pub struct Evaluation {
+    /// All scored frames.
+    pub all: Tallies,
+    /// Those of free movement.
+    pub free_movement: Tallies,
+    scoring: Scoring,
+    by_glove: BTreeMap<String, ContactTallies>,
+}
+
+#[derive(Debug, Clone)]
+struct ContactTallies {
+    detection: DetectionTally,
+    preservation: PreservationTally,
+    pose_age: PoseAgeTally,
+}
+
+/// Contacts of one glove: how they were detected, and what the correction did to them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ContactReport {
+    /// Touches found, missed and invented, and how late.
+    pub detection: Detection,
+    /// What the pose correction did to true contacts; absent for estimates without a base.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preservation: Option<Preservation>,
+    /// Force error by the age of the pose.
+    pub by_pose_age: Vec<PoseAgeBin>,
+}
+
+/// Scores of one kind of group.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GroupScore {
+    /// The group.
+    #[serde(flatten)]
+    pub group: Group,
+    /// Its score.
+    #[serde(flatten)]
+    pub score: Score,
+}
+
+impl Evaluation {
+    /// Nothing yet.
+    pub fn new(scoring: Scoring) -> Self {
+        Evaluation {
+            all: Tallies::new(scoring),
+            free_movement: Tallies::new(scoring),
+            scoring,
+            by_glove: BTreeMap::new(),
+        }
+    }
+
+    /// Takes the frames of a session.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] when columns differ in length or stamps don't rise.
+    pub fn handle_session(&mut self, frames: &ScoredFrames) -> Result<(), EvaluationError> {
+        let mut start = 0;
+        for stretch in frames.origin.chunk_by(|a, b| a == b) {
+            let range = start..start + stretch.len();
+            start = range.end;
+            let Some(origin) = stretch.first().and_then(|idx| frames.origins.get(*idx)) else { continue };
+            let is_free = origin.substage.contains(FREE_MOVEMENT);
+            let pairs = || frames.truth_gf[range.clone()].iter().zip(&frames.estimate_gf[range.clone()]);
+            let tally = self.all.at(origin.clone());
+            pairs().for_each(|(truth, estimate)| tally.add(*truth, *estimate));
+            if is_free {
+                let tally = self.free_movement.at(origin.clone());
+                pairs().for_each(|(truth, estimate)| tally.add(*truth, *estimate));
+            }
+        }
+        let Some(origin) = frames.origins.first() else { return Ok(()) };
+        let tallies = self.by_glove.entry(origin.glove.clone()).or_insert_with(|| ContactTallies {
+            detection: DetectionTally::new(CONTACT_SLACK),
+            preservation: PreservationTally::new(CONTACT_SLACK, TOLERATED_DELAY),
+            pose_age: PoseAgeTally::default(),
+        });
+        tallies.handle_session(frames, &self.scoring)
+    }
+
+    /// Scores by a kind of group, in the order of their names.
+    ///
+    /// # Errors
+    /// As [`Tallies::grouped`].
+    pub fn scores(&self, by: GroupBy) -> Result<Vec<GroupScore>, MetricError> {
+        group_scores(&self.all, by)
+    }
+
+    /// Contacts by glove.
+    pub fn contacts(&self) -> BTreeMap<String, ContactReport> {
+        let report = |tallies: &ContactTallies| {
+            let preservation = tallies.preservation.preservation();
+            ContactReport {
+                detection: tallies.detection.detection(),
+                preservation: (preservation.n_true > 0).then_some(preservation),
+                by_pose_age: tallies.pose_age.bins(),
+            }
+        };
+        self.by_glove.iter().map(|(glove, tallies)| (glove.clone(), report(tallies))).collect()
+    }
+}
+
+/// Scores by a kind of group, in the order of their names.
+///
+/// # Errors
+/// As [`Tallies::grouped`].
+pub fn group_scores(tallies: &Tallies, by: GroupBy) -> Result<Vec<GroupScore>, MetricError> {
+    Ok(tallies.scores(by)?.into_iter().map(|(group, score)| GroupScore { group, score }).collect())
+}
+
+impl ContactTallies {
+    fn handle_session(&mut self, frames: &ScoredFrames, scoring: &Scoring) -> Result<(), EvaluationError> {
+        let estimate: Vec<f64> = frames.estimate_gf.iter().map(|estimate| estimate.unwrap_or(f64::NAN)).collect();
+        self.pose_age.add(&frames.truth_gf, &estimate, &frames.pose_age_ns)?;
+
+        // Frames without truth or estimate say nothing about touch: they leave a gap.
+        let known: Vec<usize> = (0..frames.stamp.len())
+            .filter(|&idx| frames.truth_gf[idx].is_finite() && estimate[idx].is_finite())
+            .collect();
+        let stamps: Vec<Stamp> = known.iter().map(|&idx| frames.stamp[idx]).collect();
+        let states = |column: &[bool]| known.iter().map(|&idx| column[idx]).collect::<Vec<bool>>();
+        let is_touch: Vec<bool> = known.iter().map(|&idx| scoring.is_touch(frames.truth_gf[idx])).collect();
+        let truth = Touches::of(&stamps, &is_touch, TRUE_TOUCHES)?;
+        let detected = Touches::of(&stamps, &states(&frames.contact), Touching::default())?;
+        self.detection.handle_session(&truth, &detected);
+        if !frames.base_contact.is_empty() {
+            let base = Touches::of(&stamps, &states(&frames.base_contact), Touching::default())?;
+            self.preservation.handle_session(&truth, &base, &detected);
+        }
+        Ok(())
+    }
+}

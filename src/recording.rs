@@ -1,0 +1,119 @@
+//! A recorded session as training and evaluation see it: what the hand was asked to do, the true force at every frame,
+//! and the model input that the fusion core builds of it.
+//!
+//! Frames come from the same [`Fusion`] as in the live node and in replay; nothing here cuts, aligns or subtracts.
+
+mod annotations;
+mod notes;
+mod rows;
+mod truth;
+
+use crate::bag::{BagError, BagMessage, BagReader, BagRecord, Input, InputError, Inputs};
+use crate::config::TruthSource;
+use crate::eval::TruthError;
+use crate::fusion::{Event, Fusion, FusionError, Tick};
+use crate::units::Stamp;
+
+pub use annotations::{Annotation, Annotations};
+pub use notes::{Notes, SESSION_NOTES};
+pub use rows::{RowCollector, Rows};
+pub use truth::{TruthCounters, TruthTrack, aligned};
+
+/// Why a recording can't be read to its end.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the texts say it
+pub enum RecordingError {
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    #[error(transparent)]
+    Input(#[from] InputError),
+    #[error(transparent)]
+    Fusion(#[from] FusionError),
+    #[error(transparent)]
+    Truth(#[from] TruthError),
+}
+
+/// What a recording says besides taxels and joint angles.
+#[derive(Debug, Clone, Default)]
+pub struct Labels {
+    /// Notes of the recorder.
+    pub notes: Notes,
+    /// What the protocol asked for.
+    pub annotations: Annotations,
+    /// `[force sensors]`: what they measured, as it was sent.
+    pub truth: Vec<TruthTrack>,
+}
+
+impl Labels {
+    /// Nothing yet, of these force sensors.
+    pub fn new(sources: &[TruthSource]) -> Self {
+        let truth = sources.iter().map(|source| TruthTrack::new(source.clone())).collect();
+        Labels { truth, ..Labels::default() }
+    }
+}
+
+/// What is told, and asked, while a recording is read.
+pub struct Listener<'a, E> {
+    /// Told of each frame of each core.
+    pub on_tick: &'a mut dyn FnMut(usize, &Tick),
+    /// Told of each message that feeds no core and labels nothing.
+    pub on_other: &'a mut dyn FnMut(&BagMessage<'_>) -> Result<(), E>,
+    /// Whether the taxels of a stamp go to the cores; stretches that are not wanted are gaps to them.
+    pub is_wanted: &'a dyn Fn(Stamp) -> bool,
+    /// Told of the bytes read so far before every message; its error stops the reading.
+    pub between: &'a mut dyn FnMut(u64) -> Result<(), E>,
+}
+
+/// Reads a recording from where the reader stands to its end: events go through every core, labels are kept.
+///
+/// # Errors
+/// [`RecordingError`] of the bag, a topic or a model, or what the listener returns.
+pub fn read<E: From<RecordingError>>(
+    reader: &mut BagReader,
+    inputs: &mut Inputs,
+    labels: &mut Labels,
+    cores: &mut [Fusion],
+    listener: Listener<'_, E>,
+) -> Result<(), E> {
+    let Listener { on_tick, on_other, is_wanted, between } = listener;
+    loop {
+        between(reader.bytes_read())?;
+        let Some(record) = reader.next_record().map_err(RecordingError::from)? else { break };
+        let message = match record {
+            BagRecord::Message(message) => message,
+            BagRecord::Metadata(metadata) => {
+                labels.notes.handle(&metadata);
+                continue;
+            }
+            BagRecord::Attachment(_) => continue,
+        };
+        match inputs.decode(&message).map_err(RecordingError::from)? {
+            Input::Event(event) => {
+                if let Event::Tactile(block) = &event
+                    && !is_wanted(block.stamp)
+                {
+                    continue;
+                }
+                for (core_idx, core) in cores.iter_mut().enumerate() {
+                    core.handle(event);
+                    drain(core_idx, core, on_tick).map_err(RecordingError::from)?;
+                }
+            }
+            Input::Truth { source, stamp, force } => labels.truth[source].handle_reading(stamp, force),
+            Input::Stage(stage) => labels.annotations.handle(stage),
+            Input::None => on_other(&message)?,
+        }
+    }
+    for (core_idx, core) in cores.iter_mut().enumerate() {
+        core.handle_end();
+        drain(core_idx, core, on_tick).map_err(RecordingError::from)?;
+    }
+    Ok(())
+}
+
+fn drain(core_idx: usize, core: &mut Fusion, on_tick: &mut dyn FnMut(usize, &Tick)) -> Result<(), FusionError> {
+    while let Some(tick) = core.poll()? {
+        on_tick(core_idx, tick);
+    }
+    Ok(())
+}

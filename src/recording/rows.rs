@@ -1,0 +1,153 @@
+//! Model input frame by frame, taken from the windows that the fusion core asks a model to run.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use crate::fusion::{
+    Contract, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError, Tick, Windows,
+};
+use crate::units::Stamp;
+
+/// The model input of one region, one row a model frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Rows {
+    /// `[n]`
+    pub stamp: Vec<Stamp>,
+    /// `[n, T]` row-major, baseline subtracted.
+    pub tactile: Vec<f32>,
+    /// `[n, P]` row-major, rad.
+    pub pose: Vec<f32>,
+    /// `[n]`: changes wherever frames are missing, or could not be used.
+    pub stretch: Vec<u32>,
+}
+
+/// A stand-in for a model that keeps the windows it is asked to run.
+///
+/// # Invariant
+/// Rows are cut from exactly the windows that a model of the same shape would be given, missing frames interpolated as
+/// for it.
+#[derive(Debug)]
+pub struct RowCollector {
+    window: usize,
+    n_taxels: usize,
+    n_joints: usize,
+    windows: Receiver<(Vec<f32>, Vec<f32>)>,
+    recent: VecDeque<(i64, Stamp)>,
+    epoch: Option<u64>,
+    last: Option<i64>,
+    n_stretches: u32,
+    rows: Rows,
+}
+
+#[derive(Debug)]
+struct Tap {
+    contract: Contract,
+    windows: Sender<(Vec<f32>, Vec<f32>)>,
+}
+
+impl Regressor for Tap {
+    fn contract(&self) -> &Contract {
+        &self.contract
+    }
+
+    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        let (tactile_len, pose_len) = (windows.tactile.len() / windows.n, windows.pose.len() / windows.n);
+        for idx in 0..windows.n {
+            let tactile = windows.tactile[idx * tactile_len..(idx + 1) * tactile_len].to_vec();
+            let pose = windows.pose[idx * pose_len..(idx + 1) * pose_len].to_vec();
+            let sent = self.windows.send((tactile, pose));
+            sent.map_err(|_| RegressError("the collector of model input is gone".to_owned()))?;
+        }
+        out.force.clear();
+        out.force.resize(windows.n, 0.0);
+        out.base.clear();
+        Ok(())
+    }
+}
+
+impl RowCollector {
+    /// A collector for the only region of a configuration, and the core that feeds it, which still needs its baseline.
+    ///
+    /// # Errors
+    /// [`SetupError`] when the region doesn't fit its sources.
+    pub fn new(mut cfg: FusionConfig, window: usize, rate_hz: f64) -> Result<(Self, Fusion), SetupError> {
+        cfg.batch = 1;
+        cfg.regions.truncate(1);
+        let (n_taxels, n_joints) = match cfg.regions.first_mut() {
+            Some(region) => {
+                region.model = 0;
+                (region.taxels.len(), region.joints.len())
+            }
+            None => (0, 0),
+        };
+        let contract = Contract {
+            window,
+            n_taxels,
+            n_joints,
+            rate_hz,
+            unit: ForceUnit::GramForce,
+            has_base: false,
+            joints: None,
+            pose_range: None,
+            mdf: None,
+        };
+        let (sender, windows) = channel();
+        let fusion = Fusion::new(cfg, vec![Box::new(Tap { contract, windows: sender })])?;
+        let collector = RowCollector {
+            window,
+            n_taxels,
+            n_joints,
+            windows,
+            recent: VecDeque::new(),
+            epoch: None,
+            last: None,
+            n_stretches: 0,
+            rows: Rows::default(),
+        };
+        Ok((collector, fusion))
+    }
+
+    /// Takes a frame of the core.
+    pub fn handle_tick(&mut self, tick: &Tick) {
+        let Some(estimate) = tick.estimates.first() else { return };
+        if self.epoch != Some(tick.epoch) {
+            self.recent.clear();
+            (self.epoch, self.last) = (Some(tick.epoch), None);
+        }
+        while self.recent.front().is_some_and(|(number, _)| tick.number - number > self.window as i64) {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((tick.number, tick.stamp));
+        if estimate.force.is_none() {
+            return;
+        }
+        let Ok((tactile, pose)) = self.windows.try_recv() else { return };
+        let known = self.last.map(|last| tick.number - last).filter(|new| *new < self.window as i64);
+        if known.is_none() {
+            self.n_stretches += 1;
+        }
+        let n_new = known.map_or(self.window, |new| new.max(0) as usize);
+        self.last = Some(tick.number);
+        let skip = self.window - n_new;
+        self.rows.tactile.extend_from_slice(&tactile[skip * self.n_taxels..]);
+        self.rows.pose.extend_from_slice(&pose[skip * self.n_joints..]);
+        for back in (0..n_new as i64).rev() {
+            self.rows.stamp.push(self.stamp_of(tick.number - back).unwrap_or(tick.stamp));
+            self.rows.stretch.push(self.n_stretches);
+        }
+    }
+
+    /// Stamp of a frame; between the ones around it where it was missing.
+    fn stamp_of(&self, number: i64) -> Option<Stamp> {
+        let after = self.recent.partition_point(|(known, _)| *known < number);
+        let &(next, to) = self.recent.get(after)?;
+        let Some(&(before, from)) = after.checked_sub(1).and_then(|idx| self.recent.get(idx)) else { return Some(to) };
+        let share = (number - before) as f64 / (next - before) as f64;
+        Some(from.offset((to.nanos_since(from) as f64 * share).round() as i64))
+    }
+
+    /// The rows so far.
+    pub fn finish(self) -> Rows {
+        self.rows
+    }
+}

@@ -1,0 +1,155 @@
+//! `tpf eval`: models and recorded estimates against the true force, session by session.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::onnx::LinearModel;
+use common::tpf::tpf;
+use serde_json::Value;
+
+const PARAMS: &str = "/**:
+  ros__parameters:
+    regions: [index]
+    tactile_sources: [glove]
+    joint_sources: [hand]
+    truth_sources: [load_cell]
+    tactile.glove: {topic: /glove/taxels, n_taxels: 6}
+    joint.hand: {topic: /hand/joint_states}
+    truth.load_cell: {topic: /load_cell/wrench}
+    model.tip: {path: model.onnx}
+    region.index: {model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}
+";
+
+/// Two users' short sessions of a synthetic glove, and a model that sums taxels.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("params.yaml"), PARAMS).unwrap();
+    let simulate = ["simulate", "--glove", "1", "--users", "2", "--sessions", "1", "--minutes=1.7", "--seed", "5"];
+    tpf(path, &[&simulate[..], &["-o", "bags"]].concat()).ok();
+    LinearModel::new(64, 6, 4).metadata("unit", "gF").write(path, "model.onnx");
+    LinearModel::new(64, 6, 0).metadata("unit", "gF").write(path, "other.onnx");
+    folder
+}
+
+fn eval(folder: &Path, more: &[&str]) -> Value {
+    tpf(folder, &[&["eval", "bags", "--params-file", "params.yaml", "--json"], more].concat()).ok().json()
+}
+
+fn named<'v>(found: &'v Value, name: &str) -> &'v Value {
+    found["models"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|model| model["name"] == name)
+        .unwrap_or_else(|| panic!("{found:#}"))
+}
+
+#[test]
+fn every_group_is_scored_and_two_models_are_compared_by_user() {
+    let folder = folder();
+    let found = eval(folder.path(), &["--model", "model.onnx", "--compare", "other.onnx"]);
+    assert_eq!(found["synthetic"], true);
+    assert_eq!(found["sessions"].as_array().unwrap().len(), 2);
+    let model = named(&found, "model");
+    let n = |group: &Value| group["coverage"]["n_scored"].as_u64().unwrap();
+    let sum = |by: &str| model["by"][by].as_array().unwrap().iter().map(n).sum::<u64>();
+    let all = n(&model["by"]["glove"][0]);
+    assert!(all > 1000, "{all}");
+    for by in ["user", "session", "stage", "substage"] {
+        assert_eq!(sum(by), all, "{by}");
+    }
+    let free: u64 = model["free_movement"]["substage"].as_array().unwrap().iter().map(n).sum();
+    let substages = model["by"]["substage"].as_array().unwrap();
+    let is_free = |group: &&Value| group["substage"].as_str().unwrap().contains("free_movement");
+    assert_eq!(free, substages.iter().filter(is_free).map(n).sum::<u64>());
+    assert!(free > 0 && free < all);
+    let pairing = &found["paired"][0];
+    assert_eq!((pairing["from"].as_str(), pairing["to"].as_str()), (Some("other"), Some("model")));
+    let measures: Vec<&str> =
+        pairing["tests"].as_array().unwrap().iter().map(|test| test["measure"].as_str().unwrap()).collect();
+    assert_eq!(measures.len(), 5, "{measures:?}");
+    assert_eq!(found["improvements"][0]["from"], "other");
+    assert!(model["contacts"]["1"]["detection"]["n_true"].as_u64().unwrap() > 5, "{model:#}");
+
+    let table = tpf(
+        folder.path(),
+        &["eval", "bags", "--params-file", "params.yaml", "--model", "model.onnx", "--by", "user,substage"],
+    );
+    let text = table.ok().stdout;
+    for told in ["SYNTHETIC", "held-out test part of 2 sessions", "MDF gF", "Free movement", "By user", "By substage"] {
+        assert!(text.contains(told), "{told}: {text}");
+    }
+}
+
+#[test]
+fn estimates_in_a_bag_score_as_the_model_that_made_them() {
+    let folder = folder();
+    let folder = folder.path();
+    let bags = ["glove1_user01_session1", "glove1_user02_session1"];
+    for bag in bags {
+        let (input, output) = (format!("bags/{bag}"), format!("merged/{bag}"));
+        fs::create_dir_all(folder.join("merged")).unwrap();
+        tpf(folder, &["replay", &input, "--params-file", "params.yaml", "-o", &output, "--merge"]).ok();
+    }
+    let by_model = eval(folder, &["--model", "model.onnx", "--whole"]);
+    let command = ["eval", "merged", "--params-file", "params.yaml", "--json", "--whole"];
+    let recorded = tpf(folder, &command).ok();
+    assert!(recorded.stderr.contains("scoring the estimates in the bags"), "{recorded:?}");
+    let recorded = recorded.json();
+    for by in ["glove", "session", "substage"] {
+        let (a, b) = (&named(&by_model, "model")["by"][by], &named(&recorded, "recorded")["by"][by]);
+        for (a, b) in a.as_array().unwrap().iter().zip(b.as_array().unwrap()) {
+            assert_eq!(a["confusion"], b["confusion"], "{by}");
+            let close = |key: &str| (a[key].as_f64(), b[key].as_f64());
+            for key in ["ba", "f1", "mae_gf"] {
+                if let (Some(a), Some(b)) = close(key) {
+                    // Newtons in the bag, grams-force here: a few roundings of float64.
+                    assert!((a - b).abs() <= 1e-9 * a.abs(), "{by} {key}: {a} {b}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_held_out_part_is_a_fifth_of_each_stage_and_of_the_whole_where_asked() {
+    let folder = folder();
+    let n = |found: &Value| named(found, "model")["by"]["glove"][0]["coverage"]["n_scored"].as_u64().unwrap() as f64;
+    let whole = eval(folder.path(), &["--model", "model.onnx", "--whole"]);
+    let by_stage = eval(folder.path(), &["--model", "model.onnx"]);
+    let by_session = eval(folder.path(), &["--model", "model.onnx", "--split", "session"]);
+    // A window's length of each cut is lost to its guard.
+    for (part, cuts) in [(&by_stage, 8.0), (&by_session, 2.0)] {
+        let share = (n(part) + cuts * 63.0) / n(&whole);
+        assert!((0.19..0.23).contains(&share), "{share}");
+    }
+    let stages = |found: &Value| named(found, "model")["by"]["stage"].as_array().unwrap().len();
+    assert!(stages(&by_session) < stages(&by_stage));
+}
+
+#[test]
+fn what_cannot_be_scored_is_said_in_one_line() {
+    let folder = folder();
+    let folder = folder.path();
+    let refused = |more: &[&str]| {
+        let command = ["eval", "bags", "--params-file", "params.yaml", "--model", "model.onnx"];
+        tpf(folder, &[&command[..], more].concat()).failure().to_owned()
+    };
+    assert!(refused(&["--truth", "/nowhere"]).contains("/nowhere"));
+    assert!(refused(&["-p", "stage_topic:=/nowhere"]).contains("no stage annotations on /nowhere"));
+    assert!(refused(&["-p", "truth.load_cell.field:=wrench.force"]).contains("wrench.force"));
+    assert!(refused(&["-p", "truth_sources:=[]"]).contains("truth"));
+    fs::write(
+        folder.join("params.yaml"),
+        PARAMS
+            .replace("    truth_sources: [load_cell]\n", "")
+            .replace("    truth.load_cell: {topic: /load_cell/wrench}\n", ""),
+    )
+    .unwrap();
+    assert!(refused(&[]).contains("no region has a true force"));
+    let found = eval(folder, &["--model", "model.onnx", "--truth", "/load_cell/wrench"]);
+    assert_eq!(found["sessions"].as_array().unwrap().len(), 2);
+}
