@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::train::*;
 
 const N_TAXELS: usize = 16;
@@ -20,8 +21,7 @@ fn dataset(kind: Kind) -> Dataset {
         name: "synthetic".into(),
         n_taxels: N_TAXELS,
         n_joints: N_JOINTS,
-        stage: vec![0; N_FRAMES],
-        substage: vec![0; N_FRAMES],
+        part: vec![Part::Train; N_FRAMES],
         epoch: vec![0; N_FRAMES],
         ..SessionFrames::default()
     };
@@ -34,8 +34,7 @@ fn dataset(kind: Kind) -> Dataset {
         frames.truth_gf.push(force);
         frames.zero_load.push(!loaded);
     }
-    let split = SplitConfig { test: 0.0, validation: 0.0, ..SplitConfig::default() };
-    let spec = WindowSpec { needs_pose: kind.uses_pose(), split, ..WindowSpec::default() };
+    let spec = WindowSpec { needs_pose: kind.uses_pose(), ..WindowSpec::default() };
     Dataset::new(vec![Session::new(frames).unwrap()], spec).unwrap()
 }
 

@@ -20,7 +20,20 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("ros", &["calibration", "config", "fusion", "model", "msg", "units"]),
     (
         "commands",
-        &["bag", "calibration", "config", "eval", "fusion", "model", "msg", "recording", "ros", "sim", "train", "units"],
+        &[
+            "bag",
+            "calibration",
+            "config",
+            "eval",
+            "fusion",
+            "model",
+            "msg",
+            "recording",
+            "ros",
+            "sim",
+            "train",
+            "units",
+        ],
     ),
 ];
 

@@ -298,7 +298,9 @@ impl Running {
             };
             let stamp = self.engine.clock.now();
             let estimates = of_source.map(stale).collect();
-            let tick = Tick { source: TactileSourceIdx(source_idx), stamp, received: stamp, estimates };
+            // No frame of the stream, so it counts in none of its epochs.
+            let (source, epoch, number) = (TactileSourceIdx(source_idx), 0, 0);
+            let tick = Tick { source, stamp, epoch, number, received: stamp, estimates };
             // Not recorded: that time passed is no event, so replay could not say it again.
             send(&self.engine, None, outgoing, &tick, None, self.active, &mut self.cdr);
         }

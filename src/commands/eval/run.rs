@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::super::setup::{load_models, without_unused_joints};
 use super::super::zero::ZeroArgs;
 use super::super::{Failure, say};
-use super::session::{Core, Labelled, SessionSummary, hold_estimates, read_estimates, run_models};
+use super::session::{Core, Labelled, Modelled, SessionSummary, hold_estimates, read_estimates, run_models};
 use super::{Args, scored};
 use crate::config::Config;
 use crate::eval::{
@@ -144,7 +144,7 @@ impl Runs {
     pub(super) fn handle_session(&mut self, bag: &Path, split: Option<Split>, zero: &ZeroArgs) -> Result<(), Failure> {
         let labelled = Labelled::read(bag, &self.cfg, split)?;
         let mut summary = labelled.summary(bag, &self.cfg)?;
-        let (columns, cores, losses) = run_models(bag, &labelled, std::mem::take(&mut self.cores), zero)?;
+        let Modelled { columns, cores, losses } = run_models(bag, &labelled, std::mem::take(&mut self.cores), zero)?;
         self.cores = cores;
         summary.losses = losses;
         let recorded = match &self.recorded {

@@ -209,14 +209,26 @@ pub(super) struct Core {
     pub(super) regressors: Vec<Box<dyn Regressor>>,
 }
 
-/// Runs models over the stretches of a session that are scored. `[models][regions]`
+/// What models made of a session.
+pub(super) struct Modelled {
+    /// `[models][regions]`
+    pub(super) columns: Vec<Vec<Column>>,
+    /// The models, for the next session.
+    pub(super) cores: Vec<Core>,
+    /// What was lost of the bag.
+    pub(super) losses: Vec<String>,
+}
+
+/// Runs models over the stretches of a session that are scored.
 pub(super) fn run_models(
     bag: &Path,
     labelled: &Labelled,
     cores: Vec<Core>,
     zero: &ZeroArgs,
-) -> Result<(Vec<Vec<Column>>, Vec<Core>, Vec<String>), Failure> {
-    let Some(first) = cores.first() else { return Ok((Vec::new(), cores, Vec::new())) };
+) -> Result<Modelled, Failure> {
+    let Some(first) = cores.first() else {
+        return Ok(Modelled { columns: Vec::new(), cores, losses: Vec::new() });
+    };
     let bags = [bag.to_path_buf()];
     let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
     // Joints of all: a model without pose has none of its own.
@@ -261,7 +273,7 @@ pub(super) fn run_models(
     }
     let losses = reader.losses().iter().map(ToString::to_string).collect();
     let cores = fusions.into_iter().zip(cfgs).map(|(fusion, cfg)| Core { cfg, regressors: fusion.into_regressors() });
-    Ok((columns, cores.collect(), losses))
+    Ok(Modelled { columns, cores: cores.collect(), losses })
 }
 
 /// Reads the estimates that a bag holds. `[regions]`
