@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::files;
 use crate::fusion::{Baseline, TactileSource};
 
 const FORMAT: &str = "tactile_pose_fusion/calibration/1";
@@ -135,11 +136,7 @@ impl Calibration {
     fn written_beside(&self, path: &Path) -> Result<tempfile::NamedTempFile, CalibrationFileError> {
         let write_error = |source| CalibrationFileError::Write { path: path.to_path_buf(), source };
         let text = serde_saphyr::to_string(self).map_err(|error| write_error(std::io::Error::other(error)))?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(write_error)?;
-        std::io::Write::write_all(&mut file, text.as_bytes()).map_err(write_error)?;
-        file.as_file().sync_all().map_err(write_error)?;
-        Ok(file)
+        files::written_beside(path, text.as_bytes()).map_err(write_error)
     }
 }
 

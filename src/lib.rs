@@ -10,6 +10,7 @@ pub mod calibration;
 pub mod commands;
 pub mod config;
 pub mod eval;
+pub mod files;
 pub mod fusion;
 pub mod model;
 pub mod msg;

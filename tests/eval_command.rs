@@ -50,7 +50,7 @@ fn named<'v>(found: &'v Value, name: &str) -> &'v Value {
 #[test]
 fn every_group_is_scored_and_two_models_are_compared_by_user() {
     let folder = folder();
-    let found = eval(folder.path(), &["--model", "model.onnx", "--compare", "other.onnx"]);
+    let found = eval(folder.path(), &["--model", "model.onnx", "--compare", "other.onnx", "--whole"]);
     assert_eq!(found["synthetic"], true);
     assert_eq!(found["sessions"].as_array().unwrap().len(), 2);
     let model = named(&found, "model");

@@ -18,6 +18,7 @@ use super::split::SplitArgs;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::config::Config;
 use crate::eval::{Part, Split};
+use crate::files;
 use crate::train::{
     Checkpoint, Dataset, GraphForm, Kind, LossConfig, ModelCard, Progress, Schedule, Session, TrainConfig, Trainer,
     WindowSpec, onnx_model,
@@ -388,16 +389,8 @@ impl Files {
     }
 }
 
-/// Writes a file whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    use std::io::Write as _;
-    let failed = |error: std::io::Error| Failure(format!("{}: {error}", path.display()));
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    file.write_all(bytes).map_err(failed)?;
-    file.as_file().sync_all().map_err(failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
-    Ok(())
+    files::replace(path, bytes).map_err(|error| Failure(format!("{}: {error}", path.display())))
 }
 
 /// The run as a person sees it: a bar, and a line with every look at the validation part.

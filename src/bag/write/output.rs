@@ -4,10 +4,11 @@ use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use tempfile::{NamedTempFile, TempDir, TempPath};
+use tempfile::{TempDir, TempPath};
 
 use super::{BagError, WriteOptions};
 use crate::bag::layout::{self, METADATA_FILE};
+use crate::files::temporary_in;
 
 /// A bag that has no name yet; dropped, it is gone.
 pub(super) struct Output {
@@ -44,7 +45,7 @@ impl Output {
         let io_error = |error| BagError::io(out, "create", error);
         let prefix = format!(".{name}.");
         if as_file {
-            let temp = new_file(&parent, &prefix).map_err(io_error)?;
+            let temp = temporary_in(&parent, &prefix).map_err(io_error)?;
             let (file, path) = temp.into_parts();
             let place = Place::File(path);
             let output =
@@ -95,7 +96,7 @@ fn put_file(
         if holds_other_bags(parent, file_name) {
             notes.push(format!("{} lists {file_name} alone, not the other bags beside it", metadata_path.display()));
         }
-        let written = new_file(parent, ".metadata.").and_then(|mut file| {
+        let written = temporary_in(parent, ".metadata.").and_then(|mut file| {
             file.write_all(metadata.as_bytes())?;
             file.as_file().sync_all()?;
             Ok(file)
@@ -197,15 +198,6 @@ fn holds_other_bags(folder: &Path, file_name: &str) -> bool {
         let name = entry.file_name().to_string_lossy().into_owned();
         name != file_name && (name.ends_with(".mcap") || name.ends_with(".db3"))
     })
-}
-
-/// A temporary file, with the permissions that any new file gets.
-fn new_file(parent: &Path, prefix: &str) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix).suffix(".tmp");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(parent)
 }
 
 /// A temporary folder, with the permissions that any new folder gets.

@@ -127,7 +127,8 @@ impl Runs {
                 (None, _) => "models of the parameters".to_owned(),
             };
             let source = SeriesSource::Core(cores.len());
-            if models.infos.iter().any(|info| info.contract.has_base) {
+            let is_judged = recorded.is_none() && cores.len() == args.compare.len();
+            if is_judged && models.infos.iter().any(|info| info.contract.has_base) {
                 series.push(Series::new(format!("{name}, base"), source.clone(), Which::Base));
             }
             series.push(Series::new(name, source, Which::Corrected));

@@ -1,6 +1,5 @@
 //! A run on disk.
 
-use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +9,7 @@ use super::super::network::Network;
 use super::adam::Adam;
 use super::config::TrainConfig;
 use super::validation::Validation;
+use crate::files;
 
 /// Version of the file.
 pub(super) const FORMAT: u32 = 1;
@@ -46,13 +46,8 @@ impl Checkpoint {
     /// [`TrainError::File`].
     pub fn save(&self, path: &Path) -> Result<(), TrainError> {
         let failed = |reason: std::io::Error| TrainError::File { path: path.to_path_buf(), reason };
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let text = serde_json::to_vec(self).map_err(|e| failed(e.into()))?;
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-        file.write_all(&text).map_err(failed)?;
-        file.as_file().sync_all().map_err(failed)?;
-        file.persist(path).map_err(|e| failed(e.error))?;
-        Ok(())
+        files::replace(path, &text).map_err(failed)
     }
 
     /// Reads one.
