@@ -1,6 +1,7 @@
 //! One file a subcommand of `tpf`: parse, call, render.
 
 mod calibrate;
+mod demo;
 mod diff;
 mod eval;
 mod inspect;
@@ -35,6 +36,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Args),
     Replay(replay::Args),
     #[cfg(feature = "ros")]
     Run(run::Args),
@@ -82,6 +84,7 @@ impl<E: std::error::Error> From<E> for Failure {
 /// [`Failure`] with the one line to show.
 pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
+        Command::Demo(args) => demo::run(&args),
         Command::Replay(args) => replay::run(&args),
         #[cfg(feature = "ros")]
         Command::Run(args) => run::run(&args),

@@ -1,0 +1,204 @@
+//! `tpf demo`: everything once, with nothing but this program: a synthetic glove, both models, the table, a picture.
+
+mod picture;
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+
+use super::{Cli, Command, Failure, Outcome, eval, interrupt, print, say, simulate};
+use crate::config;
+use crate::sim::SessionSpec;
+
+/// Seed, users and donnings of the sessions that the shipped models were trained on; the demo takes another donning.
+const TRAINING_SEED: u64 = 1;
+const TRAINING_SESSIONS: u32 = 2;
+
+/// Marks a folder as made by a demo, so that the next one may write over it.
+const MARKER: &str = "made_by_tpf_demo.txt";
+
+/// What ships for a synthetic glove.
+struct Shipped {
+    params: &'static str,
+    pose_aware: &'static [u8],
+    tactile_only: &'static [u8],
+}
+
+macro_rules! shipped {
+    ($glove:literal) => {
+        Shipped {
+            params: include_str!(concat!("../../params/glove", $glove, ".yaml")),
+            pose_aware: include_bytes!(concat!("../../models/glove", $glove, "_pose_aware.onnx")),
+            tactile_only: include_bytes!(concat!("../../models/glove", $glove, "_tactile_only.onnx")),
+        }
+    };
+}
+
+const SHIPPED: [Shipped; 3] = [shipped!("1"), shipped!("2"), shipped!("3")];
+
+/// Shows what pose-aware force is, on a synthetic glove: simulates a session that no model was trained on, replays it
+/// with the tactile-only and the pose-aware model, and compares both with the true force.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Which synthetic glove: 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts
+    #[arg(long, value_name = "1|2|3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
+    glove: u8,
+    /// Length of the session
+    #[arg(long, value_name = "M", default_value_t = 2.5)]
+    minutes: f64,
+    /// Folder for bags, models and picture, made if it isn't there
+    #[arg(short, long, value_name = "DIR", default_value = "tpf_demo")]
+    output: PathBuf,
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let shipped = &SHIPPED[usize::from(args.glove) - 1];
+    let folder = Folder { path: &args.output, glove: args.glove };
+    folder.prepare()?;
+    interrupt::listen();
+    write(&folder.params(), shipped.params.as_bytes())?;
+    write(&folder.model(Model::TactileOnly), shipped.tactile_only)?;
+    write(&folder.model(Model::PoseAware), shipped.pose_aware)?;
+    say(&format!(
+        "SYNTHETIC DEMO: a simulated glove {} on a simulated hand, no recording.\n\
+         The models know the user, and not this donning of {} minutes.\n",
+        args.glove, args.minutes
+    ));
+
+    let (user, session, seed) = (1, TRAINING_SESSIONS + 1, TRAINING_SEED);
+    let spec = SessionSpec { glove: args.glove, user, session, seed, minutes: args.minutes };
+    say(&format!("simulate a session by the paper's protocol: {}", folder.session().display()));
+    simulate::write(&spec, &folder.session(), true)?;
+
+    let mut frames = Vec::new();
+    let cfg = config::load(&folder.params(), config::DEFAULT_NODE)?;
+    for model in [Model::TactileOnly, Model::PoseAware] {
+        let replayed = folder.replayed(model);
+        say(&format!("replay it with the {} model: {}", model.name(), replayed.display()));
+        super::replay::replay(&folder.replay(model)?)?;
+        frames.push((model.name(), eval::recorded(&replayed, &cfg)?));
+    }
+    say(&format!("draw force over time: {}", folder.picture().display()));
+    write(&folder.picture(), picture::draw(&frames, args.glove)?.as_bytes())?;
+    say("score both against the true force\n");
+    let found = eval::evaluate(&folder.evaluation()?)?;
+    print(&(eval::short_text(&found) + &next_steps(&folder)))?;
+    Ok(Outcome::Done)
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Model {
+    TactileOnly,
+    PoseAware,
+}
+
+impl Model {
+    fn name(self) -> &'static str {
+        match self {
+            Model::TactileOnly => "tactile-only",
+            Model::PoseAware => "pose-aware",
+        }
+    }
+}
+
+/// Where everything goes.
+struct Folder<'a> {
+    path: &'a Path,
+    glove: u8,
+}
+
+impl Folder<'_> {
+    /// Makes the folder. One that is there is used only if a demo made it.
+    fn prepare(&self) -> Result<(), Failure> {
+        let failed = |error: std::io::Error| Failure(format!("{}: {error}", self.path.display()));
+        let marker = self.path.join(MARKER);
+        if self.path.exists() && !marker.exists() {
+            return Err(Failure(format!(
+                "{}: is there and was not made by a demo; choose another folder with -o",
+                self.path.display()
+            )));
+        }
+        for folder in ["params", "models"] {
+            std::fs::create_dir_all(self.path.join(folder)).map_err(failed)?;
+        }
+        write(&marker, b"Made by `tpf demo`, which may write over it.\n")
+    }
+
+    // Parameters and models are laid out as in the source tree, so that the parameters find their model.
+
+    fn params(&self) -> PathBuf {
+        self.path.join(format!("params/glove{}.yaml", self.glove))
+    }
+
+    fn model(&self, model: Model) -> PathBuf {
+        self.path.join(format!("models/glove{}_{}.onnx", self.glove, model.name().replace('-', "_")))
+    }
+
+    fn session(&self) -> PathBuf {
+        self.path.join("session")
+    }
+
+    fn replayed(&self, model: Model) -> PathBuf {
+        self.path.join(format!("{}.mcap", model.name().replace('-', "_")))
+    }
+
+    fn picture(&self) -> PathBuf {
+        self.path.join("force.svg")
+    }
+
+    fn replay(&self, model: Model) -> Result<super::replay::Args, Failure> {
+        let (session, params, model_path) = (self.session(), self.params(), self.model(model));
+        let output = self.replayed(model);
+        let paths = [("--params-file", &params), ("--model", &model_path), ("-o", &output)];
+        match command("replay", &session, &paths, &["--merge", "--overwrite"])? {
+            Command::Replay(args) => Ok(args),
+            _ => Err(Failure("replay is not what it was".to_owned())),
+        }
+    }
+
+    fn evaluation(&self) -> Result<eval::Args, Failure> {
+        let (session, params) = (self.session(), self.params());
+        let (judged, baseline) = (self.model(Model::PoseAware), self.model(Model::TactileOnly));
+        let paths = [("--params-file", &params), ("--model", &judged), ("--compare", &baseline)];
+        match command("eval", &session, &paths, &["--whole"])? {
+            Command::Eval(args) => Ok(args),
+            _ => Err(Failure("eval is not what it was".to_owned())),
+        }
+    }
+}
+
+/// A command as it would come from the command line, so that the demo does what anyone can do after it.
+fn command(name: &str, bag: &Path, paths: &[(&str, &PathBuf)], flags: &[&str]) -> Result<Command, Failure> {
+    let mut words: Vec<OsString> = vec!["tpf".into(), name.into(), bag.into()];
+    for (option, path) in paths {
+        words.extend([OsString::from(option), path.as_os_str().to_owned()]);
+    }
+    words.extend(flags.iter().map(OsString::from));
+    Ok(Cli::try_parse_from(words)?.command)
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    std::fs::write(path, bytes).map_err(|error| Failure(format!("{}: {error}", path.display())))
+}
+
+fn next_steps(folder: &Folder<'_>) -> String {
+    let path = folder.path.display();
+    let (session, params, picture) = (folder.session(), folder.params(), folder.picture());
+    format!(
+        "
+All of it is in {path} (synthetic): look at {picture}; open the .mcap files in Foxglove or PlotJuggler.
+
+With your own glove:
+  tpf inspect YOUR_BAG                                      what is in it, and parameters to start from
+  tpf replay YOUR_BAG --params-file P.yaml -o OUT.mcap      force and contact by a model that you have
+  tpf train YOUR_BAGS --params-file P.yaml -o MODEL.onnx    a model of your own, from bags with a load cell
+  tpf eval YOUR_BAGS --params-file P.yaml --model MODEL.onnx
+The same on this session:
+  tpf eval {session} --params-file {params} --whole --by substage
+",
+        picture = picture.display(),
+        session = session.display(),
+        params = params.display(),
+    )
+}

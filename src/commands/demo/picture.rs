@@ -1,0 +1,143 @@
+//! Force over time in a picture: truth, both models, and who said contact when.
+
+use plotters::prelude::*;
+
+use super::super::Failure;
+use crate::eval::{ScoredFrames, Scoring};
+
+/// What is shown of the session, s.
+const SPAN_S: f64 = 25.0;
+
+const SIZE: (u32, u32) = (1000, 460);
+
+/// Okabe and Ito's colours, which people tell apart however they see them.
+const ORANGE: RGBColor = RGBColor(230, 159, 0);
+const BLUE: RGBColor = RGBColor(0, 114, 178);
+const GRAY: RGBColor = RGBColor(110, 110, 110);
+
+/// An SVG of the stretch that says most: true touches, and bending that the first model takes for touch.
+pub(super) fn draw(series: &[(&str, ScoredFrames)], glove: u8) -> Result<String, Failure> {
+    let Some((_, first)) = series.first() else { return Err(Failure("there is nothing to draw".to_owned())) };
+    let mut svg = String::new();
+    let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+    paint(&root, series, first, glove).map_err(|error| Failure(format!("picture: {error}")))?;
+    drop(root);
+    Ok(svg)
+}
+
+type Painted = Result<(), Box<dyn std::error::Error>>;
+
+fn paint(
+    root: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
+    series: &[(&str, ScoredFrames)],
+    first: &ScoredFrames,
+    glove: u8,
+) -> Painted {
+    root.fill(&WHITE)?;
+    let range = telling_stretch(first);
+    let start = first.stamp.get(range.start).copied().unwrap_or_default();
+    let seconds = |frames: &ScoredFrames, idx: usize| frames.stamp[idx].nanos_since(start) as f64 * 1e-9;
+    let colours = [ORANGE, BLUE];
+    let highest = series
+        .iter()
+        .flat_map(|(_, frames)| range.clone().filter_map(|idx| frames.estimate_gf.get(idx).copied().flatten()))
+        .chain(range.clone().map(|idx| first.truth_gf[idx]))
+        .filter(|force| force.is_finite())
+        .fold(50.0_f64, f64::max)
+        * 1.1;
+
+    let (upper, lower) = root.split_vertically(SIZE.1 - 110);
+    let title = format!("Synthetic glove {glove}: force on a fingertip while the hand moves and touches");
+    let mut chart = ChartBuilder::on(&upper)
+        .caption(title, ("sans-serif", 18))
+        .margin(10)
+        .x_label_area_size(34)
+        .y_label_area_size(56)
+        .build_cartesian_2d(0.0..SPAN_S, -0.12 * highest..highest)?;
+    chart.configure_mesh().x_desc("time, s").y_desc("force, gF").light_line_style(WHITE).draw()?;
+    let truth = range.clone().filter(|&idx| first.truth_gf[idx].is_finite());
+    chart
+        .draw_series(LineSeries::new(
+            truth.map(|idx| (seconds(first, idx), first.truth_gf[idx])),
+            BLACK.stroke_width(2),
+        ))?
+        .label("true force")
+        .legend(|(x, y)| PathElement::new([(x, y), (x + 20, y)], BLACK.stroke_width(2)));
+    for ((name, frames), colour) in series.iter().zip(colours) {
+        let points = range.clone().filter_map(|idx| Some((seconds(frames, idx), (*frames.estimate_gf.get(idx)?)?)));
+        chart
+            .draw_series(LineSeries::new(points, colour.stroke_width(1)))?
+            .label(*name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .background_style(WHITE.mix(0.85))
+        .border_style(GRAY)
+        .label_font(("sans-serif", 13))
+        .draw()?;
+
+    let rows = series.len() as i32 + 1;
+    let mut contacts = ChartBuilder::on(&lower)
+        .margin_left(10)
+        .margin_right(10)
+        .margin_bottom(8)
+        .y_label_area_size(56)
+        .build_cartesian_2d(0.0..SPAN_S, 0..rows)?;
+    let scoring = Scoring::default();
+    let mut row = |idx: i32, name: &str, states: Vec<(f64, bool)>, colour: RGBColor| -> Painted {
+        let y = rows - 1 - idx;
+        for (from, to) in stretches(&states) {
+            contacts.draw_series([Rectangle::new([(from, y), (to, y + 1)], colour.mix(0.8).filled())])?;
+        }
+        let label = Text::new(format!("contact, {name}"), (0.1, y + 1), ("sans-serif", 13).into_font().color(&GRAY));
+        contacts.draw_series([label])?;
+        Ok(())
+    };
+    let states = |frames: &ScoredFrames, state: &dyn Fn(usize) -> bool| -> Vec<(f64, bool)> {
+        range.clone().filter(|idx| *idx < frames.stamp.len()).map(|idx| (seconds(frames, idx), state(idx))).collect()
+    };
+    row(0, "true", states(first, &|idx| scoring.is_touch(first.truth_gf[idx])), BLACK)?;
+    for (idx, ((name, frames), colour)) in series.iter().zip(colours).enumerate() {
+        row(idx as i32 + 1, name, states(frames, &|idx| frames.contact[idx]), colour)?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+/// From when to when a state held.
+fn stretches(states: &[(f64, bool)]) -> Vec<(f64, f64)> {
+    let mut found: Vec<(f64, f64)> = Vec::new();
+    let mut open = false;
+    for pair in states.windows(2) {
+        let ((from, state), (to, _)) = (pair[0], pair[1]);
+        match found.last_mut() {
+            Some(last) if state && open => last.1 = to,
+            _ if state => found.push((from, to)),
+            _ => {}
+        }
+        open = state;
+    }
+    found
+}
+
+/// The stretch in which the first series is most often wrong about touch, among those that hold touch and air.
+fn telling_stretch(frames: &ScoredFrames) -> std::ops::Range<usize> {
+    let n = frames.stamp.len();
+    let scoring = Scoring::default();
+    let is_touch: Vec<bool> = frames.truth_gf.iter().map(|truth| scoring.is_touch(*truth)).collect();
+    let span_ns = (SPAN_S * 1e9) as i64;
+    let mut best = (0..n.min(1), 0);
+    for start in (0..n).step_by(100) {
+        let end =
+            start + frames.stamp[start..].partition_point(|stamp| stamp.nanos_since(frames.stamp[start]) < span_ns);
+        let n_touch = is_touch[start..end].iter().filter(|touch| **touch).count();
+        let wrong = (start..end).filter(|&idx| frames.contact[idx] != is_touch[idx]).count();
+        let mixed = (end - start) / 5..=(end - start) * 4 / 5;
+        if mixed.contains(&n_touch) && wrong >= best.1 {
+            best = (start..end, wrong);
+        }
+    }
+    if best.1 > 0 { best.0 } else { 0..frames.stamp.partition_point(|at| at.nanos_since(frames.stamp[0]) < span_ns) }
+}
