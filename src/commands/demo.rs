@@ -140,7 +140,7 @@ impl Folder<'_> {
     }
 
     fn replayed(&self, model: Model) -> PathBuf {
-        self.path.join(format!("{}.mcap", model.name().replace('-', "_")))
+        self.path.join(model.name().replace('-', "_"))
     }
 
     fn picture(&self) -> PathBuf {
@@ -187,7 +187,7 @@ fn next_steps(folder: &Folder<'_>) -> String {
     let (session, params, picture) = (folder.session(), folder.params(), folder.picture());
     format!(
         "
-All of it is in {path} (synthetic): look at {picture}; open the .mcap files in Foxglove or PlotJuggler.
+All of it is in {path} (synthetic): look at {picture}; open the bags in Foxglove or PlotJuggler.
 
 With your own glove:
   tpf inspect YOUR_BAG                                      what is in it, and parameters to start from

@@ -1,5 +1,6 @@
 //! Ctrl-C and SIGTERM: work stops at the next message, so that what is half written is taken away.
 
+use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Failure, say};
@@ -8,6 +9,11 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// From now on an interrupt is noted instead of ending the process at once.
 pub(super) fn listen() {
+    static LISTENING: Once = Once::new();
+    LISTENING.call_once(register);
+}
+
+fn register() {
     if let Err(error) = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed)) {
         say(&format!("interrupts end this run at once, and may leave a hidden temporary file: {error}"));
     }

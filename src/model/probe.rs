@@ -16,6 +16,10 @@ const BATCH_TOLERANCE: f32 = 1e-4; // of the largest force of the trial
 /// A base that truly has no path from the pose comes out bit by bit the same; this leaves room for graph optimizers.
 const BASE_TOLERANCE: f32 = 1e-6; // of the largest force of the trial
 
+/// The largest force of the trial counts as at least this, in the model's unit: a model that says zero to small windows
+/// does so by terms that cancel, and what is left is their rounding.
+const SMALLEST_SCALE: f32 = 0.1;
+
 /// What the trial windows are, for people.
 const WINDOW_NAMES: [&str; N] = ["a small trial window", "a window of zeros", "a second small trial window"];
 
@@ -37,7 +41,7 @@ pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result
             });
         }
     }
-    let scale = batched.iter().flatten().fold(f32::MIN_POSITIVE, |scale, value| scale.max(value.abs()));
+    let scale = batched.iter().flatten().fold(SMALLEST_SCALE, |scale, value| scale.max(value.abs()));
 
     for window_idx in 0..N {
         let alone = run(path, session, names.len(), trial.window(window_idx))?;

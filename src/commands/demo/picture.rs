@@ -10,6 +10,10 @@ const SPAN_S: f64 = 25.0;
 
 const SIZE: (u32, u32) = (1000, 460);
 
+/// Height of the rows of contact, and width of what stands left of the axes.
+const CONTACTS_PX: u32 = 96;
+const LABELS_PX: u32 = 130;
+
 /// Okabe and Ito's colours, which people tell apart however they see them.
 const ORANGE: RGBColor = RGBColor(230, 159, 0);
 const BLUE: RGBColor = RGBColor(0, 114, 178);
@@ -46,13 +50,13 @@ fn paint(
         .fold(50.0_f64, f64::max)
         * 1.1;
 
-    let (upper, lower) = root.split_vertically(SIZE.1 - 110);
+    let (upper, lower) = root.split_vertically(SIZE.1 - CONTACTS_PX);
     let title = format!("Synthetic glove {glove}: force on a fingertip while the hand moves and touches");
     let mut chart = ChartBuilder::on(&upper)
         .caption(title, ("sans-serif", 18))
         .margin(10)
         .x_label_area_size(34)
-        .y_label_area_size(56)
+        .y_label_area_size(LABELS_PX)
         .build_cartesian_2d(0.0..SPAN_S, -0.12 * highest..highest)?;
     chart.configure_mesh().x_desc("time, s").y_desc("force, gF").light_line_style(WHITE).draw()?;
     let truth = range.clone().filter(|&idx| first.truth_gf[idx].is_finite());
@@ -82,8 +86,7 @@ fn paint(
     let mut contacts = ChartBuilder::on(&lower)
         .margin_left(10)
         .margin_right(10)
-        .margin_bottom(8)
-        .y_label_area_size(56)
+        .y_label_area_size(LABELS_PX)
         .build_cartesian_2d(0.0..SPAN_S, 0..rows)?;
     let scoring = Scoring::default();
     let mut row = |idx: i32, name: &str, states: Vec<(f64, bool)>, colour: RGBColor| -> Painted {
@@ -91,8 +94,8 @@ fn paint(
         for (from, to) in stretches(&states) {
             contacts.draw_series([Rectangle::new([(from, y), (to, y + 1)], colour.mix(0.8).filled())])?;
         }
-        let label = Text::new(format!("contact, {name}"), (0.1, y + 1), ("sans-serif", 13).into_font().color(&GRAY));
-        contacts.draw_series([label])?;
+        let middle = (CONTACTS_PX as i32 * (2 * idx + 1)) / (2 * rows) - 7; // half the height of the letters
+        lower.draw(&Text::new(format!("contact, {name}"), (8, middle), ("sans-serif", 12).into_font()))?;
         Ok(())
     };
     let states = |frames: &ScoredFrames, state: &dyn Fn(usize) -> bool| -> Vec<(f64, bool)> {
