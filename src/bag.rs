@@ -23,7 +23,8 @@ pub use inputs::{Input, InputError, InputTopics, Inputs, TopicCounters};
 pub use pass_through::PassThrough;
 pub use qos::BEST_EFFORT_QOS;
 pub use read::{
-    BagAttachment, BagChannel, BagMessage, BagMetadata, BagReader, BagRecord, BagSchema, BagSummary, Loss, RECORD_LIMIT,
+    BagAttachment, BagChannel, BagMessage, BagMetadata, BagReader, BagRecord, BagSchema, BagSummary, Loss,
+    RECORD_LIMIT, bags_at,
 };
 pub use stats::{BagStats, GAP_FACTOR, TopicStats};
 pub use write::{BagWriter, Compression, Finished, NewChannel, OutChannel, WriteOptions};

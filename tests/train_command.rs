@@ -196,7 +196,7 @@ fn recordings_that_cannot_be_trained_on_are_refused_before_training() {
         assert!(!folder.path().join("model.onnx").exists());
     }
     let folder = folder_with(&[]);
-    assert!(train(folder.path(), &[]).failure().contains("expected a bag or a folder of bags"));
+    assert!(train(folder.path(), &[]).failure().contains("the folder holds no .mcap file and no metadata.yaml"));
 }
 
 #[test]

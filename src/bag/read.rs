@@ -20,6 +20,7 @@ use channels::ChannelTable;
 pub use channels::{BagChannel, BagSchema};
 use file::{Context, McapFile};
 use head::{Head, MESSAGE_HEAD_LEN};
+pub use locate::bags_at;
 pub use loss::Loss;
 use loss::Losses;
 

@@ -9,6 +9,7 @@ use clap::Parser;
 
 use super::{Cli, Command, Failure, Outcome, eval, interrupt, print, say, simulate};
 use crate::config;
+use crate::files;
 use crate::sim::SessionSpec;
 
 /// Seed, users and donnings of the sessions that the shipped models were trained on; the demo takes another donning.
@@ -179,7 +180,7 @@ fn command(name: &str, bag: &Path, paths: &[(&str, &PathBuf)], flags: &[&str]) -
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    std::fs::write(path, bytes).map_err(|error| Failure(format!("{}: {error}", path.display())))
+    files::replace(path, bytes).map_err(|error| Failure(format!("{}: {error}", path.display())))
 }
 
 fn next_steps(folder: &Folder<'_>) -> String {

@@ -63,22 +63,23 @@ impl Annotations {
     /// The stretches of each stage, up to `end`, for [`Split::cuts`](crate::eval::Split::cuts).
     pub fn stage_spans(&self, end: Stamp) -> Vec<StageSpan<'static>> {
         const STAGES: [&str; 4] = ["outside", "1", "2", "3"];
-        let ends = self.0.iter().skip(1).map(|next| next.from).chain([end]);
-        let spans = self.0.iter().zip(ends).map(|(annotation, to)| {
-            let stage = STAGES.get(usize::from(annotation.stage)).copied().unwrap_or("other");
-            StageSpan { from: annotation.from, to, stage }
-        });
-        spans.collect()
+        let stage = |annotation: &Annotation| STAGES.get(usize::from(annotation.stage)).copied().unwrap_or("other");
+        self.spans(end)
+            .map(|(annotation, to)| StageSpan { from: annotation.from, to, stage: stage(annotation) })
+            .collect()
     }
 
     /// The stretches without load; the last one ends at `end` if nothing else ends it.
     ///
     /// Neighbours stay apart, so that drift within a long zero-load stage is followed annotation by annotation.
     pub fn zero_load(&self, end: Stamp) -> Vec<ZeroLoad> {
-        let ends = self.0.iter().skip(1).map(|next| next.from).chain([end]);
-        let stretches =
-            self.0.iter().zip(ends).filter(|(annotation, to)| annotation.zero_load && *to > annotation.from);
+        let stretches = self.spans(end).filter(|(annotation, to)| annotation.zero_load && *to > annotation.from);
         stretches.map(|(annotation, to)| ZeroLoad { from: annotation.from, to }).collect()
+    }
+
+    /// Each annotation and where it ends; the last one at `end`.
+    fn spans(&self, end: Stamp) -> impl Iterator<Item = (&Annotation, Stamp)> {
+        self.0.iter().zip(self.0.iter().skip(1).map(|next| next.from).chain([end]))
     }
 }
 

@@ -43,17 +43,7 @@ fn folder(folder: &Path) -> Result<Files, BagError> {
     if listing_path.is_file() {
         return Ok(Files { paths: listed(folder, &listing_path)?, unlisted: false });
     }
-    let entries = std::fs::read_dir(folder).map_err(|error| BagError::io(folder, "list", error))?;
-    let mut mcaps = Vec::new();
-    let mut has_sqlite = false;
-    for entry in entries {
-        let path = entry.map_err(|error| BagError::io(folder, "list", error))?.path();
-        match path.extension().and_then(|extension| extension.to_str()) {
-            Some("mcap") if path.is_file() => mcaps.push(path),
-            Some("db3") => has_sqlite = true,
-            _ => {}
-        }
-    }
+    let Contents { mut mcaps, has_sqlite, .. } = contents(folder)?;
     if mcaps.is_empty() {
         let why = match has_sqlite {
             true => format!("the folder holds a sqlite3 (.db3) bag: {CONVERT}"),
@@ -63,6 +53,53 @@ fn folder(folder: &Path) -> Result<Files, BagError> {
     }
     mcaps.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
     Ok(Files { paths: mcaps, unlisted: true })
+}
+
+/// What of a folder's entries tells whether it is a bag.
+#[derive(Default)]
+struct Contents {
+    mcaps: Vec<PathBuf>,
+    has_sqlite: bool,
+    folders: Vec<PathBuf>,
+}
+
+fn contents(folder: &Path) -> Result<Contents, BagError> {
+    let unlisted = |error| BagError::io(folder, "list", error);
+    let mut contents = Contents::default();
+    for entry in std::fs::read_dir(folder).map_err(unlisted)? {
+        let path = entry.map_err(unlisted)?.path();
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("mcap") if path.is_file() => contents.mcaps.push(path),
+            Some("db3") => contents.has_sqlite = true,
+            _ if path.is_dir() => contents.folders.push(path),
+            _ => {}
+        }
+    }
+    Ok(contents)
+}
+
+/// The bags that a path stands for: itself, or those in a folder of bags, in the order of their names. A folder without
+/// any stands for itself, so that opening it tells what is wrong.
+///
+/// # Errors
+/// [`BagError`] when a folder can't be listed.
+pub fn bags_at(path: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let itself = || vec![path.to_path_buf()];
+    if !path.is_dir() || path.join(METADATA_FILE).is_file() {
+        return Ok(itself());
+    }
+    let Contents { mcaps, folders, .. } = contents(path)?;
+    if !mcaps.is_empty() {
+        return Ok(itself());
+    }
+    let mut bags = Vec::new();
+    for folder in folders {
+        if folder.join(METADATA_FILE).is_file() || !contents(&folder)?.mcaps.is_empty() {
+            bags.push(folder);
+        }
+    }
+    bags.sort();
+    Ok(if bags.is_empty() { itself() } else { bags })
 }
 
 fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::super::setup::{load_models, without_unused_joints};
+use super::super::setup::{load_models, replace_model, shown, without_unused_joints};
 use super::super::zero::ZeroArgs;
 use super::super::{Failure, say};
 use super::session::{Core, Labelled, Modelled, SessionSummary, hold_estimates, read_estimates, run_models};
@@ -117,7 +117,7 @@ impl Runs {
             cfg.fusion.batch = BATCH;
             args.backend.apply(&mut cfg);
             if let Some(path) = path {
-                super::super::setup::replace_model(&mut cfg, path)?;
+                replace_model(&mut cfg, path)?;
             }
             let models = load_models(&cfg)?;
             without_unused_joints(&mut cfg, &models.infos);
@@ -132,7 +132,7 @@ impl Runs {
                 series.push(Series::new(format!("{name}, base"), source.clone(), Which::Base));
             }
             series.push(Series::new(name, source, Which::Corrected));
-            cores.push(Core { cfg, regressors: models.regressors });
+            cores.push(Core { cfg, infos: models.infos, regressors: models.regressors });
         }
         if recorded.is_some() {
             series.push(Series::new("recorded, base".to_owned(), SeriesSource::Recorded, Which::Base));
@@ -144,7 +144,7 @@ impl Runs {
     /// Scores one bag with every series.
     pub(super) fn handle_session(&mut self, bag: &Path, split: Option<Split>, zero: &ZeroArgs) -> Result<(), Failure> {
         let labelled = Labelled::read(bag, &self.cfg, split)?;
-        let mut summary = labelled.summary(bag, &self.cfg)?;
+        let mut summary = labelled.summary(bag, &self.cfg);
         let Modelled { columns, cores, losses } = run_models(bag, &labelled, std::mem::take(&mut self.cores), zero)?;
         self.cores = cores;
         summary.losses = losses;
@@ -179,12 +179,11 @@ impl Runs {
                 let origin =
                     Origin { glove, user: summary.user.clone(), session: summary.name.clone(), ..Origin::default() };
                 let max_gap = self.cfg.fusion.timing.max_gap;
-                let in_bag = |failure: Failure| Failure(format!("{}: {failure}", bag.display()));
-                let frames =
-                    labelled.frames(column, truth_idx, window_ns, max_gap, region.contact, &origin).map_err(in_bag)?;
+                let frames = labelled.frames(column, truth_idx, window_ns, max_gap, region.contact, &origin);
                 summary.frames_scored = summary.frames_scored.max(frames.stamp.len());
                 summary.frames_without_truth = frames.truth_gf.iter().filter(|truth| !truth.is_finite()).count();
-                series.evaluation.handle_session(&frames).map_err(|error| in_bag(error.into()))?;
+                let scored = series.evaluation.handle_session(&frames);
+                scored.map_err(|error| Failure(format!("{}: {error}", bag.display())))?;
             }
         }
         if summary.frames_scored == 0 {
@@ -204,11 +203,11 @@ impl Runs {
                 SeriesSource::Core(idx) => cores.get(idx),
                 SeriesSource::Recorded => None,
             };
-            let path = core.and_then(|core| Some(core.cfg.models.first()?.spec.path.display().to_string()));
+            let info = core.and_then(|core| core.infos.first());
             models.push(ModelScores {
                 name: one.name.clone(),
-                sha256: path.as_deref().and_then(sha256_of),
-                path,
+                sha256: info.map(|info| info.sha256.clone()),
+                path: info.map(|info| shown(&info.path)),
                 by: scores(|by| one.evaluation.scores(by))?,
                 free_movement: scores(|by| group_scores(&one.evaluation.free_movement, by))?,
                 contacts: one.evaluation.contacts(),
@@ -241,12 +240,6 @@ impl Series {
 
 fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| path.display().to_string(), |stem| stem.to_string_lossy().into_owned())
-}
-
-fn sha256_of(path: &str) -> Option<String> {
-    use sha2::{Digest, Sha256};
-    let bytes = std::fs::read(path).ok()?;
-    Some(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// From the first frame of a model's window to its last.

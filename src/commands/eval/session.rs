@@ -12,10 +12,11 @@ use super::super::zero::ZeroArgs;
 use super::super::{Failure, interrupt};
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
-use crate::eval::{Cuts, Origin, Part, ScoredFrames, Scoring, Split, ZeroLoadCheck};
+use crate::eval::{Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, ZeroLoadCheck};
 use crate::fusion::{ContactDetector, ContactThresholds, Fusion, Regressor};
+use crate::model::ModelInfo;
 use crate::msg::{ContactArray, ContactState, EstimateTopics, WireType, from_cdr};
-use crate::recording::{Labels, Listener, aligned, read};
+use crate::recording::{Labels, Listener, TruthTrack, aligned, read};
 use crate::units::{GramForce, Newton, Stamp};
 
 /// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
@@ -52,7 +53,8 @@ pub(super) struct SessionSummary {
 pub(super) struct Labelled {
     pub(super) labels: Labels,
     pub(super) cuts: Option<Cuts>,
-    end: Stamp,
+    /// `[force sensors]`: their tare over time.
+    tares: Vec<TareCurve>,
 }
 
 impl Labelled {
@@ -80,7 +82,12 @@ impl Labelled {
         let ends = labels.truth.iter().filter_map(|track| Some(track.span()?.1));
         let end = ends.max().unwrap_or(Stamp(i64::MIN));
         let cuts = split.map(|split| split.cuts(&labels.annotations.stage_spans(end.offset(1))));
-        Ok(Labelled { labels, cuts, end })
+        let zero_load = labels.annotations.zero_load(end);
+        let tare = |track: &TruthTrack| {
+            track.tare(&zero_load).map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))
+        };
+        let tares = labels.truth.iter().map(tare).collect::<Result<_, _>>()?;
+        Ok(Labelled { labels, cuts, tares })
     }
 
     /// Whether a frame is scored whose window begins at `from`.
@@ -108,12 +115,8 @@ impl Labelled {
         max_gap: std::time::Duration,
         thresholds: ContactThresholds,
         origin: &Origin,
-    ) -> Result<ScoredFrames, Failure> {
-        let track = &self.labels.truth[truth_idx];
-        let tare = track
-            .tare(&self.labels.annotations.zero_load(self.end))
-            .map_err(|error| Failure(format!("truth {}: {error}", track.name())))?;
-        let truth = aligned(track, &tare, &column.stamp, max_gap);
+    ) -> ScoredFrames {
+        let truth = aligned(&self.labels.truth[truth_idx], &self.tares[truth_idx], &column.stamp, max_gap);
         let annotations = &self.labels.annotations;
         let mut frames = ScoredFrames {
             origins: annotations
@@ -144,26 +147,21 @@ impl Labelled {
             frames.pose_age_ns.push(column.pose_age_ns[idx]);
             frames.origin.push(annotation);
         }
-        Ok(frames)
+        frames
     }
 
     /// What results say of it, but for the counts of frames.
-    pub(super) fn summary(&self, bag: &Path, cfg: &Config) -> Result<SessionSummary, Failure> {
+    pub(super) fn summary(&self, bag: &Path, cfg: &Config) -> SessionSummary {
         let notes = &self.labels.notes;
         let named = |noted: &Option<String>, set: &Option<String>| {
             noted.clone().or_else(|| set.clone()).unwrap_or_else(|| "?".to_owned())
         };
         let mut zero_load = ZeroLoadCheck::default();
-        let stretches = self.labels.annotations.zero_load(self.end);
+        let at_rest = |stamp| self.labels.annotations.at(stamp).is_some_and(|annotation| annotation.zero_load);
         let mut warnings = Vec::new();
-        for track in &self.labels.truth {
-            let tare = track
-                .tare(&stretches)
-                .map_err(|error| Failure(format!("{}: truth {}: {error}", bag.display(), track.name())))?;
-            track
-                .readings()
-                .filter(|(stamp, _)| stretches.iter().any(|at| at.from <= *stamp && *stamp < at.to))
-                .for_each(|(stamp, force)| zero_load.handle_force(&Scoring::default(), tare.tared(stamp, force)));
+        for (track, tare) in self.labels.truth.iter().zip(&self.tares) {
+            let resting = track.readings().filter(|(stamp, _)| at_rest(*stamp));
+            resting.for_each(|(stamp, force)| zero_load.handle_force(&Scoring::default(), tare.tared(stamp, force)));
             let counters = track.counters();
             if counters.late + counters.non_finite > 0 {
                 warnings.push(format!(
@@ -184,7 +182,7 @@ impl Labelled {
                 zero_load.largest_gf
             ));
         }
-        Ok(SessionSummary {
+        SessionSummary {
             name: session_name(bag),
             bag: bag.display().to_string(),
             glove: named(&notes.glove, &cfg.glove),
@@ -195,7 +193,7 @@ impl Labelled {
             zero_load,
             losses: Vec::new(),
             warnings,
-        })
+        }
     }
 }
 
@@ -206,6 +204,7 @@ fn with_truth(cfg: &Config) -> InputTopics {
 /// A model on its way through a session: its configuration, and what it made of each region.
 pub(super) struct Core {
     pub(super) cfg: Config,
+    pub(super) infos: Vec<ModelInfo>,
     pub(super) regressors: Vec<Box<dyn Regressor>>,
 }
 
@@ -231,20 +230,20 @@ pub(super) fn run_models(
     };
     let bags = [bag.to_path_buf()];
     let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
-    // Joints of all: a model without pose has none of its own.
-    let widest = cores.iter().map(|core| &core.cfg).max_by_key(|cfg| cfg.joints.len()).unwrap_or(&first.cfg);
+    // The sources are the same for all.
+    let Core { cfg, infos, .. } = first;
     let mut reader = BagReader::open(&bags)?;
-    let mut inputs = Inputs::new(input_topics(widest), &mut reader).map_err(|error| in_bag(&error))?;
-    let zero = zero.find(widest, &bags, &[]).map_err(|failure| in_bag(&failure))?;
-    let offset_ns = widest.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
+    let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
+    let zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
+    let offset_ns = cfg.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
     let mut columns: Vec<Vec<Column>> =
         cores.iter().map(|core| vec![Column::default(); core.cfg.fusion.regions.len()]).collect();
-    let (mut fusions, mut cfgs) = (Vec::new(), Vec::new());
+    let (mut fusions, mut kept) = (Vec::new(), Vec::new());
     for core in cores {
         let mut fusion = Fusion::new(core.cfg.fusion.clone(), core.regressors)?;
         zero.install(&mut fusion)?;
         fusions.push(fusion);
-        cfgs.push(core.cfg);
+        kept.push((core.cfg, core.infos));
     }
     let mut progress = Progress::bytes("eval", reader.bytes_total());
     let listener = Listener::<Stopped> {
@@ -272,7 +271,11 @@ pub(super) fn run_models(
         inputs.check_end(fusion.missing_joints()).map_err(|error| in_bag(&error))?;
     }
     let losses = reader.losses().iter().map(ToString::to_string).collect();
-    let cores = fusions.into_iter().zip(cfgs).map(|(fusion, cfg)| Core { cfg, regressors: fusion.into_regressors() });
+    let cores = fusions.into_iter().zip(kept).map(|(fusion, (cfg, infos))| Core {
+        cfg,
+        infos,
+        regressors: fusion.into_regressors(),
+    });
     Ok(Modelled { columns, cores: cores.collect(), losses })
 }
 
@@ -315,7 +318,8 @@ pub(in crate::commands) fn recorded(bag: &Path, cfg: &Config) -> Result<ScoredFr
     let (columns, _) = read_estimates(bag, cfg, &topic)?;
     let region = &cfg.fusion.regions[0];
     let truth_idx = cfg.truth_of_region[0].unwrap_or_default();
-    labelled.frames(&columns[0], truth_idx, 0, cfg.fusion.timing.max_gap, region.contact, &Origin::default())
+    let max_gap = cfg.fusion.timing.max_gap;
+    Ok(labelled.frames(&columns[0], truth_idx, 0, max_gap, region.contact, &Origin::default()))
 }
 
 /// Whether bags hold estimates of a node.
