@@ -9,6 +9,7 @@ mod node_common;
 use std::path::Path;
 
 use common::bags::write_session;
+use common::onnx::LinearModel;
 use node_common::{Feeder, Live, PARAMS, peer, write_setup};
 
 /// A node with live data, and a check of `interfaces.py` against it.
@@ -76,6 +77,29 @@ fn calibrate_gives_feedback_and_keeps_what_it_found_for_the_next_start() {
     assert!(again.contains("[INFO] calibration ") && again.contains("kept.yaml"), "{again}");
     let other = Live::start(folder.path(), &[&params[..], &["-p", "user:=bob"]].concat()).stop();
     assert!(other.contains("made for user \"ada\", the parameters say \"bob\""), "{other}");
+}
+
+#[test]
+fn a_calibration_of_another_model_is_refused_at_the_start() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 4);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "    calibration.file: kept.yaml\n");
+    let params = ["--params-file", "live.yaml"];
+    let live = Live::start(folder.path(), &params);
+    let feeder = Feeder::start(&python, &["both", "60"], folder.path());
+    run(&python, &["calibrate"], folder.path());
+    drop(feeder);
+    live.stop();
+    LinearModel::new(4, 2, 2).gains(0.008, 0.02).metadata("unit", "N").write(folder.path(), "model.onnx");
+    let other = Live::start(folder.path(), &params).stop();
+    let refusal = "kept.yaml: was judged with another model tip than this one; calibrate again; until then no force";
+    assert!(other.contains(refusal), "{other}");
+}
+
+#[test]
+fn a_calibration_that_is_cancelled_leaves_the_zero_and_the_way_free() {
+    check(&[], "", &["both", "60"], &["cancel"]);
 }
 
 #[test]

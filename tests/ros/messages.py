@@ -102,6 +102,24 @@ class GetResultResponse(IdlStruct, typename="tactile_pose_fusion.action.dds_.Cal
 
 
 @dataclass
+class GoalInfo(IdlStruct, typename="action_msgs.msg.dds_.GoalInfo_"):
+    goal_id: array[uint8, 16]
+    stamp: Time
+
+
+@dataclass
+class CancelRequest(IdlStruct, typename="action_msgs.srv.dds_.CancelGoal_Request_"):
+    goal_id: array[uint8, 16]
+    stamp: Time
+
+
+@dataclass
+class CancelResponse(IdlStruct, typename="action_msgs.srv.dds_.CancelGoal_Response_"):
+    return_code: int8
+    goals: sequence[GoalInfo]
+
+
+@dataclass
 class FeedbackMessage(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calibrate_FeedbackMessage_"):
     goal_id: array[uint8, 16]
     time_left: Duration
