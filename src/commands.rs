@@ -1,6 +1,7 @@
 //! One file a subcommand of `tpf`: parse, call, render.
 
 mod calibrate;
+mod checks;
 mod demo;
 mod diff;
 mod eval;

@@ -7,6 +7,7 @@ mod contact;
 mod curve;
 mod diff;
 mod evaluation;
+mod gates;
 mod groups;
 mod metric;
 mod metrics;
@@ -27,6 +28,7 @@ pub use diff::{
 pub use evaluation::{
     ContactReport, Evaluation, EvaluationError, FREE_MOVEMENT, GroupScore, ScoredFrames, group_scores,
 };
+pub use gates::{Check, Gate, GateError, GateMetric, Gates, Only, Scored, Verdict};
 pub use groups::{Group, GroupBy, Origin, PairedTest, Tallies, UserPair, paired_by_user};
 pub use metric::{Metric, Undefined};
 pub use metrics::{Confusion, Coverage, Measure, MetricError, Score, Tally};

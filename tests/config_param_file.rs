@@ -185,9 +185,17 @@ fn an_override_for_another_node_is_left_alone() {
 }
 
 #[test]
+fn an_override_can_name_a_topic() {
+    let mut tree = ParamTree::empty(DEFAULT_NODE);
+    let key = "qos_overrides./glove/taxels.subscription.depth";
+    assert_eq!(tree.set_override(&format!("{key}:=5")), Ok(true));
+    assert!(tree.get(key).is_some());
+}
+
+#[test]
 fn each_malformed_override_is_refused_with_its_reason() {
     let mut tree = ParamTree::empty(DEFAULT_NODE);
-    let keys = "a key is made of letters, digits and '_', with '.' between its parts";
+    let keys = "a key is made of letters, digits, '_' and '/', with '.' between its parts";
     for (rule, reason) in [
         ("x=5", "expected key:=value"),
         ("x:=", "it has no value; write key:=\"\" for empty text"),
@@ -197,6 +205,8 @@ fn each_malformed_override_is_refused_with_its_reason() {
         ("use-x:=1", keys),
         ("x :=1", keys),
         ("x.:=1", keys),
+        ("x..y:=1", keys),
+        ("x.1/a:=1", keys),
         ("~x:=1", keys),
         (":=1", keys),
         ("/ns/node2:x:=1", "the node before ':' must be a name without '/'"),

@@ -106,3 +106,35 @@ fn a_bag_without_estimates_and_a_cut_one_are_told() {
     assert_eq!(cut.code, 1, "{cut:?}");
     assert!(cut.stderr.contains("input lost: b.mcap"), "{cut:?}");
 }
+
+#[test]
+fn a_comparison_is_written_as_checks_that_a_junit_parser_reads() {
+    let folder = golden();
+    let folder = folder.path();
+    replay(folder, "b.mcap", &[]);
+    diff(folder, &["--junit", "same.xml", "--jsonl", "same.jsonl"]).ok();
+    LinearModel::new(64, 2, 1).gains(1.0, 21.0).metadata("unit", "gF").write(folder, "model.onnx");
+    fs::remove_file(folder.join("b.mcap")).unwrap();
+    replay(folder, "b.mcap", &[]);
+    let run = diff(folder, &["--junit", "other.xml", "--jsonl", "other.jsonl"]);
+    assert_eq!(run.code, 1, "{run:?}");
+    let verdicts = |file: &str| {
+        let text = fs::read_to_string(folder.join(file)).unwrap();
+        let checks = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+        checks.map(|check| (check["name"].to_string(), check["verdict"].to_string())).collect::<Vec<_>>()
+    };
+    let (same, other) = (verdicts("same.jsonl"), verdicts("other.jsonl"));
+    assert!(same.len() == other.len() && same.iter().all(|(_, verdict)| verdict == "\"passed\""), "{same:?}");
+    assert!(other.contains(&("\"index: force\"".into(), "\"failed\"".into())), "{other:?}");
+    assert!(other.contains(&("\"index: force_base\"".into(), "\"passed\"".into())), "{other:?}");
+
+    let Some(python) = common::skip::python() else { return };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/read_junit.py");
+    let output = std::process::Command::new(python).arg(script).arg(folder.join("other.xml")).output().unwrap();
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["tests"], other.len());
+    let n_failed = other.iter().filter(|(_, verdict)| verdict == "\"failed\"").count();
+    assert_eq!(found["failures"], n_failed);
+    let force = found["cases"].as_array().unwrap().iter().find(|case| case["name"] == "index: force").unwrap();
+    assert!(force["failed"][0].as_str().unwrap().contains("differ, first at"), "{force}");
+}

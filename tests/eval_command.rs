@@ -153,3 +153,87 @@ fn what_cannot_be_scored_is_said_in_one_line() {
     let found = eval(folder, &["--model", "model.onnx", "--truth", "/load_cell/wrench"]);
     assert_eq!(found["sessions"].as_array().unwrap().len(), 2);
 }
+
+#[test]
+fn gates_pass_on_what_they_were_stored_for_and_fail_on_a_worse_model() {
+    let folder = folder();
+    let path = folder.path();
+    fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("params/gates.yaml"), path.join("default.yaml")).unwrap();
+    let gates = "reference: stored.json
+gates:
+- {metric: mae_gf, by: user, worse_by_share: 0.01}
+- {metric: ba, free_movement: true, worse_by: 0.001}
+- {metric: onset_ms_p95, at_most: 10000.0}
+- {metric: mdf_gf, by: substage, at_most: 1.0e+6, skip_undefined: true}
+";
+    fs::write(path.join("gates.yaml"), gates).unwrap();
+    let command = ["eval", "bags", "--params-file", "params.yaml", "--gate", "gates.yaml", "--model"];
+    let run = |more: &[&str]| tpf(path, &[&command[..], more].concat());
+
+    let unknown = run(&["model.onnx"]);
+    assert_eq!(unknown.code, 1);
+    assert!(
+        unknown.stderr.contains("stored.json") && unknown.stderr.contains("--update-refs writes it"),
+        "{unknown:?}"
+    );
+    let stored = run(&["model.onnx", "--update-refs"]).ok();
+    assert!(stored.stderr.contains("now holds 3 reference values"), "{stored:?}");
+    let reference = fs::read_to_string(path.join("stored.json")).unwrap();
+    let again = run(&["model.onnx", "--junit", "junit.xml", "--jsonl", "checks.jsonl"]).ok();
+    assert!(again.stdout.contains("0 failed"), "{again:?}");
+
+    LinearModel::new(64, 6, 4).gains(5.0, 50.0).metadata("unit", "gF").write(path, "worse.onnx");
+    let worse = run(&["worse.onnx", "--junit", "worse.xml", "--jsonl", "worse.jsonl"]);
+    assert_eq!(worse.code, 1, "{worse:?}");
+    assert!(worse.stdout.contains("FAILED  mae_gf: 1 / 1: "), "{worse:?}");
+    assert_eq!(fs::read_to_string(path.join("stored.json")).unwrap(), reference, "a failed gate stores nothing");
+    let (passed, failed) = (checks(path, "checks.jsonl"), checks(path, "worse.jsonl"));
+    let names = |checks: &[Value]| checks.iter().map(|check| check["name"].to_string()).collect::<Vec<_>>();
+    assert_eq!(names(&passed), names(&failed));
+    let verdicts = |checks: &[Value], verdict| checks.iter().filter(|check| check["verdict"] == verdict).count();
+    assert_eq!(verdicts(&passed, "failed"), 0);
+    assert!(verdicts(&passed, "skipped") > 0 && verdicts(&failed, "failed") >= 2);
+    let junit = fs::read_to_string(path.join("worse.xml")).unwrap();
+    assert!(junit.contains("<failure") && junit.contains("<skipped"), "{junit}");
+    run(&["worse.onnx", "--update-refs"]).ok();
+    run(&["worse.onnx"]).ok();
+    tpf(
+        path,
+        &[
+            "eval",
+            "bags",
+            "--params-file",
+            "params.yaml",
+            "--model",
+            "model.onnx",
+            "--gate",
+            "default.yaml",
+            "--update-refs",
+        ],
+    );
+    assert!(path.join("gates.reference.json").exists(), "the default gates can be read");
+}
+
+fn checks(folder: &Path, file: &str) -> Vec<Value> {
+    let text = fs::read_to_string(folder.join(file)).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn gates_that_can_not_be_meant_are_refused_before_anything_is_scored() {
+    let folder = folder();
+    let path = folder.path();
+    for (gates, reason) in [
+        ("gates: [{metric: speed, at_most: 1.0}]", "speed"),
+        ("gates: [{metric: ba}]", "gate 1 (ba): expected at_least, at_most, worse_by or worse_by_share"),
+        ("gates: [{metric: ba, at_lest: 1.0}]", "at_lest"),
+    ] {
+        fs::write(path.join("gates.yaml"), gates).unwrap();
+        let refused = tpf(path, &["eval", "nowhere", "--params-file", "params.yaml", "--gate", "gates.yaml"]);
+        assert_eq!(refused.code, 1);
+        assert!(refused.stderr.starts_with("tpf: gates.yaml: ") && refused.stderr.contains(reason), "{refused:?}");
+        assert_eq!(refused.stderr.trim().lines().count(), 1, "{refused:?}");
+    }
+    let alone = tpf(path, &["eval", "bags", "--params-file", "params.yaml", "--junit", "a.xml"]);
+    assert!(alone.stderr.contains("give --gate"), "{alone:?}");
+}

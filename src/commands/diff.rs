@@ -6,9 +6,12 @@ use std::path::{Path, PathBuf};
 
 use comfy_table::{Table, presets};
 
+use super::checks::CheckArgs;
 use super::{Failure, Outcome, print, say};
 use crate::bag::BagReader;
-use crate::eval::{Diff, DiffConfig, Difference, EstimateRecord, FieldValue, Moment, OnlyIn, RegionDiff, diff};
+use crate::eval::{
+    Check, Diff, DiffConfig, Difference, EstimateRecord, FieldValue, Moment, OnlyIn, RegionDiff, Verdict, diff,
+};
 use crate::fusion::{ContactEvent, Flags};
 use crate::msg::{ContactArray, ContactState, Time, WireType, WrenchStamped, from_cdr};
 use crate::units::{Newton, Stamp};
@@ -23,6 +26,8 @@ pub(super) struct Args {
     /// Largest difference of a force, in N, that is none; 0 compares bit by bit
     #[arg(long, value_name = "N", default_value_t = 0.0)]
     tolerance_n: f64,
+    #[command(flatten)]
+    checks: CheckArgs,
     /// Print the comparison as JSON
     #[arg(long)]
     json: bool,
@@ -39,6 +44,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let losses: Vec<String> =
         [&a, &b].iter().flat_map(|records| records.reader.losses()).map(ToString::to_string).collect();
     losses.iter().for_each(|loss| say(&format!("input lost: {loss}")));
+    if args.checks.are_wanted() {
+        args.checks.write("tpf diff", &checks_of(&found, args))?;
+    }
     let text = match args.json {
         true => serde_json::to_string_pretty(&found)? + "\n",
         false => rendered(&found, args),
@@ -149,6 +157,38 @@ fn record_of(stamp: Time, state: &ContactState, wrench: Option<[f64; 6]>) -> Est
 
 fn stamp_of(time: Time) -> Stamp {
     Stamp::from_sec_nanosec(time.sec, time.nanosec)
+}
+
+/// Frames and fields of each region, a check each.
+fn checks_of(found: &Diff, args: &Args) -> Vec<Check> {
+    let mut checks = Vec::new();
+    for (region, diff) in &found.regions {
+        let mut push = |what: &str, n_different: u64, expected: String, reason: String| {
+            let verdict = if n_different == 0 { Verdict::Passed } else { Verdict::Failed(reason) };
+            checks.push(Check {
+                name: format!("{region}: {what}"),
+                value: Some(n_different as f64),
+                expected,
+                verdict,
+            });
+        };
+        for (only, bag) in [(&diff.only_in_a, &args.a), (&diff.only_in_b, &args.b)] {
+            let reason = format!("{} frames are in {} only", only.n, bag.display());
+            push(&format!("frames only in {}", if bag == &args.a { "a" } else { "b" }), only.n, "0".to_owned(), reason);
+        }
+        for field in &diff.fields {
+            let first = field.first.as_ref().map_or(String::new(), |first| {
+                format!(", first at {}: {} and {}", at(&first.at), value(&first.a), value(&first.b))
+            });
+            let reason = format!("{} of {} differ{first}", field.n_different, field.n_compared);
+            push(field.field.name(), field.n_different, agreement_wanted(args.tolerance_n), reason);
+        }
+    }
+    checks
+}
+
+fn agreement_wanted(tolerance_n: f64) -> String {
+    if tolerance_n == 0.0 { "equal bit by bit".to_owned() } else { format!("equal within {tolerance_n} N") }
 }
 
 fn rendered(found: &Diff, args: &Args) -> String {

@@ -1,5 +1,6 @@
 //! `tpf eval`: what a model, or the estimates in a bag, are worth against the true force.
 
+mod gates;
 mod render;
 mod run;
 mod session;
@@ -8,9 +9,11 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
+use self::gates::GateFile;
 pub(super) use self::render::short_text;
 use self::run::{Evaluated, Runs};
 pub(super) use self::session::recorded;
+use super::checks::{self, CheckArgs};
 use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
 use super::split::SplitArgs;
@@ -47,6 +50,14 @@ pub(super) struct Args {
     /// Also print the scores of each of these groups
     #[arg(long, value_enum, value_delimiter = ',')]
     by: Vec<ByArg>,
+    /// Hold what --model scored, or the estimates in the bags, against these limits; leaves with 1 where one is not met
+    #[arg(long, value_name = "GATES.yaml")]
+    gate: Option<PathBuf>,
+    /// Make what was scored the reference of the gates
+    #[arg(long, requires = "gate")]
+    update_refs: bool,
+    #[command(flatten)]
+    checks: CheckArgs,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -73,7 +84,15 @@ impl From<ByArg> for GroupBy {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen();
-    let result = evaluate(args)?;
+    if args.gate.is_none() && args.checks.are_wanted() {
+        return Err(Failure("--junit and --jsonl write how gates went; give --gate GATES.yaml".to_owned()));
+    }
+    let gates = args.gate.as_deref().map(GateFile::read).transpose()?;
+    let mut result = evaluate(args)?;
+    if let Some(gates) = &gates {
+        result.checks = gates.judge(&result, args.update_refs)?;
+        args.checks.write("tpf eval", &result.checks)?;
+    }
     result.sessions.iter().flat_map(|session| &session.warnings).for_each(|warning| say(warning));
     print(&if args.json {
         serde_json::to_string_pretty(&result)? + "\n"
@@ -81,7 +100,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         render::text(&result, &args.by.iter().map(|by| GroupBy::from(*by)).collect::<Vec<_>>())
     })?;
     let lost = result.sessions.iter().any(|session| !session.losses.is_empty());
-    Ok(if lost { Outcome::InputLost } else { Outcome::Done })
+    Ok(match (checks::are_met(&result.checks), lost) {
+        (false, _) => Outcome::NotMet,
+        (true, true) => Outcome::InputLost,
+        (true, false) => Outcome::Done,
+    })
 }
 
 /// Scores, and gives everything that was found.

@@ -114,7 +114,7 @@ struct LossArgs {
     /// Weight of the base force loss; the paper's is 1
     #[arg(long, value_name = "W", default_value_t = LossConfig::default().base_weight)]
     base_weight: f32,
-    /// What the relative force losses add to the true force in their denominator; the paper's 1, read as grams-force
+    /// What the relative force losses add to the true force in their denominator; the paper's 1, read as newtons
     #[arg(long, value_name = "GF", default_value_t = LossConfig::default().offset_gf)]
     offset_gf: f32,
     /// Leave the base force loss out

@@ -77,8 +77,8 @@ impl ParamTree {
             Some((node, key)) => (Some(node), key),
             None => (None, target),
         };
-        if !key.split('.').all(is_key_token) {
-            return Err(refuse("a key is made of letters, digits and '_', with '.' between its parts"));
+        if !key.split('.').all(is_key_part) {
+            return Err(refuse("a key is made of letters, digits, '_' and '/', with '.' between its parts"));
         }
         let meant = match node {
             Some(node) if !is_key_token(node) => return Err(refuse("the node before ':' must be a name without '/'")),
@@ -306,6 +306,11 @@ fn value_of(node: &Node) -> Result<Option<ParamValue>, RefusedArray> {
         }
     }
     ParamValue::array(values).map(Some).map_err(RefusedArray::Mixed)
+}
+
+/// What rcl takes between the dots of a key before `:=`: tokens, and slashes for names of topics.
+fn is_key_part(part: &str) -> bool {
+    !part.is_empty() && part.split('/').all(|token| token.is_empty() || is_key_token(token))
 }
 
 /// What rcl takes as a token of a key or a node before `:=`.

@@ -43,6 +43,20 @@ pub enum GroupBy {
     Substage,
 }
 
+impl GroupBy {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            GroupBy::All => "all",
+            GroupBy::Glove => "glove",
+            GroupBy::User => "user",
+            GroupBy::Session => "session",
+            GroupBy::Stage => "stage",
+            GroupBy::Substage => "substage",
+        }
+    }
+}
+
 /// Frames that are scored together: what they have in common.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub struct Group {

@@ -15,14 +15,15 @@ pub struct LossConfig {
     pub base_weight: f32,
     /// The paper's lambda, weight of the zero-load tactile term; it depends on the glove, and 0 leaves it out.
     pub lambda: f32,
-    /// What the denominator of the relative losses adds to the true force, gF; the paper's is 1.
+    /// What the denominator of the relative losses adds to the true force, gF. The paper's is 1, without a unit; read as
+    /// 1 N it is 102 gF, read as 1 gF the network won't risk to report light touches (docs/validation).
     pub offset_gf: f32,
 }
 
 impl Default for LossConfig {
     fn default() -> Self {
         // The paper selects lambda by sweeping; with taxels scaled to about 1 both kinds of term are about 1 at the start.
-        LossConfig { base_weight: 1.0, lambda: 1.0, offset_gf: 1.0 }
+        LossConfig { base_weight: 1.0, lambda: 1.0, offset_gf: 102.0 }
     }
 }
 

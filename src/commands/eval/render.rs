@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use comfy_table::{Table, presets};
 
+use super::super::checks;
 use super::run::{Evaluated, ModelScores, Pairing};
 use crate::eval::{Distribution, GroupBy, Measure, Metric, ResultTable, Score};
 
@@ -34,7 +35,7 @@ pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
         let _ = writeln!(text, "{}", result.free_movement_table.text());
     }
     for by in by {
-        let key = key_of(*by);
+        let key = by.name();
         let rows: Vec<(&str, BTreeMap<String, Score>)> =
             result.models.iter().map(|model| (model.name.as_str(), by_group(model, key))).collect();
         let table = ResultTable::new(rows.iter().map(|(name, scores)| (*name, scores)));
@@ -43,17 +44,10 @@ pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
     improvements(&mut text, result);
     result.paired.iter().for_each(|pairing| paired(&mut text, pairing));
     contacts(&mut text, result);
-    text
-}
-
-fn key_of(by: GroupBy) -> &'static str {
-    match by {
-        GroupBy::User => "user",
-        GroupBy::Session => "session",
-        GroupBy::Stage => "stage",
-        GroupBy::Substage => "substage",
-        GroupBy::Glove | GroupBy::All => "glove",
+    if !result.checks.is_empty() {
+        let _ = write!(text, "\nGates\n\n{}", checks::text(&result.checks));
     }
+    text
 }
 
 fn by_group(model: &ModelScores, key: &str) -> BTreeMap<String, Score> {

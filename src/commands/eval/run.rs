@@ -12,8 +12,8 @@ use super::session::{Core, Labelled, Modelled, SessionSummary, hold_estimates, r
 use super::{Args, scored};
 use crate::config::Config;
 use crate::eval::{
-    ContactReport, Evaluation, GroupBy, GroupScore, Improvement, Origin, PairedTest, ResultTable, Score, Scoring,
-    Split, group_scores, paired_by_user,
+    Check, ContactReport, Evaluation, GroupBy, GroupScore, Improvement, Origin, PairedTest, ResultTable, Score,
+    Scoring, Split, group_scores, paired_by_user,
 };
 use crate::fusion::Regressor;
 use crate::msg::EstimateTopics;
@@ -70,6 +70,9 @@ pub(in crate::commands) struct Evaluated {
     pub(super) free_movement_table: ResultTable,
     pub(super) improvements: Vec<Improvement>,
     pub(super) paired: Vec<Pairing>,
+    /// How the gates went.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) checks: Vec<Check>,
 }
 
 /// The scores of one series.
@@ -81,7 +84,7 @@ pub(super) struct ModelScores {
     #[serde(skip_serializing_if = "Option::is_none")]
     sha256: Option<String>,
     pub(super) by: BTreeMap<&'static str, Vec<GroupScore>>,
-    free_movement: BTreeMap<&'static str, Vec<GroupScore>>,
+    pub(super) free_movement: BTreeMap<&'static str, Vec<GroupScore>>,
     pub(super) contacts: BTreeMap<String, ContactReport>,
 }
 
@@ -94,13 +97,7 @@ pub(super) struct Pairing {
     free_movement_tests: Vec<PairedTest>,
 }
 
-const GROUPS: [(&str, GroupBy); 5] = [
-    ("glove", GroupBy::Glove),
-    ("user", GroupBy::User),
-    ("session", GroupBy::Session),
-    ("stage", GroupBy::Stage),
-    ("substage", GroupBy::Substage),
-];
+const GROUPS: [GroupBy; 5] = [GroupBy::Glove, GroupBy::User, GroupBy::Session, GroupBy::Stage, GroupBy::Substage];
 
 impl Runs {
     pub(super) fn new(args: &Args, cfg: Config, bags: &[PathBuf]) -> Result<Self, Failure> {
@@ -228,6 +225,7 @@ impl Runs {
             free_movement_table: free,
             paired: pairings(&series, args.compare.len())?,
             sessions,
+            checks: Vec::new(),
         })
     }
 }
@@ -251,7 +249,7 @@ fn window_ns(regressor: &dyn Regressor) -> i64 {
 fn scores<E: std::error::Error>(
     of: impl Fn(GroupBy) -> Result<Vec<GroupScore>, E>,
 ) -> Result<BTreeMap<&'static str, Vec<GroupScore>>, Failure> {
-    GROUPS.iter().map(|(name, by)| Ok((*name, of(*by)?))).collect()
+    GROUPS.iter().map(|by| Ok((by.name(), of(*by)?))).collect()
 }
 
 type MetricResult<T> = Result<T, crate::eval::MetricError>;

@@ -22,7 +22,7 @@ pub struct Schedule {
 
 impl Default for Schedule {
     fn default() -> Self {
-        Schedule { steps: 10_000, warmup_steps: 200, learning_rate: 1e-3, final_learning_rate: 1e-5 }
+        Schedule { steps: 8_000, warmup_steps: 200, learning_rate: 1e-3, final_learning_rate: 1e-5 }
     }
 }
 
@@ -77,7 +77,7 @@ impl Default for TrainConfig {
         TrainConfig {
             kind: Kind::PoseAware,
             seed: 0,
-            batch: 256,
+            batch: 64,
             shards: 2,
             schedule: Schedule::default(),
             weight_decay: 0.01,
