@@ -49,3 +49,7 @@ docs:
 # What CI runs
 ci:
     .ci/run
+
+# Build this folder with colcon and use what it generates from rclpy
+colcon:
+    tests/ros/colcon

@@ -22,7 +22,7 @@ pub struct Schedule {
 
 impl Default for Schedule {
     fn default() -> Self {
-        Schedule { steps: 8_000, warmup_steps: 200, learning_rate: 1e-3, final_learning_rate: 1e-5 }
+        Schedule { steps: 5_000, warmup_steps: 200, learning_rate: 1e-3, final_learning_rate: 1e-5 }
     }
 }
 
