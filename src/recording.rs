@@ -5,6 +5,7 @@
 
 mod annotations;
 mod notes;
+mod pose_quality;
 mod rows;
 mod truth;
 
@@ -16,6 +17,7 @@ use crate::units::Stamp;
 
 pub use annotations::{Annotation, Annotations};
 pub use notes::{Notes, SESSION_NOTES};
+pub use pose_quality::{PoseDegrader, PoseQuality, PoseQualityError};
 pub use rows::{RowCollector, Rows};
 pub use truth::{TruthCounters, TruthTrack, aligned};
 
@@ -60,6 +62,8 @@ pub struct Listener<'a, E> {
     pub on_other: &'a mut dyn FnMut(&BagMessage<'_>) -> Result<(), E>,
     /// Whether the taxels of a stamp go to the cores; stretches that are not wanted are gaps to them.
     pub is_wanted: &'a dyn Fn(Stamp) -> bool,
+    /// `[cores]`: what makes the joint angles of each core worse; empty leaves all as they are.
+    pub pose: &'a mut [PoseDegrader],
     /// Told of the bytes read so far before every message; its error stops the reading.
     pub between: &'a mut dyn FnMut(u64) -> Result<(), E>,
 }
@@ -75,7 +79,7 @@ pub fn read<E: From<RecordingError>>(
     cores: &mut [Fusion],
     listener: Listener<'_, E>,
 ) -> Result<(), E> {
-    let Listener { on_tick, on_other, is_wanted, between } = listener;
+    let Listener { on_tick, on_other, is_wanted, pose, between } = listener;
     loop {
         between(reader.bytes_read())?;
         let Some(record) = reader.next_record().map_err(RecordingError::from)? else { break };
@@ -95,7 +99,13 @@ pub fn read<E: From<RecordingError>>(
                     continue;
                 }
                 for (core_idx, core) in cores.iter_mut().enumerate() {
-                    core.handle(event);
+                    let event = match (event, pose.get_mut(core_idx)) {
+                        (Event::Joints(sample), Some(degrader)) => degrader.handle(sample).map(Event::Joints),
+                        (event, _) => Some(event),
+                    };
+                    if let Some(event) = event {
+                        core.handle(event);
+                    }
                     drain(core_idx, core, on_tick).map_err(RecordingError::from)?;
                 }
             }

@@ -13,7 +13,6 @@ pub mod hand;
 pub mod load_cell;
 pub mod performance;
 pub mod protocol;
-mod random;
 pub mod session;
 pub mod touch;
 

@@ -237,3 +237,27 @@ fn gates_that_can_not_be_meant_are_refused_before_anything_is_scored() {
     let alone = tpf(path, &["eval", "bags", "--params-file", "params.yaml", "--junit", "a.xml"]);
     assert!(alone.stderr.contains("give --gate"), "{alone:?}");
 }
+
+#[test]
+fn worse_joint_angles_are_scored_beside_those_recorded() {
+    let folder = folder();
+    let worse = ["--pose-noise-deg", "0,40", "--pose-dropout", "1.0", "--pose-delay-ms", "300"];
+    let found = eval(folder.path(), &[&["--model", "model.onnx", "--compare", "other.onnx"], &worse[..]].concat());
+    let names: Vec<&str> = found["models"].as_array().unwrap().iter().map(|m| m["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["other", "model, base", "model"], "the table holds what was recorded alone");
+    let mae = |scores: &Value| scores["mae_gf"].as_f64().unwrap();
+    let judged = mae(&named(&found, "model")["by"]["glove"][0]);
+    let levels = found["pose_quality"].as_array().unwrap();
+    assert_eq!(levels.len(), 4);
+    assert_eq!(mae(&levels[0]["scores"][0]), judged, "no noise changes nothing");
+    assert!((mae(&levels[1]["scores"][0]) - judged).abs() > 0.01, "{levels:?}");
+    assert_ne!(mae(&levels[2]["scores"][0]), judged);
+    assert_eq!(levels[3]["dropout"], 1.0);
+    let base = mae(&named(&found, "model, base")["by"]["glove"][0]);
+    assert_eq!(mae(&levels[3]["scores"][0]), base, "without any pose the base is left");
+    let command = ["eval", "bags", "--params-file", "params.yaml", "--pose-noise-deg", "5", "--model"];
+    let text = tpf(folder.path(), &[&command[..], &["model.onnx"]].concat()).ok().stdout;
+    assert!(text.contains("Pose made worse, model") && text.contains("noise 5 deg"), "{text}");
+    let refused = tpf(folder.path(), &[&command[..], &["other.onnx"]].concat());
+    assert!(refused.code == 1 && refused.stderr.contains("a model that takes pose"), "{refused:?}");
+}

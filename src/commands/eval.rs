@@ -1,6 +1,7 @@
 //! `tpf eval`: what a model, or the estimates in a bag, are worth against the true force.
 
 mod gates;
+mod pose_quality;
 mod render;
 mod run;
 mod session;
@@ -10,6 +11,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use self::gates::GateFile;
+use self::pose_quality::PoseQualityArgs;
 pub(super) use self::render::short_text;
 use self::run::{Evaluated, Runs};
 pub(super) use self::session::recorded;
@@ -58,6 +60,8 @@ pub(super) struct Args {
     update_refs: bool,
     #[command(flatten)]
     checks: CheckArgs,
+    #[command(flatten)]
+    pose_quality: PoseQualityArgs,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,

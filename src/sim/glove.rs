@@ -19,8 +19,8 @@ use readout::Readout;
 use strain::StrainField;
 
 use super::performance::HandState;
-use super::random::{Noise, Wander};
 use super::session::SessionSpec;
+use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
 /// A glove as it was made: what doesn't change from user to user.

@@ -2,7 +2,7 @@
 
 use std::array;
 
-use super::random::{Noise, Wander};
+use crate::random::{Noise, Wander};
 
 /// Fingers of a hand, in the order of [`JOINTS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! The synthetic force truth: a six-axis load cell under a flat end effector, as the paper used.
 
 use super::performance::Contact;
-use super::random::{Noise, Wander};
+use crate::random::{Noise, Wander};
 use crate::units::Newton;
 
 /// What a load cell reads: the force and torque on it, z into it.

@@ -4,8 +4,8 @@ use super::hand::{
     Finger, FingerPose, Hand, HandPose, INDEX_BASE, INDEX_POSES, MOVEMENTS, N_FINGERS, TERMINAL_POSES, Unsteadiness,
 };
 use super::protocol::{Action, POSE_S, Plan, STEP_S, Setting, Trial};
-use super::random::{Noise, Wander};
 use super::touch::{ForceStyle, Touch, minimum_jerk};
+use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
 /// What the user interface of the collection wrote down. It holds until the next one.

@@ -1,7 +1,7 @@
 //! The paper's collection protocol as a plan: which trial follows which, for how long, without the person who does it.
 
 use super::hand::{INDEX_POSES, MOVEMENTS, TERMINAL_POSES};
-use super::random::Noise;
+use crate::random::Noise;
 
 /// Time to take up a pose before a touch, s. The user interface asks for the touch after it, so nothing touches yet.
 pub const POSE_S: f64 = 1.0;

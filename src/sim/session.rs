@@ -12,8 +12,8 @@ use super::hand::{Hand, JOINTS, MotionCapture};
 use super::load_cell::LoadCell;
 use super::performance::{Annotation, Performance, Performer};
 use super::protocol::{FULL_MINUTES, MIN_MINUTES, Plan};
-use super::random::Noise;
 use super::touch::ForceStyle;
+use crate::random::Noise;
 use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// Which session. The same one gives the same records on every machine.

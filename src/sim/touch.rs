@@ -1,6 +1,6 @@
 //! One touch of the synthetic fingertip: how the normal force rises, varies and falls.
 
-use super::random::Noise;
+use crate::random::Noise;
 use crate::units::GramForce;
 
 /// What kind of touch was asked for.

@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use comfy_table::{Table, presets};
 
 use super::super::checks;
+use super::pose_quality;
 use super::run::{Evaluated, ModelScores, Pairing};
 use crate::eval::{Distribution, GroupBy, Measure, Metric, ResultTable, Score};
 
@@ -44,6 +45,9 @@ pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
     improvements(&mut text, result);
     result.paired.iter().for_each(|pairing| paired(&mut text, pairing));
     contacts(&mut text, result);
+    if !result.pose_quality.is_empty() {
+        text.push_str(&pose_quality::text(result));
+    }
     if !result.checks.is_empty() {
         let _ = write!(text, "\nGates\n\n{}", checks::text(&result.checks));
     }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::super::setup::{load_models, replace_model, shown, without_unused_joints};
 use super::super::zero::ZeroArgs;
 use super::super::{Failure, say};
+use super::pose_quality::PoseQualityScores;
 use super::session::{Core, Labelled, Modelled, SessionSummary, hold_estimates, read_estimates, run_models};
 use super::{Args, scored};
 use crate::config::Config;
@@ -17,6 +18,7 @@ use crate::eval::{
 };
 use crate::fusion::Regressor;
 use crate::msg::EstimateTopics;
+use crate::recording::PoseQuality;
 
 /// Frames in one inference call.
 const BATCH: usize = 32;
@@ -37,6 +39,8 @@ struct Series {
     name: String,
     source: SeriesSource,
     which: Which,
+    /// How the joint angles were made worse; `None` for the rows of the table.
+    quality: Option<PoseQuality>,
     evaluation: Evaluation,
 }
 
@@ -70,6 +74,9 @@ pub(in crate::commands) struct Evaluated {
     pub(super) free_movement_table: ResultTable,
     pub(super) improvements: Vec<Improvement>,
     pub(super) paired: Vec<Pairing>,
+    /// The judged model again, with joint angles made worse.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) pose_quality: Vec<PoseQualityScores>,
     /// How the gates went.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) checks: Vec<Check>,
@@ -129,7 +136,21 @@ impl Runs {
                 series.push(Series::new(format!("{name}, base"), source.clone(), Which::Base));
             }
             series.push(Series::new(name, source, Which::Corrected));
-            cores.push(Core { cfg, infos: models.infos, regressors: models.regressors });
+            let quality = PoseQuality::default();
+            cores.push(Core { cfg, infos: models.infos, quality, regressors: models.regressors });
+        }
+        for quality in args.pose_quality.levels()? {
+            let takes_pose = |core: &&Core| core.cfg.fusion.regions.iter().any(|region| !region.joints.is_empty());
+            let judged = cores.get(args.compare.len()).filter(takes_pose);
+            let Some(judged) = judged else {
+                let reason = "worse joint angles are tried on a model that takes pose; give one by --model";
+                return Err(Failure(reason.to_owned()));
+            };
+            let cfg = judged.cfg.clone();
+            let models = load_models(&cfg)?;
+            let source = SeriesSource::Core(cores.len());
+            series.push(Series { quality: Some(quality), ..Series::new(String::new(), source, Which::Corrected) });
+            cores.push(Core { cfg, infos: models.infos, quality, regressors: models.regressors });
         }
         if recorded.is_some() {
             series.push(Series::new("recorded, base".to_owned(), SeriesSource::Recorded, Which::Base));
@@ -194,6 +215,7 @@ impl Runs {
     /// Everything that was found.
     pub(super) fn finish(self, args: &Args, split: Option<Split>) -> Result<Evaluated, Failure> {
         let Runs { cores, series, sessions, .. } = self;
+        let (degraded, series): (Vec<_>, Vec<_>) = series.into_iter().partition(|one| one.quality.is_some());
         let mut models = Vec::new();
         for one in &series {
             let core = match one.source {
@@ -225,6 +247,7 @@ impl Runs {
             free_movement_table: free,
             paired: pairings(&series, args.compare.len())?,
             sessions,
+            pose_quality: pose_quality(&degraded)?,
             checks: Vec::new(),
         })
     }
@@ -232,8 +255,16 @@ impl Runs {
 
 impl Series {
     fn new(name: String, source: SeriesSource, which: Which) -> Self {
-        Series { name, source, which, evaluation: Evaluation::new(Scoring::default()) }
+        Series { name, source, which, quality: None, evaluation: Evaluation::new(Scoring::default()) }
     }
+}
+
+fn pose_quality(degraded: &[Series]) -> Result<Vec<PoseQualityScores>, Failure> {
+    let scores = degraded.iter().filter_map(|one| {
+        let quality = one.quality?;
+        Some(one.evaluation.scores(GroupBy::Glove).map(|scores| PoseQualityScores { quality, scores }))
+    });
+    Ok(scores.collect::<Result<_, _>>()?)
 }
 
 fn stem(path: &Path) -> String {

@@ -16,7 +16,7 @@ use crate::eval::{Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, Z
 use crate::fusion::{ContactDetector, ContactThresholds, Fusion, Regressor};
 use crate::model::ModelInfo;
 use crate::msg::{ContactArray, ContactState, EstimateTopics, WireType, from_cdr};
-use crate::recording::{Labels, Listener, TruthTrack, aligned, read};
+use crate::recording::{Labels, Listener, PoseDegrader, PoseQuality, TruthTrack, aligned, read};
 use crate::units::{GramForce, Newton, Stamp};
 
 /// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
@@ -69,6 +69,7 @@ impl Labelled {
             on_tick: &mut |_, _| {},
             on_other: &mut |_| Ok(()),
             is_wanted: &|_| false,
+            pose: &mut [],
             between: &mut |_| Ok(interrupt::check()?),
         };
         read(&mut reader, &mut inputs, &mut labels, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
@@ -205,6 +206,8 @@ fn with_truth(cfg: &Config) -> InputTopics {
 pub(super) struct Core {
     pub(super) cfg: Config,
     pub(super) infos: Vec<ModelInfo>,
+    /// What becomes of the joint angles before they reach it.
+    pub(super) quality: PoseQuality,
     pub(super) regressors: Vec<Box<dyn Regressor>>,
 }
 
@@ -232,6 +235,8 @@ pub(super) fn run_models(
     let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
     // The sources are the same for all.
     let Core { cfg, infos, .. } = first;
+    let degrader = |core: &Core| PoseDegrader::new(core.quality, &core.cfg.fusion.joint_sources, &session_name(bag));
+    let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
     let zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
@@ -243,7 +248,7 @@ pub(super) fn run_models(
         let mut fusion = Fusion::new(core.cfg.fusion.clone(), core.regressors)?;
         zero.install(&mut fusion)?;
         fusions.push(fusion);
-        kept.push((core.cfg, core.infos));
+        kept.push((core.cfg, core.infos, core.quality));
     }
     let mut progress = Progress::bytes("eval", reader.bytes_total());
     let listener = Listener::<Stopped> {
@@ -259,6 +264,7 @@ pub(super) fn run_models(
         },
         on_other: &mut |_| Ok(()),
         is_wanted: &|stamp| labelled.is_wanted(stamp, offset_ns),
+        pose: &mut pose,
         between: &mut |bytes| {
             progress.set(bytes);
             Ok(interrupt::check()?)
@@ -267,13 +273,15 @@ pub(super) fn run_models(
     let mut unused = Labels::new(&[]);
     read(&mut reader, &mut inputs, &mut unused, &mut fusions, listener).map_err(|stopped| stopped.of_bag(bag))?;
     drop(progress);
-    for fusion in &fusions {
+    let as_recorded = fusions.iter().zip(&kept).filter(|(_, (.., quality))| *quality == PoseQuality::default());
+    for (fusion, _) in as_recorded {
         inputs.check_end(fusion.missing_joints()).map_err(|error| in_bag(&error))?;
     }
     let losses = reader.losses().iter().map(ToString::to_string).collect();
-    let cores = fusions.into_iter().zip(kept).map(|(fusion, (cfg, infos))| Core {
+    let cores = fusions.into_iter().zip(kept).map(|(fusion, (cfg, infos, quality))| Core {
         cfg,
         infos,
+        quality,
         regressors: fusion.into_regressors(),
     });
     Ok(Modelled { columns, cores: cores.collect(), losses })
@@ -303,6 +311,7 @@ pub(super) fn read_estimates(bag: &Path, cfg: &Config, topic: &str) -> Result<(V
             Ok(())
         },
         is_wanted: &|_| false,
+        pose: &mut [],
         between: &mut |_| Ok(interrupt::check()?),
     };
     let mut unused = Labels::new(&[]);

@@ -80,6 +80,7 @@ impl<'c> Loader<'c> {
             on_tick: &mut |_, tick| rows.handle_tick(tick),
             on_other: &mut |_| Ok(()),
             is_wanted: &|_| true,
+            pose: &mut [],
             between: &mut |_| Ok(interrupt::check()?),
         };
         read(&mut reader, &mut inputs, &mut labels, &mut cores, listener).map_err(|stopped| stopped.of_bag(bag))?;

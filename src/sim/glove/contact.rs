@@ -2,8 +2,8 @@
 
 use super::GloveDesign;
 use super::strain::Bends;
+use crate::random::{Lag, Noise, Wander};
 use crate::sim::performance::Contact;
-use crate::sim::random::{Lag, Noise, Wander};
 
 /// Response of a soft layer that stiffens as it is compressed; 1 at 1000 gF.
 ///

@@ -1,7 +1,7 @@
 //! From what taxels feel to the counts that the glove sends: gain, cross-talk, drift, low-pass, noise, quantization.
 
 use super::GloveDesign;
-use crate::sim::random::{Lag, Noise, Wander};
+use crate::random::{Lag, Noise, Wander};
 
 const HARDWARE_GAIN_SD: f64 = 0.1; // from taxel to taxel, as made
 const DONNING_GAIN_SD: f64 = 0.15; // all taxels of a donning: tightness

@@ -2,8 +2,8 @@
 
 use super::contact::CREEP_S;
 use super::{GloveDesign, Slipped};
+use crate::random::{Lag, Noise};
 use crate::sim::hand::{Finger, HandPose};
-use crate::sim::random::{Lag, Noise};
 
 /// Weight of the index joints DIP, PIP, MCP flexion and abduction in the strain at the fingertip.
 ///

@@ -1,6 +1,6 @@
 //! A stream of samples on its way to the recorder: its clock, its delays, and what gets lost.
 
-use crate::sim::random::Noise;
+use crate::random::Noise;
 
 pub(super) const RATE_HZ: f64 = 100.0; // Sec. IV: all signals at 100 Hz
 const SYNC_ERROR_S: f64 = 0.005; // sd: half a frame between glove and load cell is left after synchronizing them

@@ -1,0 +1,117 @@
+//! How good the pose must be: the judged model again, with joint angles made worse.
+
+use std::fmt::Write as _;
+
+use comfy_table::{Table, presets};
+use serde::Serialize;
+
+use super::super::Failure;
+use super::run::{Evaluated, ModelScores};
+use crate::eval::{GroupScore, Metric, Score};
+use crate::recording::PoseQuality;
+
+/// What is made worse, one amount a run; each is tried alone.
+#[derive(Debug, clap::Args)]
+pub(super) struct PoseQualityArgs {
+    /// Score --model again with white noise of these standard deviations on every joint angle
+    #[arg(long, value_name = "DEG,..", value_delimiter = ',')]
+    pose_noise_deg: Vec<f64>,
+    /// The same with an error of this standard deviation that each joint keeps for a session
+    #[arg(long, value_name = "DEG,..", value_delimiter = ',')]
+    pose_bias_deg: Vec<f64>,
+    /// The same with angles that are older than their stamps say
+    #[arg(long, value_name = "MS,..", value_delimiter = ',')]
+    pose_delay_ms: Vec<f64>,
+    /// The same with this share of the joint messages lost
+    #[arg(long, value_name = "SHARE,..", value_delimiter = ',')]
+    pose_dropout: Vec<f64>,
+}
+
+impl PoseQualityArgs {
+    /// Every amount that is asked for.
+    pub(super) fn levels(&self) -> Result<Vec<PoseQuality>, Failure> {
+        let perfect = PoseQuality::default;
+        let mut levels = Vec::new();
+        levels.extend(self.pose_noise_deg.iter().map(|amount| PoseQuality { noise_deg: *amount, ..perfect() }));
+        levels.extend(self.pose_bias_deg.iter().map(|amount| PoseQuality { bias_deg: *amount, ..perfect() }));
+        levels.extend(self.pose_delay_ms.iter().map(|amount| PoseQuality { delay_ms: *amount, ..perfect() }));
+        levels.extend(self.pose_dropout.iter().map(|amount| PoseQuality { dropout: *amount, ..perfect() }));
+        levels.iter().try_for_each(PoseQuality::check)?;
+        Ok(levels)
+    }
+}
+
+/// What one amount did.
+#[derive(Debug, Serialize)]
+pub(super) struct PoseQualityScores {
+    #[serde(flatten)]
+    pub(super) quality: PoseQuality,
+    /// Of the corrected force, by glove.
+    pub(super) scores: Vec<GroupScore>,
+}
+
+/// An amount in words, and what kind it is of.
+fn words(quality: &PoseQuality) -> (&'static str, String) {
+    let PoseQuality { noise_deg, bias_deg, delay_ms, dropout } = *quality;
+    if bias_deg > 0.0 {
+        ("bias", format!("bias {bias_deg} deg"))
+    } else if delay_ms != 0.0 {
+        ("delay", format!("delay {delay_ms} ms"))
+    } else if dropout > 0.0 {
+        ("dropout", format!("dropout {} %", 100.0 * dropout))
+    } else {
+        ("noise", format!("noise {noise_deg} deg"))
+    }
+}
+
+/// The table, and from where on pose is of no help.
+pub(super) fn text(result: &Evaluated) -> String {
+    let Some(judged) = result.models.last() else { return String::new() };
+    let base = result.models.iter().rev().nth(1).filter(|base| base.name == format!("{}, base", judged.name));
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header(["Glove", "Pose", "BA %", "MDF gF", "MAE gF", "R2"]);
+    let mut sentences = String::new();
+    for as_it_is in judged.by.get("glove").into_iter().flatten() {
+        let glove = as_it_is.group.to_string();
+        let of_glove = |scores: &[GroupScore]| scores.iter().find(|one| one.group.to_string() == glove).cloned();
+        let base = base.and_then(|base: &ModelScores| of_glove(base.by.get("glove")?));
+        if let Some(base) = &base {
+            table.add_row(row(&glove, "not used (base)", &base.score));
+        }
+        table.add_row(row(&glove, "as recorded", &as_it_is.score));
+        let mut ended = Vec::new();
+        for level in &result.pose_quality {
+            let Some(found) = of_glove(&level.scores) else { continue };
+            let (kind, words) = words(&level.quality);
+            table.add_row(row(&glove, &words, &found.score));
+            let mae = |score: &Score| score.mae_gf.value();
+            let limit = base.as_ref().and_then(|base| mae(&base.score));
+            if let (Some(limit), Some(got)) = (limit, mae(&found.score))
+                && got >= limit
+                && !ended.contains(&kind)
+            {
+                ended.push(kind);
+                let _ = writeln!(
+                    sentences,
+                    "glove {glove}, {words}: the force error is {got:.2} gF, no smaller than the base's {limit:.2} gF: pose is of no help any more"
+                );
+            }
+        }
+    }
+    format!("\nPose made worse, {}\n\n{table}\n{sentences}", judged.name)
+}
+
+fn row(glove: &str, pose: &str, score: &Score) -> [String; 6] {
+    let number = |metric: Metric, scale: f64, digits: usize| match metric {
+        Metric::Value(value) => format!("{:.digits$}", scale * value),
+        Metric::Undefined { undefined } => undefined.to_string(),
+    };
+    [
+        glove.to_owned(),
+        pose.to_owned(),
+        number(score.ba, 100.0, 2),
+        score.mdf.to_string(),
+        number(score.mae_gf, 1.0, 2),
+        number(score.r2, 1.0, 3),
+    ]
+}

@@ -1,0 +1,161 @@
+//! Joint angles made worse on purpose, to see how good a hand tracker must be for the pose correction to help.
+
+use serde::Serialize;
+
+use crate::fusion::{JointSample, JointSource};
+use crate::random::Noise;
+
+/// How much worse joint angles are made. The default leaves them as they are.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct PoseQuality {
+    /// Standard deviation of white Gaussian noise that is added to every angle, degrees.
+    pub noise_deg: f64,
+    /// Standard deviation of an error that each joint keeps for the whole session, degrees: a tracker's calibration.
+    pub bias_deg: f64,
+    /// How much older angles are than their stamps say, ms.
+    pub delay_ms: f64,
+    /// Share of the joint messages that are lost, each by chance.
+    pub dropout: f64,
+}
+
+/// Pose quality that can't be meant.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("{what} is {got}, expected {expected}")]
+pub struct PoseQualityError {
+    what: &'static str,
+    got: f64,
+    expected: &'static str,
+}
+
+/// Makes joint samples worse, the same way for the same name.
+#[derive(Debug)]
+pub struct PoseDegrader {
+    quality: PoseQuality,
+    /// `[joint sources]`: radians per unit.
+    scales: Vec<f64>,
+    name: String,
+    noise: Noise,
+    positions: Vec<f64>,
+}
+
+impl PoseQuality {
+    /// Refuses what can't be meant.
+    ///
+    /// # Errors
+    /// [`PoseQualityError`].
+    pub fn check(&self) -> Result<(), PoseQualityError> {
+        let amounts = [
+            ("pose noise, in degrees,", self.noise_deg),
+            ("pose bias, in degrees,", self.bias_deg),
+            ("pose delay, in ms,", self.delay_ms.abs()),
+        ];
+        for (what, got) in amounts {
+            if !(0.0..=1e6).contains(&got) {
+                return Err(PoseQualityError { what, got, expected: "0 or more, and finite" });
+            }
+        }
+        if !(0.0..=1.0).contains(&self.dropout) {
+            return Err(PoseQualityError { what: "pose dropout", got: self.dropout, expected: "a share from 0 to 1" });
+        }
+        Ok(())
+    }
+}
+
+impl PoseDegrader {
+    /// For the joints of these sources. Sessions of different names get different noise.
+    pub fn new(quality: PoseQuality, sources: &[JointSource], name: &str) -> Self {
+        PoseDegrader {
+            quality,
+            scales: sources.iter().map(|source| source.scale).collect(),
+            name: name.to_owned(),
+            noise: Noise::named(&format!("pose of {name}")),
+            positions: Vec::new(),
+        }
+    }
+
+    /// The sample as it reaches the core; `None` when it is lost.
+    pub fn handle<'a>(&'a mut self, sample: JointSample<'a>) -> Option<JointSample<'a>> {
+        let PoseQuality { noise_deg, bias_deg, delay_ms, dropout } = self.quality;
+        if dropout > 0.0 && self.noise.uniform(0.0, 1.0) < dropout {
+            return None;
+        }
+        let delay_ns = (delay_ms * 1e6).round() as i64;
+        let sample = JointSample { stamp: sample.stamp.offset(delay_ns), ..sample };
+        if noise_deg == 0.0 && bias_deg == 0.0 {
+            return Some(sample);
+        }
+        let per_degree = 1f64.to_radians() / self.scales.get(sample.source.0).copied().unwrap_or(1.0);
+        self.positions.clear();
+        for (joint, position) in sample.names.iter().zip(sample.positions) {
+            let white = if noise_deg > 0.0 { self.noise.normal(noise_deg) } else { 0.0 };
+            let kept = if bias_deg > 0.0 {
+                Noise::named(&format!("bias of {joint} of {}", self.name)).normal(bias_deg)
+            } else {
+                0.0
+            };
+            self.positions.push(position + (white + kept) * per_degree);
+        }
+        // A message with fewer positions than names stays as malformed as it was.
+        Some(JointSample { positions: &self.positions, ..sample })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fusion::JointSourceIdx;
+    use crate::units::Stamp;
+
+    fn sources() -> [JointSource; 1] {
+        [JointSource { name: "hand".into(), stamp_offset_ns: 0, scale: 1f64.to_radians() }]
+    }
+
+    fn through(quality: PoseQuality, n: i64) -> Vec<(Stamp, Vec<f64>)> {
+        let names = ["dip".to_owned(), "pip".to_owned()];
+        let mut degrader = PoseDegrader::new(quality, &sources(), "session");
+        let sample = |k| JointSample {
+            source: JointSourceIdx(0),
+            stamp: Stamp(k),
+            names: &names,
+            positions: &[10.0, 20.0],
+            received: Stamp(k),
+        };
+        let out = (0..n).filter_map(|k| degrader.handle(sample(k)).map(|s| (s.stamp, s.positions.to_vec())));
+        out.collect()
+    }
+
+    #[test]
+    fn nothing_asked_for_changes_nothing() {
+        let out = through(PoseQuality::default(), 3);
+        assert_eq!(out, (0..3).map(|k| (Stamp(k), vec![10.0, 20.0])).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn noise_is_in_degrees_whatever_the_unit_and_repeats() {
+        let quality = PoseQuality { noise_deg: 3.0, ..PoseQuality::default() };
+        let out = through(quality, 4000);
+        let squares: f64 = out.iter().map(|(_, p)| (p[0] - 10.0).powi(2)).sum();
+        assert!(((squares / 4000.0).sqrt() - 3.0).abs() < 0.15, "{squares}");
+        assert_eq!(out, through(quality, 4000));
+    }
+
+    #[test]
+    fn bias_is_kept_and_differs_by_joint_and_delay_and_loss_are_what_they_say() {
+        let out = through(PoseQuality { bias_deg: 5.0, delay_ms: 20.0, ..PoseQuality::default() }, 5);
+        assert!(out.iter().all(|(_, p)| p == &out[0].1) && out[0].1[0] - 10.0 != out[0].1[1] - 20.0);
+        assert_eq!(out[2].0, Stamp(20_000_002));
+        let kept = through(PoseQuality { dropout: 0.25, ..PoseQuality::default() }, 4000).len();
+        assert!((kept as f64 / 4000.0 - 0.75).abs() < 0.03, "{kept}");
+        assert!(through(PoseQuality { dropout: 1.0, ..PoseQuality::default() }, 10).is_empty());
+    }
+
+    #[test]
+    fn what_can_not_be_meant_is_refused() {
+        let noise = PoseQuality { noise_deg: f64::NAN, ..PoseQuality::default() };
+        assert_eq!(
+            noise.check().unwrap_err().to_string(),
+            "pose noise, in degrees, is NaN, expected 0 or more, and finite"
+        );
+        assert!(PoseQuality { dropout: 1.5, ..PoseQuality::default() }.check().is_err());
+    }
+}
