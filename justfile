@@ -22,6 +22,12 @@ ros-test distro="kilted":
     scripts/ros-venv {{distro}}
     TPF_REQUIRE_ROS=1 tests/ros/test {{distro}}
 
+# Test the live node on Zenoh, against Zenoh's own Python binding
+zenoh-test:
+    scripts/ros-venv kilted
+    scripts/ros-venv zenoh
+    TPF_REQUIRE_ROS=1 tests/ros/test zenoh
+
 # Latency of the node beside a bare echo and a node in rclpy; MODEL as of a synthetic glove: 6 taxels, 4 joints
 latency model:
     scripts/ros-venv
@@ -32,6 +38,7 @@ latency model:
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
+    cargo clippy --no-default-features --features zenoh --all-targets -- -D warnings
 
 # Benchmarks: one tick, and replay in frames a second, on both backends; one step of training
 bench:

@@ -48,17 +48,13 @@ pub struct WireError {
 
 /// The message in little-endian CDR, after its encapsulation header.
 pub fn to_cdr<T: WireType>(message: &T) -> Vec<u8> {
-    let mut cdr = Vec::new();
-    to_cdr_into(message, &mut cdr);
-    cdr
+    encode(message)
 }
 
 /// As [`to_cdr`], into a buffer that is emptied first and keeps its memory.
 pub fn to_cdr_into<T: WireType>(message: &T, cdr: &mut Vec<u8>) {
     cdr.clear();
-    cdr.extend_from_slice(&cdr::LITTLE_ENDIAN_HEADER);
-    cdr_encoding::to_writer::<T, LittleEndian, _>(cdr, message)
-        .expect("the lengths of a wire struct are known, and a Vec takes every byte");
+    encode_into(message, cdr);
 }
 
 /// The message that `cdr` holds, of either byte order; bytes after its last field are padding.
@@ -66,12 +62,29 @@ pub fn to_cdr_into<T: WireType>(message: &T, cdr: &mut Vec<u8>) {
 /// # Errors
 /// [`WireError`] when the bytes end early, or are not plain CDR of that type.
 pub fn from_cdr<T: WireType>(cdr: &[u8]) -> Result<T, WireError> {
-    let error = |reason: String| WireError { type_name: T::TYPE_NAME, n_bytes: cdr.len(), reason };
-    let reader = cdr::CdrReader::new(cdr).map_err(|fault| error(fault.to_string()))?;
+    decode(cdr).map_err(|reason| WireError { type_name: T::TYPE_NAME, n_bytes: cdr.len(), reason })
+}
+
+/// As [`to_cdr`], of what is no message by itself: a request or a response.
+pub(crate) fn encode<T: Serialize>(part: &T) -> Vec<u8> {
+    let mut cdr = Vec::new();
+    encode_into(part, &mut cdr);
+    cdr
+}
+
+fn encode_into<T: Serialize>(part: &T, cdr: &mut Vec<u8>) {
+    cdr.extend_from_slice(&cdr::LITTLE_ENDIAN_HEADER);
+    cdr_encoding::to_writer::<T, LittleEndian, _>(cdr, part)
+        .expect("the lengths of a wire struct are known, and a Vec takes every byte");
+}
+
+/// As [`from_cdr`], of what is no message by itself; an error says what is wrong with the bytes.
+pub(crate) fn decode<T: DeserializeOwned>(cdr: &[u8]) -> Result<T, String> {
+    let reader = cdr::CdrReader::new(cdr).map_err(|fault| fault.to_string())?;
     let decoded = if reader.is_little_endian() {
         cdr_encoding::from_bytes::<T, LittleEndian>(reader.body())
     } else {
         cdr_encoding::from_bytes::<T, BigEndian>(reader.body())
     };
-    decoded.map(|(message, _)| message).map_err(|fault| error(fault.to_string()))
+    decoded.map(|(message, _)| message).map_err(|fault| fault.to_string())
 }

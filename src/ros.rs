@@ -1,4 +1,4 @@
-//! The live node: the same core as replay, between DDS topics.
+//! The live node: the same core as replay, between the topics of a graph.
 //!
 //! Three threads share the work. One reads inputs and runs the core (`engine`), one publishes (`outbox`), and the one that
 //! [`run`] is called on answers services and waits for the end (`node`). What can be pure is: arguments, environment,
@@ -16,14 +16,13 @@ pub mod watchdog;
 
 mod calibrate_action;
 mod calibrator;
-mod cdr_bytes;
 mod clock;
 mod engine;
 mod entities;
-mod farewell;
 mod interfaces;
 mod loading;
 mod managed;
+mod middleware;
 mod node;
 mod outbox;
 mod parameters;
@@ -32,5 +31,6 @@ mod services;
 
 pub use engine::Record;
 pub use entities::Names;
+pub use middleware::TopicType;
 pub use node::{NodeError, Setup, run};
 pub use player::{NotPlayed, PlayedTopic, Player};

@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::bag::{BagChannel, BagReader};
 use crate::config::NodeName;
+use crate::msg::definition::TypeTree;
 use crate::ros::args::RosArgs;
 use crate::ros::environment::Environment;
-use crate::ros::{NotPlayed, PlayedTopic, Player, remap};
+use crate::ros::{NotPlayed, PlayedTopic, Player, TopicType, remap};
 use crate::units::Stamp;
 
 /// The node that plays, unless it is given another name.
@@ -62,6 +63,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         played: 0,
         not_played: BTreeMap::new(),
     };
+    play.player.note().iter().for_each(|note| say(note));
     for channel in reader.channels() {
         play.add(channel, args)?;
     }
@@ -118,7 +120,10 @@ impl Play {
                 Some(match self.by_name.get(&name) {
                     Some(known) => *known,
                     None => {
-                        let added = self.player.add(&name.0, &name.1)?;
+                        let schema = channel.schema.as_ref().map(|schema| String::from_utf8_lossy(&schema.data));
+                        let tree = schema.and_then(|text| TypeTree::from_schema(&name.1, &text).ok());
+                        let ty = tree.as_ref().map_or(TopicType::Known(&name.1), TopicType::Defined);
+                        let added = self.player.add(&name.0, ty)?;
                         self.by_name.insert(name, added);
                         added
                     }

@@ -6,29 +6,27 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use byteorder::LittleEndian;
+use futures::StreamExt;
 use ros2_client::action::{
-    ActionServerQosPolicies, CancelGoalRequest, CancelGoalResponse, GetResultResponse, GoalId, GoalInfo,
-    GoalStatusEnum, SendGoalResponse,
+    CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultResponse, GoalId, GoalInfo, GoalStatusEnum,
+    SendGoalRequest, SendGoalResponse,
 };
 use ros2_client::action_msgs::{CancelGoalResponseEnum, GoalStatus, GoalStatusArray};
 use ros2_client::builtin_interfaces::Time as WireTime;
-use ros2_client::qos::Durability;
-use ros2_client::{ActionServer, ActionTypeName, RmwRequestId};
 use tokio::sync::{mpsc, oneshot};
 
 use super::args::Severity;
 use super::calibrator::{Calibrator, Purpose};
 use super::engine::Command;
-use super::entities::{Graph, create, reliable_qos, service_qos, wire};
+use super::entities::Graph;
 use super::interfaces::CancelGoal;
 use super::loading;
+use super::middleware::{Action, Answer, Request, Sender};
 use super::node::{NodeError, Shared};
 use crate::calibration::Calibration;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 
-type Server = ActionServer<CalibrateGoal, CalibrateResult, CalibrateFeedback>;
-
-/// How often the action's requests are looked for; a person calibrates for seconds.
+/// How often it is looked how far a calibration is; a person calibrates for seconds.
 const POLL: Duration = Duration::from_millis(20);
 
 /// How often feedback is given.
@@ -137,70 +135,65 @@ struct Active {
 
 /// What is known of goals.
 struct Goals {
-    server: Server,
+    feedback: Sender<FeedbackMessage<CalibrateFeedback>>,
+    status: Sender<GoalStatusArray>,
     active: Option<Active>,
     accepted: BTreeMap<GoalId, (WireTime, GoalStatusEnum)>,
     finished: VecDeque<(GoalId, GoalStatusEnum, CalibrateResult)>,
-    asked: Vec<(GoalId, RmwRequestId)>,
+    asked: Vec<(GoalId, Answer<GetResultResponse<CalibrateResult>>)>,
 }
 
 /// Offers the action. Must be called within a local set.
 pub(super) fn start(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
-    let name = graph.service_name("~/calibrate")?;
-    let qos = ActionServerQosPolicies {
-        goal_service: service_qos(),
-        result_service: service_qos(),
-        cancel_service: service_qos(),
-        feedback_publisher: reliable_qos(10, Durability::Volatile),
-        status_publisher: reliable_qos(1, Durability::TransientLocal),
-    };
-    let (mapping, kind) = (graph.mapping(), ActionTypeName::new("tactile_pose_fusion", "Calibrate"));
-    let server = graph.node.create_action_server(mapping, &wire(&name)?, &kind, qos);
-    let server: Server = server.map_err(|error| create(&name, &error))?;
-    let mut goals =
-        Goals { server, active: None, accepted: BTreeMap::new(), finished: VecDeque::new(), asked: Vec::new() };
+    let Action { mut goals, mut cancels, mut results, feedback, status } = graph.action("~/calibrate")?;
+    let (accepted, finished) = (BTreeMap::new(), VecDeque::new());
+    let mut known = Goals { feedback, status, active: None, accepted, finished, asked: Vec::new() };
     let shared = Rc::clone(shared);
     tokio::task::spawn_local(async move {
         let mut poll = tokio::time::interval(POLL);
         poll.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         loop {
-            poll.tick().await;
-            goals.take_goals(&shared);
-            goals.take_cancels(&shared);
-            goals.take_result_requests();
-            goals.go_on();
+            tokio::select! {
+                Some(Ok(request)) = goals.next() => known.handle_goal(request, &shared).await,
+                Some(Ok(request)) = cancels.next() => known.handle_cancel(request, &shared).await,
+                Some(Ok(Request { question, answer })) = results.next() => known.asked.push((question.goal_id, answer)),
+                _ = poll.tick() => known.go_on(),
+            }
+            known.answer_results().await;
         }
     });
     Ok(())
 }
 
 impl Goals {
-    fn take_goals(&mut self, shared: &Rc<Shared>) {
-        while let Ok(Some((id, request))) = self.server.receive_goal() {
-            let stamp = WireTime::from_nanos(shared.clock.now().0);
-            let default = shared.parameters.borrow().config().calibration.duration;
-            let asked = u64::try_from(request.goal.duration.nanos()).map(Duration::from_nanos);
-            let duration = match asked {
-                Ok(Duration::ZERO) => Ok(default),
-                Ok(duration) if duration <= MAX_DURATION => Ok(duration),
-                _ => Err("a calibration takes 0 to 600 s"),
-            };
-            let accepted = match (&self.active, duration) {
-                (Some(_), _) => Err("a calibration is under way already"),
-                (None, duration) => duration,
-            };
-            if let Err(reason) = accepted {
-                shared.outbox.log(Severity::Warn, format!("goal of ~/calibrate rejected: {reason}"));
-            }
-            let response = SendGoalResponse { accepted: accepted.is_ok(), stamp };
-            if self.server.send_goal_response(id, response).is_err() {
-                continue;
-            }
-            if let Ok(duration) = accepted {
-                self.accepted.insert(request.goal_id, (stamp, GoalStatusEnum::Executing));
-                self.begin(shared, request.goal_id, duration);
-                self.publish_status();
-            }
+    async fn handle_goal(
+        &mut self,
+        request: Request<SendGoalRequest<CalibrateGoal>, SendGoalResponse>,
+        shared: &Rc<Shared>,
+    ) {
+        let Request { question: SendGoalRequest { goal_id, goal }, answer } = request;
+        let stamp = WireTime::from_nanos(shared.clock.now().0);
+        let default = shared.parameters.borrow().config().calibration.duration;
+        let asked = u64::try_from(goal.duration.nanos()).map(Duration::from_nanos);
+        let duration = match asked {
+            Ok(Duration::ZERO) => Ok(default),
+            Ok(duration) if duration <= MAX_DURATION => Ok(duration),
+            _ => Err("a calibration takes 0 to 600 s"),
+        };
+        let accepted = match (&self.active, duration) {
+            (Some(_), _) => Err("a calibration is under way already"),
+            (None, duration) => duration,
+        };
+        if let Err(reason) = accepted {
+            shared.outbox.log(Severity::Warn, format!("goal of ~/calibrate rejected: {reason}"));
+        }
+        if answer(SendGoalResponse { accepted: accepted.is_ok(), stamp }).await.is_err() {
+            return;
+        }
+        if let Ok(duration) = accepted {
+            self.accepted.insert(goal_id, (stamp, GoalStatusEnum::Executing));
+            self.begin(shared, goal_id, duration);
+            self.publish_status();
         }
     }
 
@@ -219,46 +212,43 @@ impl Goals {
         self.active = Some(Active { goal, cancelled, feedback, result });
     }
 
-    fn take_cancels(&mut self, shared: &Shared) {
-        while let Ok(Some((id, request))) = self.server.receive_cancel_request() {
-            let wanted = wanted(&request);
-            let zero = CancelGoal::default().goal_id;
-            let active = self.active.as_ref().filter(|active| wanted == zero || *active.goal.uuid.as_bytes() == wanted);
-            let (return_code, goals_canceling) = match active {
-                Some(active) => {
-                    active.cancelled.set(true);
-                    let stamp = self.accepted.get(&active.goal).map_or(WireTime::ZERO, |(stamp, _)| *stamp);
-                    (CancelGoalResponseEnum::None, vec![GoalInfo { goal_id: active.goal, stamp }])
-                }
-                None => (CancelGoalResponseEnum::UnknownGoal, Vec::new()),
-            };
-            if self.server.send_cancel_response(id, CancelGoalResponse { return_code, goals_canceling }).is_err() {
-                shared.outbox.log(Severity::Warn, "a cancel response of ~/calibrate could not be sent");
+    async fn handle_cancel(&mut self, request: Request<CancelGoalRequest, CancelGoalResponse>, shared: &Shared) {
+        let wanted = wanted(&request.question);
+        let zero = CancelGoal::default().goal_id;
+        let active = self.active.as_ref().filter(|active| wanted == zero || *active.goal.uuid.as_bytes() == wanted);
+        let (return_code, goals_canceling) = match active {
+            Some(active) => {
+                active.cancelled.set(true);
+                let stamp = self.accepted.get(&active.goal).map_or(WireTime::ZERO, |(stamp, _)| *stamp);
+                (CancelGoalResponseEnum::None, vec![GoalInfo { goal_id: active.goal, stamp }])
             }
+            None => (CancelGoalResponseEnum::UnknownGoal, Vec::new()),
+        };
+        if (request.answer)(CancelGoalResponse { return_code, goals_canceling }).await.is_err() {
+            shared.outbox.log(Severity::Warn, "a cancel response of ~/calibrate could not be sent");
         }
     }
 
-    fn take_result_requests(&mut self) {
-        while let Ok(Some((id, request))) = self.server.receive_result_request() {
-            self.asked.push((request.goal_id, id));
-        }
-        let known = |goal: &GoalId| self.active.as_ref().is_some_and(|active| active.goal == *goal);
-        let (waiting, due): (Vec<_>, Vec<_>) = self.asked.drain(..).partition(|(goal, _)| known(goal));
+    /// Answers who asked for the result of a goal that is not at work.
+    async fn answer_results(&mut self) {
+        let at_work = |goal: &GoalId| self.active.as_ref().is_some_and(|active| active.goal == *goal);
+        let (waiting, due): (Vec<_>, Vec<_>) = self.asked.drain(..).partition(|(goal, _)| at_work(goal));
         self.asked = waiting;
-        for (goal, id) in due {
+        for (goal, answer) in due {
             let found = self.finished.iter().find(|(finished, ..)| *finished == goal);
             let (status, result) = found.map_or_else(
                 || (GoalStatusEnum::Unknown, CalibrateResult::default()),
                 |(_, status, result)| (*status, result.clone()),
             );
-            let _ = self.server.send_result(id, GetResultResponse { status, result }); // the client may ask again
+            let _ = answer(GetResultResponse { status, result }).await; // the client may ask again
         }
     }
 
     fn go_on(&mut self) {
         let Some(active) = &mut self.active else { return };
         while let Ok(feedback) = active.feedback.try_recv() {
-            let _ = self.server.send_feedback(active.goal, feedback); // the next one says as much
+            let message = FeedbackMessage { goal_id: active.goal, feedback };
+            let _ = (self.feedback)(message); // the next one says as much
         }
         let result = match active.result.try_recv() {
             Err(oneshot::error::TryRecvError::Empty) => return,
@@ -290,7 +280,7 @@ impl Goals {
             status: *status,
         };
         let array = GoalStatusArray { status_list: self.accepted.iter().map(status).collect() };
-        let _ = self.server.send_goal_statuses(array); // clients have the result besides
+        let _ = (self.status)(array); // clients have the result besides
     }
 }
 

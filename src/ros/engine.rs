@@ -8,14 +8,13 @@ use std::sync::mpsc::SyncSender;
 use std::time::Duration;
 
 use futures::StreamExt;
-use ros2_client::{MessageInfo, ReadError, Subscription};
 use tokio::sync::{mpsc, oneshot};
 
 use super::args::Severity;
 use super::calibrator::Sample;
-use super::cdr_bytes::{AsCdr, CdrBytes};
-use super::clock::{Clock, system_now};
+use super::clock::Clock;
 use super::diagnostics::{Budget, RateMeter};
+use super::middleware::{Arrival, Fault, Subscription};
 use super::outbox::{Origin, OutIdx, Outbox};
 use super::watchdog::Watchdog;
 use crate::config::Config;
@@ -81,7 +80,7 @@ pub(super) struct Core {
 /// A topic that feeds the core.
 pub(super) struct Input {
     pub(super) topic: String,
-    pub(super) subscription: Subscription<CdrBytes>,
+    pub(super) subscription: Subscription,
     pub(super) binding: SampleBinding,
 }
 
@@ -120,8 +119,6 @@ struct Running {
     cdr: Vec<u8>,
 }
 
-type Incoming = Result<(CdrBytes, MessageInfo), ReadError>;
-
 impl Engine {
     /// Reads and estimates until it is told to stop.
     pub(super) async fn run(self, inputs: Vec<Input>, mut commands: mpsc::UnboundedReceiver<Command>) {
@@ -142,10 +139,10 @@ impl Engine {
             cdr: Vec::new(),
             engine: self,
         };
-        let streams = inputs.iter().enumerate().map(|(idx, input)| {
-            let stream = input.subscription.async_stream_seed(AsCdr);
-            stream.map(move |incoming| (idx, incoming)).boxed_local()
-        });
+        let streams = inputs
+            .iter()
+            .enumerate()
+            .map(|(idx, input)| input.subscription.arrivals().map(move |incoming| (idx, incoming)));
         let mut incoming = futures::stream::select_all(streams);
         // As fine as the watchdog needs to be within a tenth of its limit.
         let timeout = running.engine.cfg.live.tactile_timeout;
@@ -209,13 +206,11 @@ impl Running {
         Ok(())
     }
 
-    fn handle_incoming(&mut self, input: usize, incoming: Incoming) {
+    fn handle_incoming(&mut self, input: usize, incoming: Result<Arrival, Fault>) {
         let now = self.engine.clock.running();
-        let (cdr, arrived) = match incoming {
-            Ok((CdrBytes(cdr), info)) => {
-                (cdr, info.received_timestamp().map_or_else(system_now, |at| Stamp(at.to_nanos())))
-            }
-            Err(error) => return self.count(input, "unreadable", &error.to_string()),
+        let Arrival { cdr, received: arrived } = match incoming {
+            Ok(arrival) => arrival,
+            Err(fault) => return self.count(input, fault.n_messages, fault.reason, &fault.text),
         };
         self.meters[input].handle_arrival(now);
         let stamp = if self.engine.clock.is_sim() { self.engine.clock.now() } else { arrived };
@@ -235,7 +230,7 @@ impl Running {
         }
         let event = match self.bindings[input].decode(&cdr, self.received) {
             Ok(event) => event,
-            Err(error) => return self.count(input, error.reason(), &error.to_string()),
+            Err(error) => return self.count(input, 1, error.reason(), &error.to_string()),
         };
         if let Some(tap) = &self.tap
             && tap.send(Sample::from(&event)).is_err()
@@ -306,10 +301,10 @@ impl Running {
         }
     }
 
-    fn count(&mut self, input: usize, reason: &'static str, text: &str) {
+    fn count(&mut self, input: usize, n_messages: u64, reason: &'static str, text: &str) {
         let counter = self.unreadable[input].entry(reason).or_default();
-        *counter += 1;
-        if *counter == 1 {
+        *counter += n_messages;
+        if *counter == n_messages {
             let topic = &self.topics[input];
             self.engine
                 .outbox

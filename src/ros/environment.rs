@@ -9,12 +9,32 @@ pub struct Environment {
     pub domain_id: u16,
     /// Whether other hosts are out of reach: `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST` or `ROS_LOCALHOST_ONLY=1`.
     pub localhost_only: bool,
-    /// Whose way of calling services is spoken, by `RMW_IMPLEMENTATION`.
-    pub services: ServiceStyle,
+    /// What is spoken, by `RMW_IMPLEMENTATION`.
+    pub middleware: Middleware,
     /// `AMENT_PREFIX_PATH`: where installed packages keep their message definitions.
     pub prefixes: Vec<PathBuf>,
     /// What a person should know, a line each.
     pub notes: Vec<String>,
+}
+
+/// What carries messages from node to node.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Middleware {
+    /// DDS, and whose way of calling services.
+    Dds(ServiceStyle),
+    /// Zenoh, as rmw_zenoh speaks it.
+    #[cfg(feature = "zenoh")]
+    Zenoh(ZenohVars),
+}
+
+/// What rmw_zenoh is told by variables of its own.
+#[cfg(feature = "zenoh")]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct ZenohVars {
+    /// `ZENOH_SESSION_CONFIG_URI`: a configuration file instead of rmw_zenoh's.
+    pub config: Option<PathBuf>,
+    /// `ZENOH_CONFIG_OVERRIDE`: `key=value;...` over that.
+    pub overrides: String,
 }
 
 /// How requests and replies are told apart on the wire. DDS vendors differ in it.
@@ -55,10 +75,12 @@ impl Environment {
         };
         let mut notes = Vec::new();
         // rcl: ROS_LOCALHOST_ONLY, though deprecated, wins where it is 1.
-        let localhost_only = set("ROS_LOCALHOST_ONLY").as_deref() == Some("1")
-            || match set("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
-                None | Some("SUBNET" | "SYSTEM_DEFAULT") => false,
-                Some("LOCALHOST") => true,
+        let localhost_by = if set("ROS_LOCALHOST_ONLY").as_deref() == Some("1") {
+            Some(("ROS_LOCALHOST_ONLY", "1"))
+        } else {
+            match set("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
+                None | Some("SUBNET" | "SYSTEM_DEFAULT") => None,
+                Some("LOCALHOST") => Some(("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")),
                 Some(text @ "OFF") => {
                     let reason = "discovery can't be switched off here; use LOCALHOST, or a ROS_DOMAIN_ID of its own";
                     return Err(refuse("ROS_AUTOMATIC_DISCOVERY_RANGE", text, reason));
@@ -67,26 +89,38 @@ impl Environment {
                     let reason = "expected SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT";
                     return Err(refuse("ROS_AUTOMATIC_DISCOVERY_RANGE", text, reason));
                 }
-            };
+            }
+        };
         if let Some(peers) = set("ROS_STATIC_PEERS") {
             let reason = "peers can't be named one by one here; leave it out and reach them by multicast";
             return Err(refuse("ROS_STATIC_PEERS", &peers, reason));
         }
-        let services = match set("RMW_IMPLEMENTATION").as_deref() {
-            None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp" | "rmw_connextdds") => ServiceStyle::Enhanced,
-            Some("rmw_cyclonedds_cpp") => ServiceStyle::Cyclone,
+        let middleware = match set("RMW_IMPLEMENTATION").as_deref() {
+            None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp" | "rmw_connextdds") => {
+                Middleware::Dds(ServiceStyle::Enhanced)
+            }
+            Some("rmw_cyclonedds_cpp") => Middleware::Dds(ServiceStyle::Cyclone),
+            #[cfg(feature = "zenoh")]
+            Some("rmw_zenoh_cpp") => Middleware::Zenoh(ZenohVars {
+                config: set("ZENOH_SESSION_CONFIG_URI").map(PathBuf::from),
+                overrides: set("ZENOH_CONFIG_OVERRIDE").unwrap_or_default(),
+            }),
+            #[cfg(not(feature = "zenoh"))]
             Some(text @ "rmw_zenoh_cpp") => {
-                return Err(refuse(
-                    "RMW_IMPLEMENTATION",
-                    text,
-                    "this build speaks DDS; use a DDS middleware for its peers",
-                ));
+                let reason = "this build speaks DDS only; build it with --features zenoh, or use a DDS middleware";
+                return Err(refuse("RMW_IMPLEMENTATION", text, reason));
             }
             Some(text) => {
-                let reason = "expected rmw_fastrtps_cpp, rmw_cyclonedds_cpp or rmw_connextdds";
+                let reason = "expected rmw_fastrtps_cpp, rmw_cyclonedds_cpp, rmw_connextdds or rmw_zenoh_cpp";
                 return Err(refuse("RMW_IMPLEMENTATION", text, reason));
             }
         };
+        #[cfg(feature = "zenoh")]
+        if let (Some((variable, value)), Middleware::Zenoh(_)) = (localhost_by, &middleware) {
+            let reason = "with RMW_IMPLEMENTATION=rmw_zenoh_cpp: whom a Zenoh router reaches is in its configuration; \
+                          unset it, and have the router listen on localhost alone";
+            return Err(refuse(variable, value, reason));
+        }
         if set("ROS_SECURITY_ENABLE").as_deref() == Some("true") {
             if set("ROS_SECURITY_STRATEGY").as_deref() == Some("Enforce") {
                 let reason =
@@ -97,7 +131,8 @@ impl Environment {
         }
         let prefixes =
             set("AMENT_PREFIX_PATH").map(|paths| std::env::split_paths(&paths).collect()).unwrap_or_default();
-        Ok(Environment { domain_id, localhost_only, services, prefixes, notes })
+        let localhost_only = localhost_by.is_some();
+        Ok(Environment { domain_id, localhost_only, middleware, prefixes, notes })
     }
 }
 
@@ -113,7 +148,8 @@ mod tests {
     #[test]
     fn the_variables_of_ros_2_are_followed() {
         let default = read(&[]).unwrap();
-        assert_eq!((default.domain_id, default.localhost_only, default.services), (0, false, ServiceStyle::Enhanced));
+        assert_eq!((default.domain_id, default.localhost_only), (0, false));
+        assert_eq!(default.middleware, Middleware::Dds(ServiceStyle::Enhanced));
         assert_eq!(read(&[("ROS_DOMAIN_ID", "42")]).unwrap().domain_id, 42);
         assert_eq!(read(&[("ROS_DOMAIN_ID", "")]).unwrap().domain_id, 0);
         assert!(read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]).unwrap().localhost_only);
@@ -121,7 +157,8 @@ mod tests {
         assert!(
             read(&[("ROS_LOCALHOST_ONLY", "1"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")]).unwrap().localhost_only
         );
-        assert_eq!(read(&[("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")]).unwrap().services, ServiceStyle::Cyclone);
+        let cyclone = read(&[("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")]).unwrap();
+        assert_eq!(cyclone.middleware, Middleware::Dds(ServiceStyle::Cyclone));
         assert_eq!(
             read(&[("AMENT_PREFIX_PATH", "/a:/b")]).unwrap().prefixes,
             [PathBuf::from("/a"), PathBuf::from("/b")]
@@ -141,7 +178,7 @@ mod tests {
             ),
             (&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "near")], "ROS_AUTOMATIC_DISCOVERY_RANGE=near: expected SUBNET"),
             (&[("ROS_STATIC_PEERS", "10.0.0.1")], "ROS_STATIC_PEERS=10.0.0.1: peers can't be named"),
-            (&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")], "RMW_IMPLEMENTATION=rmw_zenoh_cpp: this build speaks DDS"),
+            (&[("RMW_IMPLEMENTATION", "rmw_other_cpp")], "RMW_IMPLEMENTATION=rmw_other_cpp: expected rmw_fastrtps_cpp"),
             (
                 &[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", "Enforce")],
                 "ROS_SECURITY_ENABLE=true: with ROS_SECURITY_STRATEGY=Enforce: this build has no DDS security",
@@ -149,6 +186,24 @@ mod tests {
         ] {
             let error = read(vars).unwrap_err();
             assert!(error.starts_with(begin), "{error}");
+        }
+    }
+
+    #[cfg(not(feature = "zenoh"))]
+    #[test]
+    fn zenoh_is_refused_by_a_build_without_it() {
+        let error = read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap_err();
+        assert!(error.contains("this build speaks DDS only; build it with --features zenoh"), "{error}");
+    }
+
+    #[cfg(feature = "zenoh")]
+    #[test]
+    fn on_zenoh_what_its_router_decides_is_refused() {
+        let zenoh = ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp");
+        assert_eq!(read(&[zenoh]).unwrap().middleware, Middleware::Zenoh(ZenohVars::default()));
+        for localhost in [("ROS_LOCALHOST_ONLY", "1"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")] {
+            let error = read(&[zenoh, localhost]).unwrap_err();
+            assert!(error.starts_with(localhost.0) && error.contains("Zenoh router"), "{error}");
         }
     }
 }

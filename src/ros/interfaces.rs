@@ -3,6 +3,7 @@
 use ros2_client::Message;
 use serde::{Deserialize, Serialize};
 
+use super::args::Severity;
 use super::diagnostics::Status;
 use super::lifecycle;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult, Header, Time, WireType};
@@ -28,6 +29,36 @@ pub(super) struct Clock {
 
 impl WireType for Clock {
     const TYPE_NAME: &'static str = "rosgraph_msgs/msg/Clock";
+}
+
+/// `rcl_interfaces/msg/Log`.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(super) struct Log {
+    stamp: Time,
+    level: u8,
+    name: String,
+    msg: String,
+    file: String,
+    function: String,
+    line: u32,
+}
+
+impl Log {
+    /// A line of a logger, from nowhere in particular.
+    pub(super) fn new(stamp: Time, severity: Severity, logger: &str, text: &str) -> Self {
+        let level = match severity {
+            Severity::Debug => 10,
+            Severity::Info => 20,
+            Severity::Warn => 30,
+            Severity::Error => 40,
+            Severity::Fatal => 50,
+        };
+        Log { stamp, level, name: logger.to_owned(), msg: text.to_owned(), ..Log::default() }
+    }
+}
+
+impl WireType for Log {
+    const TYPE_NAME: &'static str = "rcl_interfaces/msg/Log";
 }
 
 /// `diagnostic_msgs/msg/DiagnosticArray`.
@@ -167,7 +198,6 @@ pub(super) struct CancelGoal {
 
 impl Message for Empty {}
 impl Message for TriggerResponse {}
-impl Message for Clock {}
 impl Message for ChangeStateRequest {}
 impl Message for ChangeStateResponse {}
 impl Message for GetStateResponse {}

@@ -3,36 +3,35 @@
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 use std::time::Duration;
 
 use futures::StreamExt;
-use ros2_client::Publisher;
 use ros2_client::qos::Durability;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 
 use super::args::{RosArgs, Severity};
 use super::calibrate_action;
-use super::cdr_bytes::CdrBytes;
 use super::clock::Clock;
 use super::definitions::{Definitions, LookupError};
 use super::engine::{Command, Engine, Input, Outputs, Record};
 use super::entities::{Graph, Names, reliable_qos};
 use super::environment::Environment;
-use super::interfaces::{self, DiagnosticArray, TransitionEvent};
+use super::interfaces::{self, DiagnosticArray, Log, TransitionEvent};
 use super::managed::Managed;
-use super::outbox::{self, LogConfig, OutIdx, Outbox};
+use super::middleware::{Publisher, Subscription, TopicType};
+use super::outbox::{self, LogConfig, OutIdx, Outbox, Rosout};
 use super::parameters::{ParameterEvent, Parameters};
 use super::qos::{self, QosError, Side};
 use super::services;
 use crate::config::{Config, NameError, ParamTree};
 use crate::fusion::{JointSourceIdx, TactileSourceIdx};
 use crate::msg::binding::{BindingError, JointBinding, SampleBinding, TaxelBinding};
-use crate::msg::{ContactArray, WireType, WrenchStamped};
+use crate::msg::definition::TypeTree;
+use crate::msg::{ContactArray, WireType, WrenchStamped, from_cdr};
 
 /// What a node is made from.
 #[derive(Debug)]
@@ -97,25 +96,31 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     let bindings = bindings(&cfg, &names, &definitions)?;
     let clock = Arc::new(Clock::new(cfg.use_sim_time));
 
-    let mut graph = Graph::join(&cfg.node, &environment, &args.remaps, args.rosout)?;
-    let inputs = inputs(&mut graph, &cfg, &tree, &names, bindings)?;
+    let mut graph = Graph::join(&cfg.node, &environment, &args.remaps)?;
+    let inputs = inputs(&mut graph, &tree, &names, bindings)?;
     let (publishers, outputs, transition_event, parameter_events) = publishers(&mut graph, &tree, &names)?;
     let entities = names.inputs.iter().map(|name| (name.clone(), Side::Subscription));
     let entities = entities.chain(names.estimates.names().map(|name| (name.to_owned(), Side::Publisher)));
     qos::check_all_used(&tree, &entities.collect::<Vec<_>>())?;
     let sim_clock = match cfg.use_sim_time {
-        true => Some(graph.subscription::<interfaces::Clock>(
-            "/clock",
-            "rosgraph_msgs/msg/Clock",
-            &qos::output_default(),
-        )?),
+        true => {
+            let ty = TopicType::Known(interfaces::Clock::TYPE_NAME);
+            Some(graph.subscription("/clock", ty, &qos::output_default())?)
+        }
+        false => None,
+    };
+    let rosout = match args.rosout {
+        true => Some(Rosout {
+            publisher: graph.publisher("/rosout", TopicType::Known(Log::TYPE_NAME), &qos::rosout())?,
+            logger: cfg.node.name().to_owned(),
+        }),
         false => None,
     };
 
-    let log = LogConfig { level: args.log_level, stderr: args.stderr, rosout: args.rosout };
-    let (outbox, publishing) = outbox::start(publishers, graph.node.logging_handle(), log, Arc::clone(&clock))
+    let log = LogConfig { level: args.log_level, stderr: args.stderr };
+    let (outbox, publishing) = outbox::start(publishers, rosout, log, Arc::clone(&clock))
         .map_err(|source| NodeError::System { what: "thread", source })?;
-    environment.notes.iter().for_each(|note| outbox.log(Severity::Warn, note.as_str()));
+    environment.notes.iter().cloned().chain(graph.note()).for_each(|note| outbox.log(Severity::Warn, note));
     let (commands, engine_commands) = mpsc::unbounded_channel();
     let engine = Engine { cfg: cfg.clone(), clock: Arc::clone(&clock), outbox: outbox.clone(), outputs, recorder };
     let runtime = runtime()?;
@@ -139,15 +144,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
         services::start(&mut graph, &shared)?;
         calibrate_action::start(&mut graph, &shared)?;
         if let Some(subscription) = sim_clock {
-            let clock = Arc::clone(&clock);
-            tokio::task::spawn_local(async move {
-                let mut times = pin!(subscription.async_stream());
-                while let Some(time) = times.next().await {
-                    if let Ok((message, _)) = time {
-                        clock.handle_clock(message.clock.into());
-                    }
-                }
-            });
+            tokio::task::spawn_local(follow(subscription, Arc::clone(&clock)));
         }
         let what = "signals";
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|source| NodeError::System { what, source })?;
@@ -179,23 +176,41 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     outcome
 }
 
+/// Sets the clock by the time that is told on `/clock`.
+async fn follow(subscription: Subscription, clock: Arc<Clock>) {
+    let mut times = subscription.arrivals();
+    while let Some(time) = times.next().await {
+        if let Ok(time) = time
+            && let Ok(message) = from_cdr::<interfaces::Clock>(&time.cdr)
+        {
+            clock.handle_clock(message.clock.into());
+        }
+    }
+}
+
 fn runtime() -> Result<tokio::runtime::Runtime, NodeError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     runtime.map_err(|source| NodeError::System { what: "runtime", source })
 }
 
-/// What turns the messages of each input into samples, tactile sources first.
-fn bindings(cfg: &Config, names: &Names, definitions: &Definitions) -> Result<Vec<SampleBinding>, NodeError> {
+/// The type of each input and what turns its messages into samples, tactile sources first.
+fn bindings(
+    cfg: &Config,
+    names: &Names,
+    definitions: &Definitions,
+) -> Result<Vec<(TypeTree, SampleBinding)>, NodeError> {
     let mut bindings = Vec::new();
     for (idx, topic) in cfg.tactile.iter().enumerate() {
-        let binding = TaxelBinding::compile(&topic.fields, &definitions.tree(&topic.type_name)?);
+        let tree = definitions.tree(&topic.type_name)?;
+        let binding = TaxelBinding::compile(&topic.fields, &tree);
         let binding = binding.map_err(|error| refused(&names.inputs[bindings.len()], error))?;
-        bindings.push(SampleBinding::Taxels(TactileSourceIdx(idx), Box::new(binding)));
+        bindings.push((tree, SampleBinding::Taxels(TactileSourceIdx(idx), Box::new(binding))));
     }
     for (idx, topic) in cfg.joints.iter().enumerate() {
-        let binding = JointBinding::compile(&topic.fields, &definitions.tree(&topic.type_name)?);
+        let tree = definitions.tree(&topic.type_name)?;
+        let binding = JointBinding::compile(&topic.fields, &tree);
         let binding = binding.map_err(|error| refused(&names.inputs[bindings.len()], error))?;
-        bindings.push(SampleBinding::Joints(JointSourceIdx(idx), Box::new(binding)));
+        bindings.push((tree, SampleBinding::Joints(JointSourceIdx(idx), Box::new(binding))));
     }
     Ok(bindings)
 }
@@ -206,22 +221,20 @@ fn refused(topic: &str, error: BindingError) -> NodeError {
 
 fn inputs(
     graph: &mut Graph,
-    cfg: &Config,
     tree: &ParamTree,
     names: &Names,
-    bindings: Vec<SampleBinding>,
+    bindings: Vec<(TypeTree, SampleBinding)>,
 ) -> Result<Vec<Input>, NodeError> {
-    let types = cfg.tactile.iter().map(|topic| &topic.type_name).chain(cfg.joints.iter().map(|topic| &topic.type_name));
     let mut inputs = Vec::new();
-    for ((topic, type_name), binding) in names.inputs.iter().zip(types).zip(bindings) {
+    for (topic, (ty, binding)) in names.inputs.iter().zip(bindings) {
         let qos = qos::with_overrides(qos::input_default(), tree, topic, Side::Subscription)?;
-        let subscription = graph.subscription::<CdrBytes>(topic, type_name, &qos)?;
+        let subscription = graph.subscription(topic, TopicType::Defined(&ty), &qos)?;
         inputs.push(Input { topic: topic.clone(), subscription, binding });
     }
     Ok(inputs)
 }
 
-type Publishers = (Vec<Publisher<CdrBytes>>, Outputs, OutIdx, OutIdx);
+type Publishers = (Vec<Publisher>, Outputs, OutIdx, OutIdx);
 
 fn publishers(graph: &mut Graph, tree: &ParamTree, names: &Names) -> Result<Publishers, NodeError> {
     let mut publishers = Vec::new();
@@ -231,10 +244,10 @@ fn publishers(graph: &mut Graph, tree: &ParamTree, names: &Names) -> Result<Publ
         let qos = qos::with_overrides(qos::output_default(), tree, topic, Side::Publisher)?;
         let type_name = if idx < last { WrenchStamped::TYPE_NAME } else { ContactArray::TYPE_NAME };
         estimates.push(OutIdx(publishers.len()));
-        publishers.push(graph.publisher(topic, type_name, &qos)?);
+        publishers.push(graph.publisher(topic, TopicType::Known(type_name), &qos)?);
     }
     let mut add = |topic: &str, type_name, qos| -> Result<OutIdx, NodeError> {
-        publishers.push(graph.publisher(topic, type_name, &qos)?);
+        publishers.push(graph.publisher(topic, TopicType::Known(type_name), &qos)?);
         Ok(OutIdx(publishers.len() - 1))
     };
     let diagnostics = add("/diagnostics", DiagnosticArray::TYPE_NAME, reliable_qos(10, Durability::Volatile))?;
@@ -243,7 +256,7 @@ fn publishers(graph: &mut Graph, tree: &ParamTree, names: &Names) -> Result<Publ
     let transitions = graph.topic_name("~/transition_event")?;
     publishers.push(graph.publisher(
         &transitions,
-        TransitionEvent::TYPE_NAME,
+        TopicType::Known(TransitionEvent::TYPE_NAME),
         &reliable_qos(10, Durability::Volatile),
     )?);
     let transition_event = OutIdx(publishers.len() - 1);

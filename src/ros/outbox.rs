@@ -6,13 +6,12 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use ros2_client::log::LogLevel;
-use ros2_client::{NodeLoggingHandle, Publisher, RosoutRaw};
-
 use super::args::Severity;
-use super::cdr_bytes::CdrBytes;
 use super::clock::{Clock, system_now};
 use super::diagnostics::Latencies;
+use super::interfaces::Log;
+use super::middleware::Publisher;
+use crate::msg::to_cdr;
 use crate::units::Stamp;
 
 /// Messages that may wait to be published: a second of a fast glove with five regions.
@@ -48,7 +47,12 @@ pub(super) struct Outbox {
 pub(super) struct LogConfig {
     pub(super) level: Severity,
     pub(super) stderr: bool,
-    pub(super) rosout: bool,
+}
+
+/// Where log lines are published, and under which name.
+pub(super) struct Rosout {
+    pub(super) publisher: Publisher,
+    pub(super) logger: String,
 }
 
 /// What became of what was left.
@@ -80,8 +84,8 @@ pub(super) struct PublishThread {
 
 /// Starts publishing.
 pub(super) fn start(
-    publishers: Vec<Publisher<CdrBytes>>,
-    rosout: NodeLoggingHandle,
+    publishers: Vec<Publisher>,
+    rosout: Option<Rosout>,
     log: LogConfig,
     clock: Arc<Clock>,
 ) -> std::io::Result<(Outbox, PublishThread)> {
@@ -133,8 +137,8 @@ impl PublishThread {
 
 /// What the thread that publishes has.
 struct Publishing {
-    publishers: Vec<Publisher<CdrBytes>>,
-    rosout: NodeLoggingHandle,
+    publishers: Vec<Publisher>,
+    rosout: Option<Rosout>,
     log: LogConfig,
     stats: Arc<Stats>,
     clock: Arc<Clock>,
@@ -155,22 +159,15 @@ impl Publishing {
         if self.log.stderr {
             let _ = writeln!(std::io::stderr(), "[{}] {text}", name(severity)); // a closed stderr is nobody to tell
         }
-        if self.log.rosout {
-            let level = match severity {
-                Severity::Debug => LogLevel::Debug,
-                Severity::Info => LogLevel::Info,
-                Severity::Warn => LogLevel::Warn,
-                Severity::Error => LogLevel::Error,
-                Severity::Fatal => LogLevel::Fatal,
-            };
-            let stamp = ros2_client::builtin_interfaces::Time::from_nanos(self.clock.now().0);
-            self.rosout.rosout_raw(stamp, level, self.rosout.base_name(), text, "", "", 0);
+        if let Some(rosout) = &self.rosout {
+            let log = Log::new(self.clock.now().into(), severity, &rosout.logger, text);
+            let _ = rosout.publisher.publish(to_cdr(&log)); // whoever reads it there is slow; stderr has it too
         }
     }
 
     fn publish(&self, to: OutIdx, cdr: Vec<u8>, of: Option<Origin>) {
         let Some(publisher) = self.publishers.get(to.0) else { return };
-        if publisher.publish(CdrBytes(cdr)).is_err() {
+        if publisher.publish(cdr).is_err() {
             self.stats.failed.fetch_add(1, Ordering::Relaxed);
             return;
         }

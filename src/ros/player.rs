@@ -1,15 +1,15 @@
 //! A node that publishes messages that are there already, as bytes.
 
-use ros2_client::Publisher;
 use ros2_client::qos::{Durability, History};
 
-use super::cdr_bytes::CdrBytes;
 use super::entities::Graph;
 use super::environment::Environment;
 use super::interfaces::Clock;
+use super::middleware::{Publisher, TopicType};
 use super::node::NodeError;
 use super::remap::{self, NameKind, Remap};
 use crate::config::NodeName;
+use crate::msg::WireType;
 use crate::units::Stamp;
 
 /// First two bytes of a message in plain little-endian CDR, which is what the middleware sends.
@@ -17,8 +17,8 @@ const PLAIN_LITTLE_ENDIAN: [u8; 2] = [0, 1];
 
 /// A node that plays messages.
 pub struct Player {
-    publishers: Vec<Publisher<CdrBytes>>,
-    clock: Option<Publisher<CdrBytes>>,
+    publishers: Vec<Publisher>,
+    clock: Option<Publisher>,
     graph: Graph,
     node: NodeName,
     remaps: Vec<Remap>,
@@ -43,13 +43,18 @@ impl Player {
     /// # Errors
     /// [`NodeError`] when the middleware can't start, or a name is none.
     pub fn join(node: &NodeName, environment: &Environment, remaps: &[Remap], clock: bool) -> Result<Self, NodeError> {
-        let mut graph = Graph::join(node, environment, remaps, false)?;
+        let mut graph = Graph::join(node, environment, remaps)?;
         let reliable = super::entities::service_qos();
         let clock = match clock {
-            true => Some(graph.publisher("/clock", "rosgraph_msgs/msg/Clock", &reliable)?),
+            true => Some(graph.publisher("/clock", TopicType::Known(Clock::TYPE_NAME), &reliable)?),
             false => None,
         };
         Ok(Player { publishers: Vec::new(), clock, graph, node: node.clone(), remaps: remaps.to_vec() })
+    }
+
+    /// What a person should know about the graph that was joined.
+    pub fn note(&self) -> Option<String> {
+        self.graph.note()
     }
 
     /// Leaves the graph.
@@ -59,16 +64,15 @@ impl Player {
         graph.leave();
     }
 
-    /// Adds a topic by its absolute name and type, such as `sensor_msgs/msg/JointState`. Publishing waits up to 100 ms
-    /// for a reliable subscriber that is slow.
+    /// Adds a topic by its absolute name. Publishing waits for a reliable subscriber that is slow, on DDS up to 100 ms.
     ///
     /// # Errors
     /// [`NodeError`] when the middleware refuses it.
-    pub fn add(&mut self, topic: &str, type_name: &str) -> Result<PlayedTopic, NodeError> {
+    pub fn add(&mut self, topic: &str, ty: TopicType<'_>) -> Result<PlayedTopic, NodeError> {
         let topic = remap::name(&self.remaps, &self.node, NameKind::Topic, topic)?;
         let qos =
             super::entities::service_qos().history(History::KeepLast { depth: 1000 }).durability(Durability::Volatile);
-        self.publishers.push(self.graph.publisher(&topic, type_name, &qos)?);
+        self.publishers.push(self.graph.publisher(&topic, ty, &qos)?);
         Ok(PlayedTopic(self.publishers.len() - 1))
     }
 
@@ -80,13 +84,13 @@ impl Player {
         if !cdr.starts_with(&PLAIN_LITTLE_ENDIAN) {
             return Err(NotPlayed::Encoding);
         }
-        self.publishers[topic.0].publish(CdrBytes(cdr.to_vec())).map_err(|_| NotPlayed::Refused)
+        self.publishers[topic.0].publish(cdr.to_vec()).map_err(|_| NotPlayed::Refused)
     }
 
     /// Says what time it is, where `/clock` was asked for.
     pub fn tell_time(&self, now: Stamp) {
         if let Some(publisher) = &self.clock {
-            let _ = publisher.publish(CdrBytes(crate::msg::to_cdr(&Clock { clock: now.into() }))); // the next is as good
+            let _ = publisher.publish(crate::msg::to_cdr(&Clock { clock: now.into() })); // the next is as good
         }
     }
 }

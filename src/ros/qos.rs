@@ -46,6 +46,12 @@ pub fn input_default() -> QosProfile {
     QosProfile::subscription_default().history(History::KeepLast { depth: 100 })
 }
 
+/// What `/rosout` has, `rcl_qos_profile_rosout_default`: who comes late reads the lines of the last 10 s.
+pub(super) fn rosout() -> QosProfile {
+    let qos = super::entities::reliable_qos(1000, Durability::TransientLocal);
+    QosProfile { lifespan: Some(Duration::from_secs(10)), ..qos }
+}
+
 /// The QoS of one entity after the overrides for it.
 ///
 /// # Errors

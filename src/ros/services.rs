@@ -1,6 +1,5 @@
 //! The services that other nodes call, but for the calibrate action.
 
-use std::pin::pin;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -11,7 +10,6 @@ use ros2_client::rcl_interfaces::{
     GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse, ListParametersResult,
     SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
 };
-use ros2_client::{Message, Server};
 
 use super::args::Severity;
 use super::calibrate_action::calibrate;
@@ -23,6 +21,7 @@ use super::interfaces::{
     GetStateResponse, TriggerResponse,
 };
 use super::lifecycle::{State, TRANSITIONS};
+use super::middleware::{Request, Requests};
 use super::node::{NodeError, Shared};
 use super::parameters::ParameterEvent;
 use crate::msg::to_cdr;
@@ -34,7 +33,7 @@ const TARE: Duration = Duration::from_secs(2);
 pub(super) fn start(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
     lifecycle(graph, shared)?;
     parameters(graph, shared)?;
-    let tare = graph.server::<Empty, TriggerResponse>("~/tare", "std_srvs/Trigger")?;
+    let tare = graph.server::<Empty, TriggerResponse>("~/tare", "std_srvs/srv/Trigger")?;
     let of = Rc::clone(shared);
     serve(tare, shared, async move |_| {
         let result = calibrate(&of, Purpose::Tare, TARE, |_| {}, || false).await;
@@ -45,7 +44,7 @@ pub(super) fn start(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeEr
 
 fn lifecycle(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
     let change =
-        graph.server::<ChangeStateRequest, ChangeStateResponse>("~/change_state", "lifecycle_msgs/ChangeState")?;
+        graph.server::<ChangeStateRequest, ChangeStateResponse>("~/change_state", "lifecycle_msgs/srv/ChangeState")?;
     let of = Rc::clone(shared);
     serve(change, shared, async move |request: ChangeStateRequest| {
         let changed = of.managed.change(&of, request.transition.id, &request.transition.label).await;
@@ -54,13 +53,15 @@ fn lifecycle(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
         }
         ChangeStateResponse { success: changed.is_ok() }
     });
-    let state = graph.server::<Empty, GetStateResponse>("~/get_state", "lifecycle_msgs/GetState")?;
+    let state = graph.server::<Empty, GetStateResponse>("~/get_state", "lifecycle_msgs/srv/GetState")?;
     let of = Rc::clone(shared);
     serve(state, shared, async move |_| GetStateResponse { current_state: of.managed.state().into() });
-    let states = graph
-        .server::<Empty, GetAvailableStatesResponse>("~/get_available_states", "lifecycle_msgs/GetAvailableStates")?;
+    let states = graph.server::<Empty, GetAvailableStatesResponse>(
+        "~/get_available_states",
+        "lifecycle_msgs/srv/GetAvailableStates",
+    )?;
     serve(states, shared, async |_| GetAvailableStatesResponse { available_states: State::ALL.map(Into::into).into() });
-    let kind = "lifecycle_msgs/GetAvailableTransitions";
+    let kind = "lifecycle_msgs/srv/GetAvailableTransitions";
     let possible = graph.server::<Empty, GetAvailableTransitionsResponse>("~/get_available_transitions", kind)?;
     let of = Rc::clone(shared);
     serve(possible, shared, async move |_| GetAvailableTransitionsResponse {
@@ -74,33 +75,33 @@ fn lifecycle(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
 }
 
 fn parameters(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
-    let get = graph.server("~/get_parameters", "rcl_interfaces/GetParameters")?;
+    let get = graph.server("~/get_parameters", "rcl_interfaces/srv/GetParameters")?;
     let of = Rc::clone(shared);
     serve(get, shared, async move |request: GetParametersRequest| GetParametersResponse {
         values: request.names.iter().map(|name| of.parameters.borrow().get(name)).collect(),
     });
-    let types = graph.server("~/get_parameter_types", "rcl_interfaces/GetParameterTypes")?;
+    let types = graph.server("~/get_parameter_types", "rcl_interfaces/srv/GetParameterTypes")?;
     let of = Rc::clone(shared);
     serve(types, shared, async move |request: GetParameterTypesRequest| GetParameterTypesResponse {
         values: request.names.iter().map(|name| of.parameters.borrow().get(name).ptype).collect(),
     });
-    let list = graph.server("~/list_parameters", "rcl_interfaces/ListParameters")?;
+    let list = graph.server("~/list_parameters", "rcl_interfaces/srv/ListParameters")?;
     let of = Rc::clone(shared);
     serve(list, shared, async move |request: ListParametersRequest| {
         let (names, prefixes) = of.parameters.borrow().list(&request.prefixes, request.depth);
         ListParametersResponse { result: ListParametersResult { names, prefixes } }
     });
-    let describe = graph.server("~/describe_parameters", "rcl_interfaces/DescribeParameters")?;
+    let describe = graph.server("~/describe_parameters", "rcl_interfaces/srv/DescribeParameters")?;
     let of = Rc::clone(shared);
     serve(describe, shared, async move |request: DescribeParametersRequest| DescribeParametersResponse {
         values: request.names.iter().map(|name| of.parameters.borrow().describe(name)).collect(),
     });
-    let each = graph.server("~/set_parameters", "rcl_interfaces/SetParameters")?;
+    let each = graph.server("~/set_parameters", "rcl_interfaces/srv/SetParameters")?;
     let of = Rc::clone(shared);
     serve(each, shared, async move |request: SetParametersRequest| SetParametersResponse {
         results: request.parameter.iter().map(|change| set(&of, std::slice::from_ref(change))).collect(),
     });
-    let together = graph.server("~/set_parameters_atomically", "rcl_interfaces/SetParametersAtomically")?;
+    let together = graph.server("~/set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically")?;
     let of = Rc::clone(shared);
     serve(together, shared, async move |request: SetParametersRequest| SetParametersAtomicallyResponse {
         result: set(&of, &request.parameter),
@@ -128,19 +129,18 @@ fn set(shared: &Shared, changes: &[raw::Parameter]) -> raw::SetParametersResult 
 }
 
 /// Answers the requests of a service, one after the other.
-fn serve<Q, A>(server: Server<Q, A>, shared: &Rc<Shared>, mut answer: impl AsyncFnMut(Q) -> A + 'static)
+fn serve<Q, A>(mut requests: Requests<Q, A>, shared: &Rc<Shared>, mut reply: impl AsyncFnMut(Q) -> A + 'static)
 where
-    Q: Message + 'static,
-    A: Message + 'static,
+    Q: 'static,
+    A: 'static,
 {
     let outbox = shared.outbox.clone();
     tokio::task::spawn_local(async move {
-        let mut requests = pin!(server.receive_request_stream());
         while let Some(request) = requests.next().await {
             match request {
-                Ok((id, request)) => {
-                    let response = answer(request).await;
-                    if let Err(error) = server.async_send_response(id, response).await {
+                Ok(Request { question, answer }) => {
+                    let response = reply(question).await;
+                    if let Err(error) = answer(response).await {
                         outbox.log(Severity::Warn, format!("a service's response could not be sent: {error}"));
                     }
                 }

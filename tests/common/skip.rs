@@ -63,6 +63,19 @@ pub fn ros_python() -> Option<PathBuf> {
     None
 }
 
+/// Where Zenoh's Python binding is, beside the Python of [`ros_python`]; skips or fails as that does.
+pub fn zenoh_packages() -> Option<PathBuf> {
+    let venv = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/zenoh-venv/lib"));
+    let versions = std::fs::read_dir(&venv).into_iter().flatten().filter_map(Result::ok);
+    let found = versions.map(|version| version.path().join("site-packages")).find(|packages| packages.is_dir());
+    if found.is_none() {
+        let missing = "target/zenoh-venv is not here; scripts/ros-venv zenoh makes it";
+        assert!(std::env::var_os("TPF_REQUIRE_ROS").is_none(), "{missing}");
+        skipped(missing);
+    }
+    found
+}
+
 /// Where that Python and its ROS 2 are: `TPF_ROS_VENV`, else `target/ros-venv`.
 pub fn ros_venv() -> PathBuf {
     let default = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/ros-venv"));

@@ -1,6 +1,8 @@
 //! A running node, and the peers that talk to it.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod estimates;
+
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -59,19 +61,24 @@ pub struct Live {
 impl Live {
     /// Starts `tpf run` and waits until it is active, or has said that it waits for a manager.
     pub fn start(folder: &Path, args: &[&str]) -> Live {
-        let live = Live::spawn(folder, args);
+        Live::start_with(folder, args, &[])
+    }
+
+    /// As [`start`](Self::start), in an environment with these variables besides.
+    pub fn start_with(folder: &Path, args: &[&str], vars: &[(&str, &str)]) -> Live {
+        let live = Live::spawn(folder, args, vars);
         live.wait_for(&["[INFO] active", "waiting for a lifecycle manager"]);
         live
     }
 
-    /// Starts `tpf run`.
-    pub fn spawn(folder: &Path, args: &[&str]) -> Live {
+    /// Starts `tpf run` in an environment with these variables besides.
+    pub fn spawn(folder: &Path, args: &[&str], vars: &[(&str, &str)]) -> Live {
         assert_eq!(std::env::var("TPF_ISOLATED").as_deref(), Ok("1"), "a node must not reach the network");
         let log = folder.join(format!("node-{}.log", std::process::id()));
         let stderr = File::create(&log).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
         command.current_dir(folder).arg("run").args(args).stderr(stderr).stdout(Stdio::null());
-        command.env("AMENT_PREFIX_PATH", skip::ros_venv());
+        command.env("AMENT_PREFIX_PATH", skip::ros_venv()).envs(vars.iter().copied());
         Live { child: command.spawn().unwrap(), log }
     }
 
@@ -141,12 +148,17 @@ pub fn peer_command(python: &Path, script: &str, args: &[&str], folder: &Path) -
 
 /// Runs a peer to its end; what it printed.
 pub fn peer(python: &Path, script: &str, args: &[&str], folder: &Path) -> String {
-    let output = peer_command(python, script, args, folder).output().unwrap();
+    said(peer_command(python, script, args, folder), folder)
+}
+
+/// Runs a peer to its end; the last line that it printed.
+pub fn said(mut peer: Command, folder: &Path) -> String {
+    let output = peer.output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
     let log = std::fs::read_dir(folder).unwrap().filter_map(Result::ok).map(|entry| entry.path());
     let log = log.filter(|path| path.extension().is_some_and(|extension| extension == "log"));
     let said: String = log.filter_map(|path| std::fs::read_to_string(path).ok()).collect();
-    assert!(output.status.success(), "{script}: {stderr}\nnode: {said}");
+    assert!(output.status.success(), "{peer:?}: {stderr}\nnode: {said}");
     // Only the last line: the middleware may print of its own.
     let stdout = String::from_utf8(output.stdout).unwrap();
     stdout.lines().last().unwrap_or_default().to_owned()

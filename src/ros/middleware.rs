@@ -1,0 +1,208 @@
+//! The seam to the middleware. What is above it names neither DDS nor Zenoh, and has one path for both.
+
+mod dds;
+#[cfg(feature = "zenoh")]
+mod zenoh;
+
+use futures::future::LocalBoxFuture;
+use futures::stream::LocalBoxStream;
+use ros2_client::action::{
+    CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultRequest, GetResultResponse, SendGoalRequest,
+    SendGoalResponse,
+};
+use ros2_client::action_msgs::GoalStatusArray;
+use ros2_client::{Message, QosProfile};
+
+use super::environment::{Environment, Middleware};
+use super::node::NodeError;
+use crate::config::NodeName;
+use crate::msg::definition::TypeTree;
+use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
+use crate::units::Stamp;
+
+/// A node in the graph, which makes entities by their absolute names.
+pub(super) enum Participant {
+    /// On DDS.
+    Dds(Box<dds::Participant>),
+    /// On Zenoh, as rmw_zenoh has it.
+    #[cfg(feature = "zenoh")]
+    Zenoh(Box<zenoh::Participant>),
+}
+
+/// The type of a topic.
+#[derive(Debug, Clone, Copy)]
+pub enum TopicType<'a> {
+    /// One that this node has a struct for, by its canonical name.
+    Known(&'a str),
+    /// Any other, with its definition.
+    Defined(&'a TypeTree),
+}
+
+impl TopicType<'_> {
+    /// Its canonical name.
+    pub fn name(&self) -> &str {
+        match self {
+            TopicType::Known(name) => name,
+            TopicType::Defined(tree) => tree.type_name(),
+        }
+    }
+}
+
+/// Sends the messages of a topic.
+pub(super) trait Publish: Send {
+    /// Sends a message in little-endian CDR, after its encapsulation header.
+    ///
+    /// # Errors
+    /// [`Refused`] when nobody was sent it.
+    fn publish(&self, cdr: Vec<u8>) -> Result<(), Refused>;
+}
+
+/// Receives the messages of a topic.
+pub(super) trait Subscribe: Send {
+    /// What comes, for ever.
+    fn arrivals(&self) -> LocalBoxStream<'_, Result<Arrival, Fault>>;
+}
+
+pub(super) type Publisher = Box<dyn Publish>;
+pub(super) type Subscription = Box<dyn Subscribe>;
+
+/// The middleware didn't take a message: a reliable subscriber has not acknowledged those before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Refused;
+
+/// A message as it came.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Arrival {
+    /// The message in CDR, after its encapsulation header.
+    pub(super) cdr: Vec<u8>,
+    /// When it came, by the system's clock.
+    pub(super) received: Stamp,
+}
+
+/// Messages that came to nothing before they could be read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Fault {
+    pub(super) n_messages: u64,
+    pub(super) reason: &'static str,
+    pub(super) text: String,
+}
+
+/// The requests of a service as they come; the service is there as long as this is. An item that is no request says why
+/// one can't be read.
+pub(super) type Requests<Q, A> = LocalBoxStream<'static, Result<Request<Q, A>, String>>;
+
+/// A request that waits for its answer.
+pub(super) struct Request<Q, A> {
+    pub(super) question: Q,
+    pub(super) answer: Answer<A>,
+}
+
+/// Sends a response to whoever asked; an error says why it couldn't.
+pub(super) type Answer<A> = Box<dyn FnOnce(A) -> LocalBoxFuture<'static, Result<(), String>>>;
+
+/// The three services and two topics of our `Calibrate` action.
+pub(super) struct Action {
+    pub(super) goals: Requests<SendGoalRequest<CalibrateGoal>, SendGoalResponse>,
+    pub(super) cancels: Requests<CancelGoalRequest, CancelGoalResponse>,
+    pub(super) results: Requests<GetResultRequest, GetResultResponse<CalibrateResult>>,
+    pub(super) feedback: Sender<FeedbackMessage<CalibrateFeedback>>,
+    pub(super) status: Sender<GoalStatusArray>,
+}
+
+/// Sends messages of one type.
+pub(super) type Sender<M> = Box<dyn Fn(M) -> Result<(), Refused>>;
+
+/// QoS of an action's parts.
+pub(super) struct ActionQos {
+    pub(super) services: QosProfile,
+    pub(super) feedback: QosProfile,
+    pub(super) status: QosProfile,
+}
+
+impl Participant {
+    /// Joins the graph on the middleware that the environment names.
+    pub(super) fn join(name: &NodeName, environment: &Environment) -> Result<Self, NodeError> {
+        match &environment.middleware {
+            Middleware::Dds(style) => {
+                Ok(Participant::Dds(Box::new(dds::Participant::join(name, environment, *style)?)))
+            }
+            #[cfg(feature = "zenoh")]
+            Middleware::Zenoh(vars) => {
+                Ok(Participant::Zenoh(Box::new(zenoh::Participant::join(name, environment.domain_id, vars)?)))
+            }
+        }
+    }
+
+    /// What a person should know about the graph that was joined.
+    pub(super) fn note(&self) -> Option<String> {
+        match self {
+            Participant::Dds(_) => None,
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(participant) => participant.note(),
+        }
+    }
+
+    /// Leaves the graph, when everything that was made here has been dropped.
+    pub(super) fn leave(self) {
+        match self {
+            Participant::Dds(participant) => participant.leave(),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(participant) => participant.leave(),
+        }
+    }
+
+    /// A publisher on an absolute name.
+    pub(super) fn publisher(
+        &mut self,
+        topic: &str,
+        ty: TopicType<'_>,
+        qos: &QosProfile,
+    ) -> Result<Publisher, NodeError> {
+        match self {
+            Participant::Dds(participant) => participant.publisher(topic, ty, qos),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(participant) => participant.publisher(topic, ty, qos),
+        }
+    }
+
+    /// A subscription of an absolute name.
+    pub(super) fn subscription(
+        &mut self,
+        topic: &str,
+        ty: TopicType<'_>,
+        qos: &QosProfile,
+    ) -> Result<Subscription, NodeError> {
+        match self {
+            Participant::Dds(participant) => participant.subscription(topic, ty, qos),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(participant) => participant.subscription(topic, ty, qos),
+        }
+    }
+
+    /// A server of an absolute name and a type such as `std_srvs/srv/Trigger`.
+    pub(super) fn server<Q, A>(
+        &mut self,
+        service: &str,
+        type_name: &str,
+        qos: &QosProfile,
+    ) -> Result<Requests<Q, A>, NodeError>
+    where
+        Q: Message + Clone + 'static,
+        A: Message + 'static,
+    {
+        match self {
+            Participant::Dds(participant) => participant.server(service, type_name, qos),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(participant) => participant.server(service, type_name, qos),
+        }
+    }
+
+    /// An action of an absolute name and of type `tactile_pose_fusion/action/Calibrate`.
+    pub(super) fn action(&mut self, action: &str, qos: &ActionQos) -> Result<Action, NodeError> {
+        match self {
+            Participant::Dds(participant) => participant.action(action, qos),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(participant) => participant.action(action, qos),
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! DDS, by ros2-client on RustDDS.
+
+mod cdr_bytes;
+mod farewell;
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::rc::Rc;
+use std::time::Duration;
+
+use futures::stream::{LocalBoxStream, StreamExt, unfold};
+use ros2_client::action::{ActionServerQosPolicies, FeedbackMessage};
+use ros2_client::dds::rustdds::{DomainParticipantBuilder, RTPSEntity, Topic};
+use ros2_client::{
+    ActionServer, ActionTypeName, Context, Message, MessageTypeName, Name, Node, NodeName as WireNodeName, NodeOptions,
+    QosProfile, ReadResult, RmwRequestId, Server, ServiceMapping, ServiceTypeName,
+};
+
+use self::cdr_bytes::{AsCdr, CdrBytes};
+use super::{
+    Action, ActionQos, Answer, Arrival, Fault, Publish, Publisher, Refused, Request, Requests, Subscribe, Subscription,
+    TopicType,
+};
+use crate::config::NodeName;
+use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
+use crate::ros::clock::system_now;
+use crate::ros::entities::create;
+use crate::ros::environment::{Environment, ServiceStyle};
+use crate::ros::node::NodeError;
+use crate::units::Stamp;
+
+/// How long the middleware gets to tell that entities are gone. A RustDDS participant that is dropped stops sending at
+/// once and doesn't say when it has told everyone; what it has not told stays in the graph until its lease is over.
+const FAREWELL: Duration = Duration::from_millis(100);
+
+/// How often an action's requests are looked for; a person calibrates for seconds.
+const POLL: Duration = Duration::from_millis(20);
+
+pub(in crate::ros) struct Participant {
+    node: Node,
+    context: Context,
+    mapping: ServiceMapping,
+}
+
+impl Participant {
+    pub(super) fn join(name: &NodeName, environment: &Environment, style: ServiceStyle) -> Result<Self, NodeError> {
+        let mut participant = DomainParticipantBuilder::new(environment.domain_id);
+        if environment.localhost_only {
+            participant = participant.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
+        }
+        let participant = participant.build().map_err(|error| create("DDS participant", &error))?;
+        let context =
+            Context::from_domain_participant(participant).map_err(|error| create("DDS participant", &error))?;
+        let wire_name = WireNodeName::new(name.namespace(), name.name()).map_err(|error| create("node", &error))?;
+        let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+        let node = context.new_node(wire_name, options).map_err(|error| create("node", &error))?;
+        let mapping = match style {
+            ServiceStyle::Enhanced => ServiceMapping::Enhanced,
+            ServiceStyle::Cyclone => ServiceMapping::Cyclone,
+        };
+        Ok(Participant { node, context, mapping })
+    }
+
+    pub(super) fn leave(self) {
+        let Participant { node, context, .. } = self;
+        drop(node);
+        std::thread::sleep(FAREWELL);
+        let (guid, domain_id) = (context.domain_participant().guid().to_bytes(), context.domain_id());
+        drop(context);
+        farewell::send(guid, domain_id);
+    }
+
+    pub(super) fn publisher(
+        &mut self,
+        topic: &str,
+        ty: TopicType<'_>,
+        qos: &QosProfile,
+    ) -> Result<Publisher, NodeError> {
+        let handle = self.topic(topic, ty, qos)?;
+        let publisher = self.node.create_publisher::<CdrBytes>(&handle, Some(qos.clone()));
+        Ok(Box::new(publisher.map_err(|error| create(topic, &error))?))
+    }
+
+    pub(super) fn subscription(
+        &mut self,
+        topic: &str,
+        ty: TopicType<'_>,
+        qos: &QosProfile,
+    ) -> Result<Subscription, NodeError> {
+        let handle = self.topic(topic, ty, qos)?;
+        let subscription = self.node.create_subscription::<CdrBytes>(&handle, Some(qos.clone()));
+        Ok(Box::new(subscription.map_err(|error| create(topic, &error))?))
+    }
+
+    pub(super) fn server<Q, A>(
+        &mut self,
+        service: &str,
+        type_name: &str,
+        qos: &QosProfile,
+    ) -> Result<Requests<Q, A>, NodeError>
+    where
+        Q: Message + Clone + 'static,
+        A: Message + 'static,
+    {
+        let (package, kind) = ends(type_name);
+        let server = self.node.create_server::<Q, A>(
+            self.mapping,
+            &wire(service)?,
+            &ServiceTypeName::new(package, kind),
+            qos.clone(),
+            qos.clone(),
+        );
+        let server = Rc::new(server.map_err(|error| create(service, &error))?);
+        Ok(unfold(server, async |server| Some((receive(&server).await, server))).boxed_local())
+    }
+
+    /// ros2-client keeps to itself how types of an action are called, so its own action server is taken apart here.
+    pub(super) fn action(&mut self, action: &str, qos: &ActionQos) -> Result<Action, NodeError> {
+        let policies = ActionServerQosPolicies {
+            goal_service: qos.services.clone(),
+            result_service: qos.services.clone(),
+            cancel_service: qos.services.clone(),
+            feedback_publisher: qos.feedback.clone(),
+            status_publisher: qos.status.clone(),
+        };
+        let kind = ActionTypeName::new("tactile_pose_fusion", "Calibrate");
+        let server = self.node.create_action_server(self.mapping, &wire(action)?, &kind, policies);
+        let server: Rc<Calibrate> = Rc::new(server.map_err(|error| create(action, &error))?);
+        let (feedback, status) = (Rc::clone(&server), Rc::clone(&server));
+        Ok(Action {
+            goals: polled(&server, Calibrate::receive_goal, Calibrate::send_goal_response),
+            cancels: polled(&server, Calibrate::receive_cancel_request, Calibrate::send_cancel_response),
+            results: polled(&server, Calibrate::receive_result_request, Calibrate::send_result),
+            feedback: Box::new(move |FeedbackMessage { goal_id, feedback: message }| {
+                feedback.send_feedback(goal_id, message).map_err(|_| Refused)
+            }),
+            status: Box::new(move |statuses| status.send_goal_statuses(statuses).map_err(|_| Refused)),
+        })
+    }
+
+    fn topic(&self, topic: &str, ty: TopicType<'_>, qos: &QosProfile) -> Result<Topic, NodeError> {
+        let (package, kind) = ends(ty.name());
+        let created = self.node.create_topic(&wire(topic)?, MessageTypeName::new(package, kind), qos);
+        created.map_err(|error| create(topic, &error))
+    }
+}
+
+type Calibrate = ActionServer<CalibrateGoal, CalibrateResult, CalibrateFeedback>;
+
+/// Takes a request, where there is one.
+type Take<Q> = fn(&Calibrate) -> ReadResult<Option<(RmwRequestId, Q)>>;
+
+impl Publish for ros2_client::Publisher<CdrBytes> {
+    fn publish(&self, cdr: Vec<u8>) -> Result<(), Refused> {
+        ros2_client::Publisher::publish(self, CdrBytes(cdr)).map_err(|_| Refused)
+    }
+}
+
+impl Subscribe for ros2_client::Subscription<CdrBytes> {
+    fn arrivals(&self) -> LocalBoxStream<'_, Result<Arrival, Fault>> {
+        let arrival = |incoming| match incoming {
+            Ok((CdrBytes(cdr), info)) => {
+                let info: ros2_client::MessageInfo = info;
+                Ok(Arrival {
+                    cdr,
+                    received: info.received_timestamp().map_or_else(system_now, |at| Stamp(at.to_nanos())),
+                })
+            }
+            Err(error) => {
+                let error: ros2_client::ReadError = error;
+                Err(Fault { n_messages: 1, reason: "unreadable", text: error.to_string() })
+            }
+        };
+        self.async_stream_seed(AsCdr).map(arrival).boxed_local()
+    }
+}
+
+async fn receive<Q, A>(server: &Rc<Server<Q, A>>) -> Result<Request<Q, A>, String>
+where
+    Q: Message + 'static,
+    A: Message + 'static,
+{
+    let (id, question) = server.async_receive_request().await.map_err(|error| error.to_string())?;
+    let server = Rc::clone(server);
+    let answer: Answer<A> = Box::new(move |response| {
+        let sent = async move { server.async_send_response(id, response).await.map_err(|error| error.to_string()) };
+        Box::pin(sent)
+    });
+    Ok(Request { question, answer })
+}
+
+/// The requests of one of an action's services. The action server takes them only when it is asked to.
+fn polled<Q: 'static, A: 'static, E: std::fmt::Display + 'static>(
+    server: &Rc<Calibrate>,
+    receive: Take<Q>,
+    send: fn(&Calibrate, RmwRequestId, A) -> Result<(), E>,
+) -> Requests<Q, A> {
+    let requests = unfold(Rc::clone(server), move |server| async move {
+        let received = loop {
+            match receive(&server).transpose() {
+                Some(received) => break received,
+                None => tokio::time::sleep(POLL).await,
+            }
+        };
+        let by = Rc::clone(&server);
+        let request = received.map(|(id, question)| {
+            let answer: Answer<A> = Box::new(move |response| {
+                Box::pin(std::future::ready(send(&by, id, response).map_err(|error| error.to_string())))
+            });
+            Request { question, answer }
+        });
+        Some((request.map_err(|error| error.to_string()), server))
+    });
+    requests.boxed_local()
+}
+
+/// Package and short name of a type.
+fn ends(type_name: &str) -> (&str, &str) {
+    let mut parts = type_name.split('/');
+    (parts.next().unwrap_or_default(), parts.next_back().unwrap_or_default())
+}
+
+/// An absolute name as ros2-client has it.
+fn wire(absolute: &str) -> Result<Name, NodeError> {
+    Name::parse(absolute).map_err(|error| create(absolute, &error))
+}
