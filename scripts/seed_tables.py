@@ -2,6 +2,8 @@
 """Tables over training seeds, in Markdown, from what `tpf eval --json` wrote.
 
     seed_tables.py SPLIT-gloveG-seedS.json...
+
+What is compared with the pose-aware network may be in its file, or in further files of the same glove and seed.
 """
 import json
 import re
@@ -61,7 +63,7 @@ def gains(title, files, key):
     by_seed = {}
     for glove, seed, scores in files:
         cells = {series_of(row["model"]): row["cells"][0] for row in scores[key]["rows"]}
-        by_seed[glove, seed] = cells
+        by_seed.setdefault((glove, seed), {}).update(cells)
     for glove in sorted({glove for glove, _, _ in files}):
         for start in ("tactile-only", "early fusion", "pose-aware, base"):
             changes = defaultdict(list)
