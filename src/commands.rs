@@ -45,7 +45,7 @@ enum Command {
     Play(play::Args),
     Calibrate(calibrate::Args),
     Diff(diff::Args),
-    Eval(eval::Args),
+    Eval(Box<eval::Args>),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
     #[cfg(feature = "train")]

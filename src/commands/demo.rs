@@ -163,7 +163,7 @@ impl Folder<'_> {
         let (judged, baseline) = (self.model(Model::PoseAware), self.model(Model::TactileOnly));
         let paths = [("--params-file", &params), ("--model", &judged), ("--compare", &baseline)];
         match command("eval", &session, &paths, &["--whole"])? {
-            Command::Eval(args) => Ok(args),
+            Command::Eval(args) => Ok(*args),
             _ => Err(Failure("eval is not what it was".to_owned())),
         }
     }
