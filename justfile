@@ -38,7 +38,7 @@ latency model:
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
-    cargo clippy --no-default-features --features zenoh --all-targets -- -D warnings
+    cargo clippy --no-default-features --features zenoh --lib --bins --test node_zenoh -- -D warnings
 
 # Benchmarks: one tick, and replay in frames a second, on both backends; one step of training
 bench:
