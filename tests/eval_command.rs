@@ -162,7 +162,7 @@ fn gates_pass_on_what_they_were_stored_for_and_fail_on_a_worse_model() {
     let gates = "reference: stored.json
 gates:
 - {metric: mae_gf, by: user, worse_by_share: 0.01}
-- {metric: ba, free_movement: true, worse_by: 0.001}
+- {metric: ba, by: all, free_movement: true, worse_by: 0.001}
 - {metric: onset_ms_p95, at_most: 10000.0}
 - {metric: mdf_gf, by: substage, at_most: 1.0e+6, skip_undefined: true}
 ";

@@ -1,5 +1,7 @@
 //! Joint angles made worse on purpose, to see how good a hand tracker must be for the pose correction to help.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use crate::fusion::{JointSample, JointSource};
@@ -35,6 +37,8 @@ pub struct PoseDegrader {
     scales: Vec<f64>,
     name: String,
     noise: Noise,
+    /// By joint, degrees; drawn when it is first seen.
+    biases: BTreeMap<String, f64>,
     positions: Vec<f64>,
 }
 
@@ -69,6 +73,7 @@ impl PoseDegrader {
             scales: sources.iter().map(|source| source.scale).collect(),
             name: name.to_owned(),
             noise: Noise::named(&format!("pose of {name}")),
+            biases: BTreeMap::new(),
             positions: Vec::new(),
         }
     }
@@ -88,10 +93,13 @@ impl PoseDegrader {
         self.positions.clear();
         for (joint, position) in sample.names.iter().zip(sample.positions) {
             let white = if noise_deg > 0.0 { self.noise.normal(noise_deg) } else { 0.0 };
-            let kept = if bias_deg > 0.0 {
-                Noise::named(&format!("bias of {joint} of {}", self.name)).normal(bias_deg)
-            } else {
-                0.0
+            let kept = match self.biases.get(joint) {
+                Some(kept) => *kept,
+                None => {
+                    let kept = Noise::named(&format!("bias of {joint} of {}", self.name)).normal(bias_deg);
+                    self.biases.insert(joint.clone(), kept);
+                    kept
+                }
             };
             self.positions.push(position + (white + kept) * per_degree);
         }

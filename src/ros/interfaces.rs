@@ -46,14 +46,7 @@ pub(super) struct Log {
 impl Log {
     /// A line of a logger, from nowhere in particular.
     pub(super) fn new(stamp: Time, severity: Severity, logger: &str, text: &str) -> Self {
-        let level = match severity {
-            Severity::Debug => 10,
-            Severity::Info => 20,
-            Severity::Warn => 30,
-            Severity::Error => 40,
-            Severity::Fatal => 50,
-        };
-        Log { stamp, level, name: logger.to_owned(), msg: text.to_owned(), ..Log::default() }
+        Log { stamp, level: severity as u8, name: logger.to_owned(), msg: text.to_owned(), ..Log::default() }
     }
 }
 

@@ -59,8 +59,10 @@ fn words(quality: &PoseQuality) -> (&'static str, String) {
         ("delay", format!("delay {delay_ms} ms"))
     } else if dropout > 0.0 {
         ("dropout", format!("dropout {} %", 100.0 * dropout))
-    } else {
+    } else if noise_deg > 0.0 {
         ("noise", format!("noise {noise_deg} deg"))
+    } else {
+        ("nothing", "as recorded".to_owned())
     }
 }
 

@@ -104,7 +104,8 @@ pub(super) struct Pairing {
     free_movement_tests: Vec<PairedTest>,
 }
 
-const GROUPS: [GroupBy; 5] = [GroupBy::Glove, GroupBy::User, GroupBy::Session, GroupBy::Stage, GroupBy::Substage];
+const GROUPS: [GroupBy; 6] =
+    [GroupBy::All, GroupBy::Glove, GroupBy::User, GroupBy::Session, GroupBy::Stage, GroupBy::Substage];
 
 impl Runs {
     pub(super) fn new(args: &Args, cfg: Config, bags: &[PathBuf]) -> Result<Self, Failure> {
