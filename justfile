@@ -11,11 +11,12 @@ build:
 test:
     cargo test
 
-# Fetch ONNX Runtime and the Python readers, then run every test and let none skip for want of them
+# Fetch ONNX Runtime, the Python readers and a browser, then run every test and let none skip for want of them
 test-all:
     scripts/fetch-onnxruntime
     scripts/python-venv
-    TPF_REQUIRE_ORT=1 TPF_REQUIRE_PYTHON=1 cargo test
+    scripts/chromium
+    TPF_REQUIRE_ORT=1 TPF_REQUIRE_PYTHON=1 TPF_REQUIRE_BROWSER=1 cargo test
 
 # Test the live node against a real ROS 2, in a network namespace of its own
 ros-test distro="kilted":

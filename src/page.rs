@@ -23,6 +23,7 @@ pub struct Section {
     title: String,
     body: Vec<Markup>,
     n_figures: usize,
+    is_synthetic: bool,
 }
 
 /// A table; the first column names the rows.
@@ -85,7 +86,7 @@ impl Page {
     /// Adds a section, which the table of contents leads to.
     pub fn section(&mut self, id: &str, title: &str) -> &mut Section {
         let (id, title) = (id.to_owned(), title.to_owned());
-        self.sections.push(Section { id, title, body: Vec::new(), n_figures: 0 });
+        self.sections.push(Section { id, title, body: Vec::new(), n_figures: 0, is_synthetic: self.is_synthetic });
         let last = self.sections.len() - 1;
         &mut self.sections[last]
     }
@@ -163,10 +164,10 @@ impl Section {
         self
     }
 
-    /// Adds a plot.
+    /// Adds a plot; one of synthetic data says so in the picture too, which may go where the page doesn't.
     pub fn figure(&mut self, figure: &Figure) -> &mut Self {
         self.n_figures += 1;
-        self.body.push(figure.markup());
+        self.body.push(figure.markup(self.is_synthetic));
         self
     }
 }
@@ -187,6 +188,7 @@ mod tests {
         figure.line(name, vec![0.0, 1.0], vec![f64::NAN, 2.0], Style::of(0));
         section.figure(&figure);
         let html = page.html();
+        assert!(html.contains("\"text\":\"synthetic data\""), "in the picture too");
         assert!(!html.contains("<script>alert"), "escaped in text, tables and plots");
         assert!(html.contains("SYNTHETIC DATA"));
     }

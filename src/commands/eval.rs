@@ -6,6 +6,7 @@ mod labels;
 mod plan;
 mod pose_quality;
 mod render;
+mod report;
 mod results;
 mod workers;
 
@@ -27,6 +28,7 @@ use super::split::SplitArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::eval::{GroupBy, Split};
+use crate::files;
 
 /// Scores force and contact against the true force: per session, user, glove and substage, in the shape of the paper.
 #[derive(Debug, clap::Args)]
@@ -67,6 +69,12 @@ pub(super) struct Args {
     checks: CheckArgs,
     #[command(flatten)]
     pose_quality: PoseQualityArgs,
+    /// Write everything as a page to look at: tables, plots, and the stretches of the best and the worst estimates
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+    /// Replace a report that is already there
+    #[arg(long, requires = "report")]
+    overwrite: bool,
     /// Bags that are read side by side; as many as there are cores unless set
     #[arg(short, long, value_name = "N")]
     jobs: Option<NonZero<usize>>,
@@ -99,6 +107,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.gate.is_none() && args.checks.are_wanted() {
         return Err(Failure("--junit and --jsonl write how gates went; give --gate GATES.yaml".to_owned()));
     }
+    if let Some(path) = args.report.as_deref().filter(|path| path.exists() && !args.overwrite) {
+        return Err(Failure(format!("{} is there already; give another name, or --overwrite", path.display())));
+    }
     let gates = args.gate.as_deref().map(GateFile::read).transpose()?;
     let mut result = evaluate(args)?;
     if let Some(gates) = &gates {
@@ -107,6 +118,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     result.sessions.iter().flat_map(|session| &session.warnings).for_each(|warning| say(warning));
     result.failed.iter().for_each(|failed| say(&format!("not scored: {}", failed.error)));
+    if let Some(path) = &args.report {
+        let written = files::replace(path, report::page(&result).html().as_bytes());
+        written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
+        say(&format!("report: {}", path.display()));
+    }
     print(&if args.json {
         serde_json::to_string_pretty(&result)? + "\n"
     } else {

@@ -216,6 +216,16 @@ impl DetectionTally {
         self.air_ns = self.air_ns.saturating_add(truth.air_ns);
     }
 
+    /// Detected onset minus true onset, ms, in the order of the touches.
+    pub fn onsets_ms(&self) -> &[f64] {
+        &self.onset_ms
+    }
+
+    /// Detected offset minus true offset, ms, in the order of the touches.
+    pub fn offsets_ms(&self) -> &[f64] {
+        &self.offset_ms
+    }
+
     /// What was found in the sessions so far.
     pub fn detection(&self) -> Detection {
         let minutes = self.air_ns as f64 / 60e9;

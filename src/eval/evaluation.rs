@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::contact::{ContactError, Detection, DetectionTally, Touches, Touching};
+use super::curve::ForceCurve;
 use super::groups::{GroupBy, Origin, Tallies};
 use super::in_air::{Asked, InAirReport, InAirTally};
 use super::metrics::{MetricError, Score};
@@ -178,6 +179,20 @@ impl Evaluation {
     /// As [`Tallies::grouped`].
     pub fn scores(&self, by: GroupBy) -> Result<Vec<GroupScore>, MetricError> {
         group_scores(&self.all, by)
+    }
+
+    /// Error and detection over true force, by glove.
+    ///
+    /// # Errors
+    /// As [`Tallies::grouped`].
+    pub fn curves(&self) -> Result<BTreeMap<String, ForceCurve>, MetricError> {
+        let by_glove = self.all.grouped(GroupBy::Glove)?;
+        Ok(by_glove.into_iter().map(|(glove, tally)| (glove.to_string(), tally.curve())).collect())
+    }
+
+    /// How touches were detected, by glove.
+    pub fn detections(&self) -> impl Iterator<Item = (&str, &DetectionTally)> {
+        self.by_glove.iter().map(|(glove, tallies)| (glove.as_str(), &tallies.detection))
     }
 
     /// Contacts by glove.

@@ -52,7 +52,7 @@ impl Cell {
     }
 
     /// As the paper prints it: BA, F1 in percent, MDF and MAE in gF; in words where there is no number.
-    fn text(&self, measure: Measure) -> String {
+    pub fn text(&self, measure: Measure) -> String {
         match (measure, self.value(measure)) {
             (Measure::Mdf, _) => self.mdf.to_string(),
             (Measure::Ba | Measure::F1, Some(value)) => format!("{:.2}", 100.0 * value),

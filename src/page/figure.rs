@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 use plotly::common::{
-    Anchor, ColorBar, ColorScale, ColorScalePalette, DashType, Font, Line, Marker, Mode, Orientation, Title,
+    Anchor, ColorBar, ColorScale, ColorScalePalette, DashType, Font, HoverInfo, Line, Marker, Mode, Orientation, Title,
 };
 use plotly::configuration::{DisplayModeBar, ModeBarButtonName};
 use plotly::layout::{
@@ -79,6 +79,12 @@ impl Figure {
         self
     }
 
+    /// The x axis from one value to another, until someone zooms.
+    pub fn x_range(mut self, from: f64, to: f64) -> Self {
+        self.x = self.x.range(vec![from, to]);
+        self
+    }
+
     /// The y axis from zero on.
     pub fn y_from_zero(mut self) -> Self {
         self.y = self.y.range_mode(RangeMode::ToZero);
@@ -110,10 +116,29 @@ impl Figure {
 
     fn scatter(&mut self, name: &str, x: Vec<f64>, y: Vec<f64>, mode: Mode, style: &Style) {
         let line = Line::new().color(style.colour).dash(style.dash.clone()).width(style.width);
-        let marker = Marker::new().color(style.colour).symbol(style.symbol.clone()).size(7);
+        let marker = Marker::new().color(style.colour).symbol(style.symbol.clone()).size(style.marker_px);
         let trace = Scatter::new(x, y).mode(mode).line(line).marker(marker).connect_gaps(false);
         self.n_named += usize::from(!name.is_empty());
         self.plot.add_trace(trace.name(name).show_legend(!name.is_empty()));
+    }
+
+    /// Adds points over names instead of numbers.
+    ///
+    /// # Shapes
+    /// `names`, `y`: `[n]`.
+    pub fn named_points(&mut self, name: &str, names: Vec<String>, y: Vec<f64>, style: Style) {
+        self.n_named += usize::from(!name.is_empty());
+        self.x = self.x.clone().type_(AxisType::Category);
+        let marker = Marker::new().color(style.colour).symbol(style.symbol).size(9);
+        let trace = Scatter::new(names, y).mode(Mode::Markers).marker(marker);
+        self.plot.add_trace(trace.name(name).show_legend(!name.is_empty()));
+    }
+
+    /// Adds a thin line from one value over a name to another.
+    pub fn link(&mut self, name: &str, from: f64, to: f64) {
+        let trace = Scatter::new(vec![name.to_owned(), name.to_owned()], vec![from, to]).mode(Mode::Lines);
+        self.plot
+            .add_trace(trace.line(Line::new().color("#999").width(1.0)).show_legend(false).hover_info(HoverInfo::Skip));
     }
 
     /// Adds a bar to each of several groups.
@@ -160,8 +185,14 @@ impl Figure {
         self.notes.push(note.x_anchor(Anchor::Right).y_anchor(Anchor::Bottom).font(Font::new().size(12).color("#444")));
     }
 
-    pub(super) fn markup(&self) -> Markup {
+    pub(super) fn markup(&self, is_synthetic: bool) -> Markup {
         let mut plot = self.plot.clone();
+        let mut notes = self.notes.clone();
+        if is_synthetic {
+            let note = Annotation::new().text("synthetic data").show_arrow(false).x_ref("paper").y_ref("paper");
+            let note = note.x(1.0).y(1.0).x_anchor(Anchor::Right).y_anchor(Anchor::Top);
+            notes.push(note.font(Font::new().size(11).color("#8a6d00")));
+        }
         let mut layout = Layout::new()
             .auto_size(true)
             .height(self.height_px)
@@ -173,7 +204,7 @@ impl Figure {
             .bar_mode(BarMode::Group)
             .show_legend(self.n_named > 1)
             .shapes(self.shapes.clone())
-            .annotations(self.notes.clone())
+            .annotations(notes)
             .legend(
                 Legend::new()
                     .orientation(Orientation::Horizontal)

@@ -30,7 +30,7 @@ figure { margin: 1rem 0; } figcaption { font-size: .9rem; color: #444; max-width
 /// Plots take the width there is; paper is narrower than the window was.
 pub(super) const FIT: &str = "
 function fit() { document.querySelectorAll('.js-plotly-plot').forEach(plot => Plotly.Plots.resize(plot)); }
-addEventListener('beforeprint', fit); addEventListener('afterprint', fit);
+addEventListener('load', fit); addEventListener('beforeprint', fit); addEventListener('afterprint', fit);
 ";
 
 pub(super) const FONT: &str = "system-ui, sans-serif";
@@ -45,6 +45,7 @@ pub struct Style {
     pub(super) symbol: MarkerSymbol,
     pub(super) width: f64,
     pub(super) markers: bool,
+    pub(super) marker_px: usize,
 }
 
 impl Style {
@@ -62,17 +63,29 @@ impl Style {
             5 => ("#d55e00", DashType::LongDashDot, MarkerSymbol::X),
             _ => ("#8c8000", DashType::Solid, MarkerSymbol::Star),
         };
-        Style { colour, dash, symbol, width: 2.0, markers: false }
+        Style { colour, dash, symbol, width: 2.0, markers: false, marker_px: 6 }
     }
 
     /// That of the truth: black.
     pub fn truth() -> Self {
-        Style { colour: "#000000", dash: DashType::Solid, symbol: MarkerSymbol::CircleOpen, width: 1.5, markers: false }
+        Style {
+            colour: "#000000",
+            dash: DashType::Solid,
+            symbol: MarkerSymbol::CircleOpen,
+            width: 1.5,
+            markers: false,
+            marker_px: 6,
+        }
     }
 
     /// A marker at every point besides.
     pub fn marked(self) -> Self {
         Style { markers: true, ..self }
+    }
+
+    /// With large markers, for single points that matter.
+    pub fn large(self) -> Self {
+        Style { marker_px: 13, ..self }
     }
 
     /// A solid line, for series that are long enough to hide a dash.

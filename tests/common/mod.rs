@@ -2,8 +2,10 @@
 #![allow(dead_code, unreachable_pub, unused_imports)]
 
 pub mod bags;
+pub mod browser;
 pub mod fake;
 pub mod onnx;
+pub mod scored;
 pub mod skip;
 pub mod tpf;
 

@@ -51,7 +51,7 @@ pub(super) struct PoseQualityScores {
 }
 
 /// An amount in words, and what kind it is of.
-fn words(quality: &PoseQuality) -> (&'static str, String) {
+pub(super) fn words(quality: &PoseQuality) -> (&'static str, String) {
     let PoseQuality { noise_deg, bias_deg, delay_ms, dropout } = *quality;
     if bias_deg > 0.0 {
         ("bias", format!("bias {bias_deg} deg"))

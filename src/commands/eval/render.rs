@@ -8,7 +8,7 @@ use comfy_table::{Table, presets};
 use super::super::checks;
 use super::pose_quality;
 use super::results::{Evaluated, ModelScores, Pairing};
-use crate::eval::{Distribution, GroupBy, Measure, Metric, ResultTable, Score};
+use crate::eval::{Distribution, GroupBy, Improvement, Measure, Metric, ResultTable, Score};
 
 /// The table, and what was gained.
 pub(in crate::commands) fn short_text(result: &Evaluated) -> String {
@@ -83,22 +83,26 @@ fn by_group(model: &ModelScores, key: &str) -> BTreeMap<String, Score> {
 }
 
 fn improvements(text: &mut String, result: &Evaluated) {
-    let share = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:+.1} %", -100.0 * share));
     if !result.improvements.is_empty() {
         let _ = writeln!(text);
     }
     for change in &result.improvements {
-        let _ = writeln!(
-            text,
-            "glove {}, {} to {}: MDF {}, touch error {}, MAE {}",
-            change.glove,
-            change.from,
-            change.to,
-            share(change.mdf_reduction),
-            share(change.touch_error_reduction),
-            share(change.mae_reduction)
-        );
+        let _ = writeln!(text, "{}", improvement(change));
     }
+}
+
+/// What one model gains over another, in a line.
+pub(super) fn improvement(change: &Improvement) -> String {
+    let share = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:+.1} %", -100.0 * share));
+    format!(
+        "glove {}, {} to {}: MDF {}, touch error {}, MAE {}",
+        change.glove,
+        change.from,
+        change.to,
+        share(change.mdf_reduction),
+        share(change.touch_error_reduction),
+        share(change.mae_reduction)
+    )
 }
 
 fn paired(text: &mut String, pairing: &Pairing) {
@@ -116,12 +120,20 @@ fn paired(text: &mut String, pairing: &Pairing) {
             Metric::Undefined { undefined } => undefined.to_string(),
         };
         let better = format!("{} of {}", test.n_improved, test.pairs.len());
-        table.add_row([test.glove.clone(), measure(test.measure).to_owned(), better, p, d_z, test.left_out.join(", ")]);
+        table.add_row([
+            test.glove.clone(),
+            measure_name(test.measure).to_owned(),
+            better,
+            p,
+            d_z,
+            test.left_out.join(", "),
+        ]);
     }
     let _ = writeln!(text, "{table}");
 }
 
-fn measure(measure: Measure) -> &'static str {
+/// What a measure is called.
+pub(super) fn measure_name(measure: Measure) -> &'static str {
     match measure {
         Measure::Ba => "BA",
         Measure::F1 => "F1",

@@ -9,10 +9,11 @@ use super::super::Failure;
 use super::labels::SessionSummary;
 use super::plan::{Plan, Series, SeriesSource, Session, Which};
 use super::pose_quality::PoseQualityScores;
+use super::report::{Evidence, Latencies, Stretches};
 use super::scored;
 use crate::eval::{
-    Check, ContactReport, Evaluation, GroupBy, GroupScore, Improvement, MetricError, PairedTest, ResultTable, Score,
-    Scoring, Split, group_scores, paired_by_user,
+    Check, ContactReport, Evaluation, ForceCurve, GroupBy, GroupScore, Improvement, MetricError, PairedTest,
+    ResultTable, Score, Scoring, Split, group_scores, paired_by_user,
 };
 
 /// Everything that was found.
@@ -42,6 +43,8 @@ pub(in crate::commands) struct Evaluated {
     /// How the gates went.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) checks: Vec<Check>,
+    #[serde(skip)]
+    pub(super) evidence: Evidence,
 }
 
 /// A bag that could not be scored, and why.
@@ -62,6 +65,8 @@ pub(super) struct ModelScores {
     pub(super) by: BTreeMap<&'static str, Vec<GroupScore>>,
     pub(super) free_movement: BTreeMap<&'static str, Vec<GroupScore>>,
     pub(super) contacts: BTreeMap<String, ContactReport>,
+    /// By glove: detection and error over true force.
+    pub(super) curves: BTreeMap<String, ForceCurve>,
 }
 
 /// Whether one series is better than another, by user.
@@ -98,13 +103,16 @@ pub(super) struct Gathered {
     evaluations: Vec<Evaluation>,
     sessions: Vec<SessionSummary>,
     failed: Vec<FailedBag>,
+    judged: Option<usize>,
+    stretches: Stretches,
 }
 
 impl Gathered {
     /// Nothing yet.
     pub(super) fn new(plan: &Plan<'_>) -> Self {
         let evaluations = plan.series.iter().map(|_| Evaluation::new(Scoring::default())).collect();
-        Gathered { evaluations, sessions: Vec::new(), failed: Vec::new() }
+        let (judged, stretches) = (plan.judged(), Stretches::default());
+        Gathered { evaluations, sessions: Vec::new(), failed: Vec::new(), judged, stretches }
     }
 
     /// Takes a session.
@@ -117,6 +125,8 @@ impl Gathered {
                 evaluation.handle_session(frames).map_err(|error| Failure(format!("{}: {error}", summary.bag)))?;
             }
         }
+        let judged = self.judged.and_then(|judged| frames.get(judged));
+        judged.into_iter().flatten().for_each(|frames| self.stretches.handle_session(frames));
         self.sessions.push(summary);
         Ok(())
     }
@@ -128,7 +138,7 @@ impl Gathered {
 
     /// Everything that was found.
     pub(super) fn finish(self, plan: &Plan<'_>) -> Result<Evaluated, Failure> {
-        let Gathered { evaluations, sessions, failed } = self;
+        let Gathered { evaluations, sessions, failed, stretches, .. } = self;
         if let (true, [first, rest @ ..]) = (sessions.is_empty(), failed.as_slice()) {
             return Err(Failure(match rest.len() {
                 0 => first.error.clone(),
@@ -138,7 +148,14 @@ impl Gathered {
         let all: Vec<(&Series, Evaluation)> = plan.series.iter().zip(evaluations).collect();
         let (degraded, series): (Vec<_>, Vec<_>) = all.into_iter().partition(|(one, _)| one.quality.is_some());
         let mut models = Vec::new();
-        for (one, evaluation) in &series {
+        let mut evidence = Evidence { stretches: stretches.finish(), latencies: Vec::new() };
+        for (idx, (one, evaluation)) in series.iter().enumerate() {
+            evidence.latencies.extend(evaluation.detections().map(|(glove, detection)| Latencies {
+                series: idx,
+                glove: glove.to_owned(),
+                onset: detection.onsets_ms().to_vec(),
+                offset: detection.offsets_ms().to_vec(),
+            }));
             let core = match one.source {
                 SeriesSource::Core(idx) => plan.cores.get(idx),
                 SeriesSource::Recorded => None,
@@ -150,6 +167,7 @@ impl Gathered {
                 by: scores(|by| evaluation.scores(by))?,
                 free_movement: scores(|by| group_scores(&evaluation.free_movement, by))?,
                 contacts: evaluation.contacts(),
+                curves: evaluation.curves()?,
             });
         }
         let table = table(&series, |evaluation| evaluation.scores(GroupBy::Glove))?;
@@ -170,6 +188,7 @@ impl Gathered {
             failed,
             pose_quality: pose_quality(&degraded)?,
             checks: Vec::new(),
+            evidence,
         })
     }
 }

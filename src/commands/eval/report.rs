@@ -1,0 +1,58 @@
+//! `tpf eval --report`: everything that was found on one page that people can look at.
+
+mod contacts;
+mod origin;
+mod scores;
+mod stretches;
+
+use super::results::Evaluated;
+use crate::page::{Page, Style};
+
+pub(super) use stretches::{Stretch, Stretches};
+
+/// What the page shows and the JSON doesn't hold.
+#[derive(Debug, Default)]
+pub(super) struct Evidence {
+    /// The best, the median and the worst stretch of the series that is judged.
+    pub(super) stretches: Vec<Stretch>,
+    /// By series and glove: latencies of onsets and of offsets, ms.
+    pub(super) latencies: Vec<Latencies>,
+}
+
+/// Latencies of one series on one glove, ms.
+#[derive(Debug)]
+pub(super) struct Latencies {
+    pub(super) series: usize,
+    pub(super) glove: String,
+    pub(super) onset: Vec<f64>,
+    pub(super) offset: Vec<f64>,
+}
+
+/// The page.
+pub(super) fn page(result: &Evaluated) -> Page {
+    let judged = result.models.last().map_or("", |model| model.name.as_str());
+    let mut page = Page::new(&format!("Evaluation of {judged}"), result.synthetic);
+    scores::summary(&mut page, result);
+    if result.has_scores() {
+        scores::over_force(&mut page, result);
+        scores::users(&mut page, result);
+        contacts::contacts(&mut page, result);
+    }
+    stretches::section(&mut page, result);
+    contacts::in_air(&mut page, result);
+    scores::pose_quality(&mut page, result);
+    scores::gates(&mut page, result);
+    origin::timing(&mut page, result);
+    origin::provenance(&mut page, result);
+    page
+}
+
+/// How the series of this number looks: what is judged stands last and comes first in colour.
+fn style(result: &Evaluated, series: usize) -> Style {
+    Style::of(result.models.len().saturating_sub(series + 1))
+}
+
+/// Letters and digits of a name, to build the name of a plot with.
+fn slug(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
+}
