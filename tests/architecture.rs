@@ -10,6 +10,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("files", &[]),
     ("random", &[]),
     ("page", &[]),
+    ("columns", &["files", "units"]),
     ("fusion", &["units"]),
     ("calibration", &["files", "fusion", "units"]),
     ("model", &["fusion", "units"]),
@@ -26,6 +27,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
         &[
             "bag",
             "calibration",
+            "columns",
             "config",
             "eval",
             "files",

@@ -8,6 +8,7 @@ mod pose_quality;
 mod render;
 mod report;
 mod results;
+mod tables;
 mod workers;
 
 use std::num::NonZero;
@@ -21,6 +22,7 @@ use self::plan::Plan;
 use self::pose_quality::PoseQualityArgs;
 pub(super) use self::render::short_text;
 use self::results::{Evaluated, Gathered};
+use self::tables::FrameFile;
 use super::checks::{self, CheckArgs};
 use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
@@ -72,8 +74,14 @@ pub(super) struct Args {
     /// Write everything as a page to look at: tables, plots, and the stretches of the best and the worst estimates
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
-    /// Replace a report that is already there
-    #[arg(long, requires = "report")]
+    /// Also write the scores as Parquet, one row a model and group
+    #[arg(long, value_name = "OUT.parquet")]
+    parquet: Option<PathBuf>,
+    /// Also write every scored frame as Parquet: truth, estimate, base, contact, and what was asked for
+    #[arg(long, value_name = "OUT.parquet")]
+    frames: Option<PathBuf>,
+    /// Replace a report or a table that is already there
+    #[arg(long)]
     overwrite: bool,
     /// Bags that are read side by side; as many as there are cores unless set
     #[arg(short, long, value_name = "N")]
@@ -107,7 +115,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.gate.is_none() && args.checks.are_wanted() {
         return Err(Failure("--junit and --jsonl write how gates went; give --gate GATES.yaml".to_owned()));
     }
-    if let Some(path) = args.report.as_deref().filter(|path| path.exists() && !args.overwrite) {
+    let outputs = [&args.report, &args.parquet, &args.frames];
+    if let Some(path) = outputs.into_iter().flatten().find(|path| path.exists() && !args.overwrite) {
         return Err(Failure(format!("{} is there already; give another name, or --overwrite", path.display())));
     }
     let gates = args.gate.as_deref().map(GateFile::read).transpose()?;
@@ -122,6 +131,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let written = files::replace(path, report::page(&result).html().as_bytes());
         written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
         say(&format!("report: {}", path.display()));
+    }
+    if let Some(path) = &args.parquet {
+        tables::write_scores(path, &result)?;
     }
     print(&if args.json {
         serde_json::to_string_pretty(&result)? + "\n"
@@ -144,14 +156,19 @@ pub(super) fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
     let (plan, cores) = Plan::new(args, cfg, split, &bags)?;
     let mut gathered = Gathered::new(&plan);
     let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    let mut frames = args.frames.as_deref().map(FrameFile::new);
     workers::run(&plan, cores, &bags, jobs, |idx, session| {
-        match session.and_then(|session| gathered.handle_session(session)) {
-            Ok(()) => {}
+        match session {
+            Ok(session) => {
+                frames.iter_mut().try_for_each(|frames| frames.handle_session(&plan, &session))?;
+                gathered.handle_session(session)?;
+            }
             Err(failure) => gathered.handle_failure(&bags[idx], &failure),
         }
         Ok(())
     })?;
     interrupt::check()?;
+    frames.map_or(Ok(()), FrameFile::finish)?;
     gathered.finish(&plan)
 }
 

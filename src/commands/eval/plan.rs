@@ -68,6 +68,14 @@ pub(super) struct Session {
     pub(super) frames: Vec<Vec<ScoredFrames>>,
 }
 
+impl Session {
+    /// Whether all of it can be scored: asked before any of it is.
+    fn check(&self) -> Result<(), Failure> {
+        let checked = self.frames.iter().flatten().try_for_each(ScoredFrames::check);
+        checked.map_err(|error| Failure(format!("{}: {error}", self.summary.bag)))
+    }
+}
+
 impl<'a> Plan<'a> {
     /// A plan by the command line, and the models of a first worker.
     pub(super) fn new(
@@ -206,7 +214,9 @@ impl<'a> Plan<'a> {
             let what = scored(self.split);
             summary.warnings.push(format!("{}: {what} holds no frame with an estimate", bag.display()));
         }
-        Ok((Session { summary, frames }, cores))
+        let session = Session { summary, frames };
+        session.check()?;
+        Ok((session, cores))
     }
 }
 

@@ -118,8 +118,6 @@ impl Gathered {
     /// Takes a session.
     pub(super) fn handle_session(&mut self, session: Session) -> Result<(), Failure> {
         let Session { summary, frames } = session;
-        let checked = frames.iter().flatten().try_for_each(|frames| frames.check());
-        checked.map_err(|error| Failure(format!("{}: {error}", summary.bag)))?;
         for (evaluation, of_regions) in self.evaluations.iter_mut().zip(&frames) {
             for frames in of_regions {
                 evaluation.handle_session(frames).map_err(|error| Failure(format!("{}: {error}", summary.bag)))?;
