@@ -9,6 +9,7 @@ mod diff;
 mod evaluation;
 mod gates;
 mod groups;
+mod in_air;
 mod metric;
 mod metrics;
 mod pose_age;
@@ -17,6 +18,7 @@ mod scoring;
 mod split;
 mod statistics;
 mod table;
+mod timing;
 mod truth;
 
 pub use contact::{AirTouches, ContactError, Detection, DetectionTally, Touch, Touches, Touching};
@@ -30,6 +32,7 @@ pub use evaluation::{
 };
 pub use gates::{Check, Gate, GateError, GateMetric, Gates, Only, Scored, Verdict};
 pub use groups::{Group, GroupBy, Origin, PairedTest, Tallies, UserPair, paired_by_user};
+pub use in_air::{Asked, InAir, InAirReport, InAirTally};
 pub use metric::{Metric, Undefined};
 pub use metrics::{Confusion, Coverage, Measure, MetricError, Score, Tally};
 pub use pose_age::{PoseAge, PoseAgeBin, PoseAgeError, PoseAgeTally};
@@ -38,4 +41,5 @@ pub use scoring::{BIN_WIDTH, MDF_BALANCED_ACCURACY, MissingEstimate, Scoring, Sc
 pub use split::{Cuts, Part, Split, SplitBy, SplitError, StageSpan};
 pub use statistics::{Distribution, StatisticsError, Wilcoxon, cohens_dz, wilcoxon_greater};
 pub use table::{Cell, Improvement, ModelRow, ResultTable};
+pub use timing::Timing;
 pub use truth::{TareBuilder, TareCurve, TareKnot, TruthError, ZeroLoad, ZeroLoadCheck};

@@ -15,6 +15,7 @@ pub mod files;
 pub mod fusion;
 pub mod model;
 pub mod msg;
+pub mod page;
 mod random;
 pub mod recording;
 #[cfg(feature = "ros")]

@@ -141,17 +141,69 @@ fn what_cannot_be_scored_is_said_in_one_line() {
     assert!(refused(&["--truth", "/nowhere"]).contains("/nowhere"));
     assert!(refused(&["-p", "stage_topic:=/nowhere"]).contains("no stage annotations on /nowhere"));
     assert!(refused(&["-p", "truth.load_cell.field:=wrench.force"]).contains("wrench.force"));
-    assert!(refused(&["-p", "truth_sources:=[]"]).contains("truth"));
-    fs::write(
-        folder.join("params.yaml"),
-        PARAMS
-            .replace("    truth_sources: [load_cell]\n", "")
-            .replace("    truth.load_cell: {topic: /load_cell/wrench}\n", ""),
-    )
-    .unwrap();
-    assert!(refused(&[]).contains("no region has a true force"));
-    let found = eval(folder, &["--model", "model.onnx", "--truth", "/load_cell/wrench"]);
-    assert_eq!(found["sessions"].as_array().unwrap().len(), 2);
+}
+
+const WITHOUT_TRUTH: [&str; 2] =
+    ["    truth_sources: [load_cell]\n", "    truth.load_cell: {topic: /load_cell/wrench}\n"];
+
+#[test]
+fn without_a_true_force_there_are_still_touches_in_the_air_and_timing() {
+    let folder = folder();
+    let folder = folder.path();
+    let scored = eval(folder, &["--model", "model.onnx", "--whole"]);
+    let without = WITHOUT_TRUTH.iter().fold(PARAMS.to_owned(), |text, line| text.replace(line, ""));
+    fs::write(folder.join("params.yaml"), without).unwrap();
+    let found = eval(folder, &["--model", "model.onnx", "--whole"]);
+    let part = |found: &Value| {
+        let in_air = named(found, "model")["contacts"]["1"]["in_air"].clone();
+        (in_air, found["sessions"][0]["timing"]["index"].clone())
+    };
+    assert_eq!(part(&scored), part(&found), "neither needs a true force");
+    let (in_air, timing) = part(&found);
+    assert!(in_air["minutes"].as_f64().unwrap() > 0.3 && in_air["n_false_touches"].as_u64().unwrap() > 0, "{in_air:#}");
+    assert!(in_air["by_pose"].as_object().unwrap().len() > 10, "{in_air:#}");
+    assert!((timing["rate_hz"].as_f64().unwrap() - 100.0).abs() < 1.0, "{timing:#}");
+    assert_eq!(found["table"]["gloves"].as_array().unwrap().len(), 0);
+    let lack = "no region has a true force, so there are no scores; set truth_sources";
+    assert!(found["sessions"][1]["missing"][0].as_str().unwrap().starts_with(lack), "{found:#}");
+    let text = tpf(folder, &["eval", "bags", "--params-file", "params.yaml", "--model", "model.onnx"]).ok().stdout;
+    assert!(text.contains(lack) && text.contains("(all 2 sessions)"), "{text}");
+    assert!(text.contains("In the air") && text.contains("Timing") && !text.contains("MDF"), "{text}");
+
+    // A force sensor that the parameters have and a bag lacks is no failure; one that was asked for by name is.
+    fs::write(folder.join("params.yaml"), PARAMS.replace("/load_cell/wrench", "/absent")).unwrap();
+    let found = eval(folder, &["--model", "model.onnx"]);
+    let lack = "no true force, so no scores: the bag has no topic /absent";
+    assert_eq!(found["sessions"][0]["missing"][0], lack);
+    let asked = eval(folder, &["--model", "model.onnx", "--truth", "/load_cell/wrench"]);
+    assert!(named(&asked, "model")["by"]["glove"][0]["ba"].as_f64().is_some());
+    let no_stage = eval(folder, &["--model", "model.onnx", "-p", "stage_topic:=/nowhere"]);
+    let missing = &no_stage["sessions"][0]["missing"];
+    assert!(missing[1].as_str().unwrap().contains("no stage annotations on /nowhere"), "{missing}");
+    assert!(no_stage["sessions"][0]["timing"]["index"]["n_frames"].as_u64().unwrap() > 5000);
+}
+
+#[test]
+fn a_bag_that_fails_is_named_and_the_others_are_scored_the_same_by_any_number_of_workers() {
+    let folder = folder();
+    let path = folder.path();
+    let whole = eval(path, &["--model", "model.onnx", "--jobs", "1"]);
+    let mut side_by_side = eval(path, &["--model", "model.onnx", "--jobs", "4"]);
+    side_by_side["command"] = whole["command"].clone();
+    assert_eq!(whole, side_by_side);
+    fs::create_dir(path.join("bags/glove1_user00_broken")).unwrap();
+    fs::write(path.join("bags/glove1_user00_broken/broken.mcap"), b"no bag at all, by far").unwrap();
+    let command = ["eval", "bags", "--params-file", "params.yaml", "--json", "--model", "model.onnx"];
+    let found = tpf(path, &command);
+    assert_eq!(found.code, 3, "{found:?}");
+    assert!(found.stderr.contains("not scored: ") && found.stderr.contains("broken.mcap"), "{found:?}");
+    let found: Value = serde_json::from_str(&found.stdout).unwrap();
+    assert_eq!(found["models"], whole["models"]);
+    assert!(found["failed"][0]["bag"].as_str().unwrap().contains("glove1_user00_broken"));
+    let none = tpf(path, &[&command[..], &["--truth", "/nowhere"]].concat());
+    assert_eq!(none.code, 1);
+    let one_line = none.failure();
+    assert!(one_line.contains("none of 3 bags could be scored") && one_line.contains("broken"), "{one_line}");
 }
 
 #[test]

@@ -280,6 +280,11 @@ impl BagReader {
         self.losses.list()
     }
 
+    /// The files of all inputs, in the order in which they are read within each.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.inputs.iter().flat_map(|input| &input.files).map(PathBuf::as_path)
+    }
+
     /// Size of all files when they were opened, in bytes.
     pub fn bytes_total(&self) -> u64 {
         self.bytes_total

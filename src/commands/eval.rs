@@ -1,20 +1,25 @@
 //! `tpf eval`: what a model, or the estimates in a bag, are worth against the true force.
 
+mod columns;
 mod gates;
+mod labels;
+mod plan;
 mod pose_quality;
 mod render;
-mod run;
-mod session;
+mod results;
+mod workers;
 
+use std::num::NonZero;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
 
+pub(super) use self::columns::recorded;
 use self::gates::GateFile;
+use self::plan::Plan;
 use self::pose_quality::PoseQualityArgs;
 pub(super) use self::render::short_text;
-use self::run::{Evaluated, Runs};
-pub(super) use self::session::recorded;
+use self::results::{Evaluated, Gathered};
 use super::checks::{self, CheckArgs};
 use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
@@ -62,6 +67,9 @@ pub(super) struct Args {
     checks: CheckArgs,
     #[command(flatten)]
     pose_quality: PoseQualityArgs,
+    /// Bags that are read side by side; as many as there are cores unless set
+    #[arg(short, long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -98,12 +106,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         args.checks.write("tpf eval", &result.checks)?;
     }
     result.sessions.iter().flat_map(|session| &session.warnings).for_each(|warning| say(warning));
+    result.failed.iter().for_each(|failed| say(&format!("not scored: {}", failed.error)));
     print(&if args.json {
         serde_json::to_string_pretty(&result)? + "\n"
     } else {
         render::text(&result, &args.by.iter().map(|by| GroupBy::from(*by)).collect::<Vec<_>>())
     })?;
-    let lost = result.sessions.iter().any(|session| !session.losses.is_empty());
+    let lost = !result.failed.is_empty() || result.sessions.iter().any(|session| !session.losses.is_empty());
     Ok(match (checks::are_met(&result.checks), lost) {
         (false, _) => Outcome::NotMet,
         (true, true) => Outcome::InputLost,
@@ -114,19 +123,20 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 /// Scores, and gives everything that was found.
 pub(super) fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
-    if cfg.truth_of_region.iter().all(Option::is_none) {
-        return Err(Failure(
-            "no region has a true force; set truth_sources and truth.*.topic in the parameters, or give --truth TOPIC"
-                .to_owned(),
-        ));
-    }
     let split = if args.whole { None } else { Some(args.split.split(0.0)?) };
     let bags = find_bags(&args.bags)?;
-    let mut runs = Runs::new(args, cfg, &bags)?;
-    for bag in &bags {
-        runs.handle_session(bag, split, &args.zero)?;
-    }
-    runs.finish(args, split)
+    let (plan, cores) = Plan::new(args, cfg, split, &bags)?;
+    let mut gathered = Gathered::new(&plan);
+    let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    workers::run(&plan, cores, &bags, jobs, |idx, session| {
+        match session.and_then(|session| gathered.handle_session(session)) {
+            Ok(()) => {}
+            Err(failure) => gathered.handle_failure(&bags[idx], &failure),
+        }
+        Ok(())
+    })?;
+    interrupt::check()?;
+    gathered.finish(&plan)
 }
 
 /// What was scored of each session, in words.

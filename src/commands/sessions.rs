@@ -1,10 +1,14 @@
 //! Bags as sessions: where they are, what they are called, and why reading one stopped.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
 
 use super::Failure;
 use super::setup::shown;
-use crate::bag::bags_at;
+use crate::bag::{BagReader, bags_at};
 use crate::recording::RecordingError;
 
 /// Why the reading of a session ended before its end.
@@ -49,4 +53,21 @@ pub(super) fn find_bags(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         bags.extend(bags_at(path)?);
     }
     Ok(bags)
+}
+
+/// SHA-256 of the files of a bag one after the other, in hexadecimal.
+pub(super) fn fingerprint(bag: &Path) -> Result<String, Failure> {
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 20];
+    for path in BagReader::open(&[bag.to_path_buf()])?.files() {
+        let failed = |error: std::io::Error| Failure(format!("{}: {error}", path.display()));
+        let mut file = File::open(path).map_err(failed)?;
+        loop {
+            match file.read(&mut buffer).map_err(failed)? {
+                0 => break,
+                n => hash.update(&buffer[..n]),
+            }
+        }
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

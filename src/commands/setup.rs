@@ -149,15 +149,23 @@ pub(super) fn without_unused_joints(cfg: &mut Config, models: &[ModelInfo]) {
 
 /// Loads the models of a configuration and says in which runtime each runs.
 pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
+    let models = load_models_quietly(cfg)?;
+    for (model_cfg, info) in cfg.models.iter().zip(&models.infos) {
+        if let Some(backend) = &info.backend {
+            say(&format!("model {}: {} in {backend}", model_cfg.name, model_cfg.spec.path.display()));
+        }
+        for note in &info.notes {
+            say(&format!("model {}: {note}", model_cfg.name));
+        }
+    }
+    Ok(models)
+}
+
+/// Loads the models of a configuration once more.
+pub(super) fn load_models_quietly(cfg: &Config) -> Result<Models, Failure> {
     let mut models = Models { infos: Vec::new(), regressors: Vec::new() };
     for model_cfg in &cfg.models {
         let model = model::load(&model_cfg.spec)?;
-        if let Some(backend) = &model.info.backend {
-            say(&format!("model {}: {} in {backend}", model_cfg.name, model_cfg.spec.path.display()));
-        }
-        for note in &model.info.notes {
-            say(&format!("model {}: {note}", model_cfg.name));
-        }
         models.infos.push(model.info);
         models.regressors.push(model.regressor);
     }

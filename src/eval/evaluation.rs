@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::contact::{ContactError, Detection, DetectionTally, Touches, Touching};
 use super::groups::{GroupBy, Origin, Tallies};
+use super::in_air::{Asked, InAirReport, InAirTally};
 use super::metrics::{MetricError, Score};
 use super::pose_age::{PoseAgeBin, PoseAgeTally};
 use super::preservation::{Preservation, PreservationTally};
@@ -36,7 +37,7 @@ const TOLERATED_DELAY: Duration = Duration::from_millis(50);
 /// The frames of one session that are scored.
 ///
 /// # Shapes
-/// All but `origins`: `[n_frames]`, in the order of their stamps.
+/// All but `origins`, `asked` and `resumes`: `[n_frames]`, in the order of their stamps.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ScoredFrames {
     /// Stamps.
@@ -45,6 +46,8 @@ pub struct ScoredFrames {
     pub truth_gf: Vec<f64>,
     /// Estimated force, gF; `None` where there is no estimate.
     pub estimate_gf: Vec<Option<f64>>,
+    /// Base force, gF, where the model gives it; else empty.
+    pub base_gf: Vec<Option<f64>>,
     /// Contact, with hysteresis and debounce.
     pub contact: Vec<bool>,
     /// The same of the base force, where the model gives it; else empty.
@@ -55,6 +58,10 @@ pub struct ScoredFrames {
     pub origin: Vec<usize>,
     /// Where frames come from: they share glove, user and session.
     pub origins: Vec<Origin>,
+    /// `[origins]`: what was asked for there.
+    pub asked: Vec<Asked>,
+    /// Frames right before which others were left out, because they are not scored.
+    pub resumes: Vec<usize>,
 }
 
 /// Frames that can't be scored.
@@ -83,6 +90,7 @@ struct ContactTallies {
     detection: DetectionTally,
     preservation: PreservationTally,
     pose_age: PoseAgeTally,
+    in_air: InAirTally,
 }
 
 /// Contacts of one glove: how they were detected, and what the correction did to them.
@@ -95,6 +103,9 @@ pub struct ContactReport {
     pub preservation: Option<Preservation>,
     /// Force error by the age of the pose.
     pub by_pose_age: Vec<PoseAgeBin>,
+    /// Estimates while nothing touches the glove; absent where annotations name no such time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_air: Option<InAirReport>,
 }
 
 /// Scores of one kind of group.
@@ -106,6 +117,16 @@ pub struct GroupScore {
     /// Its score.
     #[serde(flatten)]
     pub score: Score,
+}
+
+impl ScoredFrames {
+    /// Whether an [`Evaluation`] can take them: asked before the first of several does.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] when columns differ in length or stamps don't rise.
+    pub fn check(&self) -> Result<(), EvaluationError> {
+        Ok(Touches::of(&self.stamp, &self.contact, Touching::default()).map(|_| ())?)
+    }
 }
 
 impl Evaluation {
@@ -124,11 +145,14 @@ impl Evaluation {
     /// # Errors
     /// [`EvaluationError`] when columns differ in length or stamps don't rise.
     pub fn handle_session(&mut self, frames: &ScoredFrames) -> Result<(), EvaluationError> {
+        // A session without a true force is in no group; its contacts in the air are counted below.
+        let has_truth = frames.truth_gf.iter().any(|truth| truth.is_finite());
         let mut start = 0;
         for stretch in frames.origin.chunk_by(|a, b| a == b) {
             let range = start..start + stretch.len();
             start = range.end;
-            let Some(origin) = stretch.first().and_then(|idx| frames.origins.get(*idx)) else { continue };
+            let origin = stretch.first().and_then(|idx| frames.origins.get(*idx)).filter(|_| has_truth);
+            let Some(origin) = origin else { continue };
             let is_free = origin.substage.contains(FREE_MOVEMENT);
             let pairs = || frames.truth_gf[range.clone()].iter().zip(&frames.estimate_gf[range.clone()]);
             let tally = self.all.at(origin.clone());
@@ -143,6 +167,7 @@ impl Evaluation {
             detection: DetectionTally::new(CONTACT_SLACK),
             preservation: PreservationTally::new(CONTACT_SLACK, TOLERATED_DELAY),
             pose_age: PoseAgeTally::default(),
+            in_air: InAirTally::new(CONTACT_SLACK, Touching::default().max_gap),
         });
         tallies.handle_session(frames, &self.scoring)
     }
@@ -163,6 +188,7 @@ impl Evaluation {
                 detection: tallies.detection.detection(),
                 preservation: (preservation.n_true > 0).then_some(preservation),
                 by_pose_age: tallies.pose_age.bins(),
+                in_air: tallies.in_air.report(),
             }
         };
         self.by_glove.iter().map(|(glove, tallies)| (glove.clone(), report(tallies))).collect()
@@ -180,6 +206,7 @@ pub fn group_scores(tallies: &Tallies, by: GroupBy) -> Result<Vec<GroupScore>, M
 impl ContactTallies {
     fn handle_session(&mut self, frames: &ScoredFrames, scoring: &Scoring) -> Result<(), EvaluationError> {
         let estimate: Vec<f64> = frames.estimate_gf.iter().map(|estimate| estimate.unwrap_or(f64::NAN)).collect();
+        self.in_air.handle_session(frames);
         self.pose_age.add(&frames.truth_gf, &estimate, &frames.pose_age_ns)?;
 
         // Frames without truth or estimate say nothing about touch: they leave a gap.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::super::{Failure, say};
-use super::run::Evaluated;
+use super::results::Evaluated;
 use crate::eval::{Check, Gates, Scored};
 use crate::files;
 

@@ -6,7 +6,7 @@ use comfy_table::{Table, presets};
 use serde::Serialize;
 
 use super::super::Failure;
-use super::run::{Evaluated, ModelScores};
+use super::results::{Evaluated, ModelScores};
 use crate::eval::{GroupScore, Metric, Score};
 use crate::recording::PoseQuality;
 

@@ -7,7 +7,7 @@ use comfy_table::{Table, presets};
 
 use super::super::checks;
 use super::pose_quality;
-use super::run::{Evaluated, ModelScores, Pairing};
+use super::results::{Evaluated, ModelScores, Pairing};
 use crate::eval::{Distribution, GroupBy, Measure, Metric, ResultTable, Score};
 
 /// The table, and what was gained.
@@ -24,7 +24,26 @@ fn heading(text: &mut String, result: &Evaluated) {
         1 => "1 session".to_owned(),
         n => format!("{n} sessions"),
     };
-    let _ = writeln!(text, "{synthetic}{} of {sessions}\n\n{}", result.scored, result.table.text());
+    let _ = writeln!(text, "{synthetic}{} of {sessions}\n", result.scored);
+    for (lack, of) in result.missing() {
+        let _ = writeln!(text, "{lack} ({})\n", short_list(&of, result.sessions.len()));
+    }
+    if result.has_scores() {
+        let _ = writeln!(text, "{}", result.table.text());
+    }
+}
+
+/// Which sessions, in few words.
+pub(super) fn short_list(names: &[&str], n_all: usize) -> String {
+    match names {
+        [only] => (*only).to_owned(),
+        _ if names.len() == n_all => format!("all {n_all} sessions"),
+        [first, second, rest @ ..] => match rest.len() {
+            0 => format!("{first}, {second}"),
+            n => format!("{first}, {second} and {n} more of {n_all} sessions"),
+        },
+        [] => String::new(),
+    }
 }
 
 /// The tables, and a few sentences around them.
@@ -35,7 +54,7 @@ pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
         let _ = writeln!(text, "\nFree movement alone (poses that nobody asked for)\n");
         let _ = writeln!(text, "{}", result.free_movement_table.text());
     }
-    for by in by {
+    for by in by.iter().filter(|_| result.has_scores()) {
         let key = by.name();
         let rows: Vec<(&str, BTreeMap<String, Score>)> =
             result.models.iter().map(|model| (model.name.as_str(), by_group(model, key))).collect();
@@ -43,8 +62,12 @@ pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
         let _ = writeln!(text, "\nBy {key}\n\n{}", table.text());
     }
     improvements(&mut text, result);
-    result.paired.iter().for_each(|pairing| paired(&mut text, pairing));
-    contacts(&mut text, result);
+    if result.has_scores() {
+        result.paired.iter().for_each(|pairing| paired(&mut text, pairing));
+        contacts(&mut text, result);
+    }
+    in_air(&mut text, result);
+    timing(&mut text, result);
     if !result.pose_quality.is_empty() {
         text.push_str(&pose_quality::text(result));
     }
@@ -141,6 +164,72 @@ fn contacts(text: &mut String, result: &Evaluated) {
         }
     }
     let _ = writeln!(text, "{table}");
+}
+
+fn in_air(text: &mut String, result: &Evaluated) {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header([
+        "Glove",
+        "Model",
+        "Minutes",
+        "False touches",
+        "False/min",
+        "Force gF p50 (p95)",
+    ]);
+    for model in &result.models {
+        for (glove, contact) in &model.contacts {
+            let Some(found) = contact.in_air.as_ref().map(|report| &report.total) else { continue };
+            let size = found.abs_force_gf.map(|size| format!("{:.1} ({:.1})", size.p50, size.p95));
+            table.add_row([
+                glove.clone(),
+                model.name.clone(),
+                format!("{:.1}", found.minutes),
+                found.n_false_touches.to_string(),
+                found.per_minute.value().map_or("-".to_owned(), |rate| format!("{rate:.2}")),
+                size.unwrap_or_else(|| "-".to_owned()),
+            ]);
+        }
+    }
+    if table.row_count() > 0 {
+        let _ = writeln!(
+            text,
+            "\nIn the air, by the annotations: nothing touches, so no force and no touch is true\n\n{table}"
+        );
+    }
+}
+
+fn timing(text: &mut String, result: &Evaluated) {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header([
+        "Session",
+        "Region",
+        "Frames",
+        "Hz",
+        "Interval ms p50 (max)",
+        "Gaps",
+        "No estimate",
+        "Pose age ms p50 (max)",
+    ]);
+    for session in &result.sessions {
+        for (region, timing) in &session.timing {
+            let of = |distribution: Option<Distribution>| {
+                distribution.map_or("-".to_owned(), |found| format!("{:.1} ({:.1})", found.p50, found.max))
+            };
+            table.add_row([
+                session.name.clone(),
+                region.clone(),
+                timing.n_frames.to_string(),
+                timing.rate_hz.value().map_or("-".to_owned(), |rate| format!("{rate:.1}")),
+                of(timing.interval_ms),
+                timing.n_gaps.to_string(),
+                timing.n_without_estimate.to_string(),
+                of(timing.pose_age_ms),
+            ]);
+        }
+    }
+    if table.row_count() > 0 {
+        let _ = writeln!(text, "\nTiming\n\n{table}");
+    }
 }
 
 fn latency(latency: Option<&Distribution>) -> String {

@@ -1,0 +1,201 @@
+//! The estimates of a session: made by models on its inputs, or read out of it.
+
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::super::sessions::{Stopped, session_name};
+use super::super::setup::input_topics;
+use super::super::zero::{ZeroArgs, ZeroFrom};
+use super::super::{Failure, interrupt};
+use super::labels::{Labelled, NeedsTruth};
+use crate::bag::{BagReader, InputTopics, Inputs};
+use crate::config::Config;
+use crate::eval::{Origin, ScoredFrames};
+use crate::fusion::{ContactDetector, ContactThresholds, Fusion, Regressor};
+use crate::model::ModelInfo;
+use crate::msg::{ContactArray, ContactState, EstimateTopics, WireType, from_cdr};
+use crate::recording::{Labels, Listener, PoseDegrader, PoseQuality, read};
+use crate::units::{Newton, Stamp};
+
+/// The estimates of one region by one series, frame by frame.
+#[derive(Debug, Default, Clone)]
+pub(super) struct Column {
+    pub(super) stamp: Vec<Stamp>,
+    pub(super) force: Vec<Option<Newton>>,
+    pub(super) base: Vec<Option<Newton>>,
+    pub(super) contact: Vec<bool>,
+    pub(super) pose_age_ns: Vec<Option<i64>>,
+}
+
+/// A model on its way through a session: its configuration, and what runs it.
+pub(super) struct Core {
+    pub(super) cfg: Config,
+    pub(super) infos: Vec<ModelInfo>,
+    /// What becomes of the joint angles before they reach it.
+    pub(super) quality: PoseQuality,
+    pub(super) regressors: Vec<Box<dyn Regressor>>,
+}
+
+/// What models made of a session.
+pub(super) struct Modelled {
+    /// `[models][regions]`
+    pub(super) columns: Vec<Vec<Column>>,
+    /// The models, for the next session.
+    pub(super) cores: Vec<Core>,
+    /// `[models]`: what became of all that went in.
+    pub(super) counters: Vec<serde_json::Value>,
+    pub(super) zero: Option<ZeroFrom>,
+    /// What was lost of the bag.
+    pub(super) losses: Vec<String>,
+}
+
+/// Runs models over the stretches of a session that are scored; `done` grows by the bytes that were read.
+pub(super) fn run_models(
+    bag: &Path,
+    labelled: &Labelled,
+    cores: Vec<Core>,
+    zero: &ZeroArgs,
+    done: &AtomicU64,
+) -> Result<Modelled, Failure> {
+    let Some(first) = cores.first() else {
+        return Ok(Modelled { columns: Vec::new(), cores, counters: Vec::new(), zero: None, losses: Vec::new() });
+    };
+    let bags = [bag.to_path_buf()];
+    let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
+    // The sources are the same for all.
+    let Core { cfg, infos, .. } = first;
+    let degrader = |core: &Core| PoseDegrader::new(core.quality, &core.cfg.fusion.joint_sources, &session_name(bag));
+    let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
+    let mut reader = BagReader::open(&bags)?;
+    let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
+    let zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
+    let offset_ns = cfg.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
+    let mut columns: Vec<Vec<Column>> =
+        cores.iter().map(|core| vec![Column::default(); core.cfg.fusion.regions.len()]).collect();
+    let (mut fusions, mut kept) = (Vec::new(), Vec::new());
+    for core in cores {
+        let mut fusion = Fusion::new(core.cfg.fusion.clone(), core.regressors)?;
+        zero.install(&mut fusion)?;
+        fusions.push(fusion);
+        kept.push((core.cfg, core.infos, core.quality));
+    }
+    let mut told = 0;
+    let listener = Listener::<Stopped> {
+        on_tick: &mut |core_idx, tick| {
+            for estimate in &tick.estimates {
+                let column = &mut columns[core_idx][estimate.region];
+                column.stamp.push(tick.stamp);
+                column.force.push(estimate.force);
+                column.base.push(estimate.force_base);
+                column.contact.push(estimate.contact.state);
+                column.pose_age_ns.push(estimate.pose_age_ns);
+            }
+        },
+        on_other: &mut |_| Ok(()),
+        is_wanted: &|stamp| labelled.is_wanted(stamp, offset_ns),
+        pose: &mut pose,
+        between: &mut |bytes| {
+            done.fetch_add(bytes.saturating_sub(told), Ordering::Relaxed);
+            told = bytes;
+            Ok(interrupt::check()?)
+        },
+    };
+    let mut unused = Labels::new(&[]);
+    read(&mut reader, &mut inputs, &mut unused, &mut fusions, listener).map_err(|stopped| stopped.of_bag(bag))?;
+    let as_recorded = fusions.iter().zip(&kept).filter(|(_, (.., quality))| *quality == PoseQuality::default());
+    for (fusion, _) in as_recorded {
+        inputs.check_end(fusion.missing_joints()).map_err(|error| in_bag(&error))?;
+    }
+    let counters = fusions.iter().map(|fusion| serde_json::to_value(fusion.counters())).collect::<Result<_, _>>()?;
+    let cores = fusions.into_iter().zip(kept).map(|(fusion, (cfg, infos, quality))| Core {
+        cfg,
+        infos,
+        quality,
+        regressors: fusion.into_regressors(),
+    });
+    let cores = cores.collect();
+    let losses = reader.losses().iter().map(ToString::to_string).collect();
+    Ok(Modelled { columns, cores, counters, zero: Some(zero.from), losses })
+}
+
+/// Reads the estimates that a bag holds. `[regions]`
+pub(super) fn read_estimates(bag: &Path, cfg: &Config, topic: &str) -> Result<(Vec<Column>, Vec<String>), Failure> {
+    let mut reader = BagReader::open(&[bag.to_path_buf()])?;
+    let topics = InputTopics { taxels: Vec::new(), joints: Vec::new(), ..input_topics(cfg) };
+    let mut inputs = Inputs::new(topics, &mut reader)?;
+    let columns = RefCell::new(vec![Column::default(); cfg.fusion.regions.len()]);
+    let listener = Listener::<Stopped> {
+        on_tick: &mut |_, _| {},
+        on_other: &mut |message| {
+            if message.channel.topic != topic || message.channel.type_name() != ContactArray::TYPE_NAME {
+                return Ok(());
+            }
+            let array: ContactArray =
+                from_cdr(message.data).map_err(|error| Failure(format!("{}: {topic}: {error}", bag.display())))?;
+            let stamp = Stamp::from(array.header.stamp);
+            for state in &array.contacts {
+                let region = cfg.fusion.regions.iter().position(|region| region.name == state.region);
+                if let Some(region) = region {
+                    columns.borrow_mut()[region].push_state(stamp, state);
+                }
+            }
+            Ok(())
+        },
+        is_wanted: &|_| false,
+        pose: &mut [],
+        between: &mut |_| Ok(interrupt::check()?),
+    };
+    let mut unused = Labels::new(&[]);
+    read(&mut reader, &mut inputs, &mut unused, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
+    let losses = reader.losses().iter().map(ToString::to_string).collect();
+    Ok((columns.into_inner(), losses))
+}
+
+/// All frames of a bag's first region by the estimates in it.
+pub(in crate::commands) fn recorded(bag: &Path, cfg: &Config) -> Result<ScoredFrames, Failure> {
+    let labelled = Labelled::read(bag, cfg, None, NeedsTruth::All)?;
+    let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
+    let (columns, _) = read_estimates(bag, cfg, &topic)?;
+    let region = &cfg.fusion.regions[0];
+    let truth_idx = cfg.truth_of_region[0];
+    let max_gap = cfg.fusion.timing.max_gap;
+    Ok(labelled.frames(&columns[0], truth_idx, 0, max_gap, region.contact, &Origin::default()))
+}
+
+/// Whether bags hold estimates of a node.
+pub(super) fn hold_estimates(bags: &[PathBuf], topic: &str) -> bool {
+    let holds = |bag: &PathBuf| {
+        let mut reader = BagReader::open(std::slice::from_ref(bag)).ok()?;
+        reader.scan(&[topic]).ok()?;
+        Some(reader.channels().iter().any(|channel| channel.topic == topic))
+    };
+    // Bags that can't be read say so when it is their turn.
+    let mut known = bags.iter().filter_map(holds).peekable();
+    known.peek().is_some() && known.all(|holds| holds)
+}
+
+impl Column {
+    /// The base force as if it were all there is, with the contact that it alone would tell.
+    pub(super) fn base_alone(&self, thresholds: ContactThresholds) -> Column {
+        let mut detector = ContactDetector::new(thresholds);
+        let contacts =
+            self.stamp.iter().zip(&self.base).map(|(stamp, base)| detector.handle_force(*stamp, *base).state);
+        Column {
+            stamp: self.stamp.clone(),
+            contact: contacts.collect(),
+            force: self.base.clone(),
+            base: vec![None; self.base.len()],
+            pose_age_ns: self.pose_age_ns.clone(),
+        }
+    }
+
+    fn push_state(&mut self, stamp: Stamp, state: &ContactState) {
+        let force = |value: f64| Some(Newton(value)).filter(|force| force.0.is_finite());
+        self.stamp.push(stamp);
+        self.force.push(force(state.force));
+        self.base.push(force(state.force_base));
+        self.contact.push(state.contact);
+        self.pose_age_ns.push(state.pose_age.is_finite().then(|| (state.pose_age * 1e9).round() as i64));
+    }
+}

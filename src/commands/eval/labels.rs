@@ -1,0 +1,269 @@
+//! What a session says besides taxels and joint angles: the true force, tared, and what was asked for when.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::super::sessions::{Stopped, fingerprint, session_name};
+use super::super::setup::input_topics;
+use super::super::zero::ZeroFrom;
+use super::super::{Failure, interrupt};
+use super::columns::Column;
+use crate::bag::{BagReader, InputTopics, Inputs};
+use crate::config::Config;
+use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, Timing, ZeroLoadCheck};
+use crate::fusion::ContactThresholds;
+use crate::recording::{Annotations, Labels, Listener, Notes, TruthTrack, aligned, read};
+use crate::units::{GramForce, Stamp};
+
+/// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
+const LEAD_NS: i64 = 2_000_000_000;
+
+/// What results say of a session.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct SessionSummary {
+    pub(super) name: String,
+    pub(super) bag: String,
+    /// SHA-256 of its files.
+    pub(super) sha256: String,
+    pub(super) glove: String,
+    pub(super) user: String,
+    pub(super) synthetic: bool,
+    pub(super) frames_scored: usize,
+    pub(super) frames_without_truth: usize,
+    /// What it lacks, and what can't be said for want of it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) missing: Vec<String>,
+    /// How well the tared truth keeps below the touch threshold where nothing touches; absent without truth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) zero_load: Option<ZeroLoadCheck>,
+    /// Where the zero of the estimates comes from; absent where they were recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) zero: Option<ZeroFrom>,
+    /// Of the estimates that are judged, by region.
+    pub(super) timing: std::collections::BTreeMap<String, Timing>,
+    /// What became of all that went into the core of the judged model; absent where estimates were recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) counters: Option<serde_json::Value>,
+    pub(super) losses: Vec<String>,
+    #[serde(skip)]
+    pub(super) warnings: Vec<String>,
+}
+
+/// Which force sensors a bag must have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum NeedsTruth {
+    /// Those of the parameters: one that was asked for by its topic.
+    All,
+    /// None: without one there are no scores, and the rest is told.
+    None,
+}
+
+/// A force sensor's readings and their zero.
+#[derive(Debug, Clone)]
+pub(super) struct Truth {
+    track: TruthTrack,
+    tare: TareCurve,
+}
+
+/// Labels of a session, and where it is cut.
+#[derive(Debug)]
+pub(super) struct Labelled {
+    notes: Notes,
+    annotations: Annotations,
+    cuts: Option<Cuts>,
+    /// `[force sensors]`; `None` where the bag lacks its topic.
+    truth: Vec<Option<Truth>>,
+    missing: Vec<String>,
+}
+
+impl Labelled {
+    /// Reads truth and annotations.
+    pub(super) fn read(bag: &Path, cfg: &Config, split: Option<Split>, needs: NeedsTruth) -> Result<Self, Failure> {
+        let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
+        let mut reader = BagReader::open(&[bag.to_path_buf()])?;
+        let names: Vec<&str> = cfg.truth.iter().map(|topic| topic.name.as_str()).collect();
+        reader.scan(&names)?;
+        let has = |name: &str| reader.channels().iter().any(|channel| channel.topic == name);
+        let there: Vec<usize> = (0..names.len()).filter(|idx| needs == NeedsTruth::All || has(names[*idx])).collect();
+        let absent: Vec<&str> = (0..names.len()).filter(|idx| !there.contains(idx)).map(|idx| names[idx]).collect();
+        let topics = InputTopics {
+            taxels: Vec::new(),
+            joints: Vec::new(),
+            truth: there.iter().map(|idx| cfg.truth[*idx].clone()).collect(),
+            ..input_topics(cfg)
+        };
+        let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| in_bag(&error))?;
+        let sources: Vec<_> = there.iter().map(|idx| cfg.truth_sources[*idx].clone()).collect();
+        let mut labels = Labels::new(&sources);
+        let mut last = Stamp(i64::MIN);
+        let listener = Listener::<Stopped> {
+            on_tick: &mut |_, _| {},
+            on_other: &mut |message| {
+                last = last.max(message.log_time);
+                Ok(())
+            },
+            is_wanted: &|_| false,
+            pose: &mut [],
+            between: &mut |_| Ok(interrupt::check()?),
+        };
+        read(&mut reader, &mut inputs, &mut labels, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
+        inputs.check_end(std::iter::empty()).map_err(|error| in_bag(&error))?;
+        let Labels { notes, annotations, truth: tracks } = labels;
+        let mut missing = Vec::new();
+        match (names.is_empty(), absent.as_slice()) {
+            (true, _) => missing.push(
+                "no region has a true force, so there are no scores; set truth_sources and truth.*.topic in the parameters, or give --truth TOPIC"
+                    .to_owned(),
+            ),
+            (false, []) => {}
+            (false, absent) => {
+                missing.push(format!("no true force, so no scores: the bag has no topic {}", absent.join(", ")));
+            }
+        }
+        if annotations.is_empty() {
+            let lack = format!("no stage annotations on {}", cfg.stage_topic);
+            if !tracks.is_empty() {
+                return Err(in_bag(&format!(
+                    "{lack}; the true force is tared on stretches that they mark as free of load: record that topic, or set stage_topic"
+                )));
+            }
+            missing.push(format!("{lack}, so what was estimated in the air isn't known"));
+        }
+        let end = tracks.iter().filter_map(|track| Some(track.span()?.1)).max().unwrap_or(last);
+        let cuts = split.filter(|_| !annotations.is_empty());
+        let cuts = cuts.map(|split| split.cuts(&annotations.stage_spans(end.offset(1))));
+        let zero_load = annotations.zero_load(end);
+        let mut truth = vec![None; names.len()];
+        for (idx, track) in there.into_iter().zip(tracks) {
+            let tare = track.tare(&zero_load);
+            let tare = tare.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
+            truth[idx] = Some(Truth { track, tare });
+        }
+        Ok(Labelled { notes, annotations, cuts, truth, missing })
+    }
+
+    /// Whether a frame is scored whose window begins at `from`.
+    fn is_scored(&self, from: Stamp, stamp: Stamp) -> bool {
+        let in_test = |at| self.cuts.as_ref().is_none_or(|cuts| cuts.part_at(at) == Some(Part::Test));
+        in_test(stamp) && in_test(from)
+    }
+
+    /// Whether taxels at a stamp are needed for what is scored.
+    pub(super) fn is_wanted(&self, stamp: Stamp, offset_ns: i64) -> bool {
+        let Some(cuts) = &self.cuts else { return true };
+        let reach = LEAD_NS + offset_ns.abs();
+        // Test parts are longer than the lead, or they hold no frame worth the name.
+        [0, reach / 2, reach, -offset_ns.abs()]
+            .iter()
+            .any(|ahead| cuts.part_at(stamp.offset(*ahead)) == Some(Part::Test))
+    }
+
+    /// Puts a region's estimates beside its truth, if it has one.
+    pub(super) fn frames(
+        &self,
+        column: &Column,
+        truth_idx: Option<usize>,
+        window_ns: i64,
+        max_gap: std::time::Duration,
+        thresholds: ContactThresholds,
+        origin: &Origin,
+    ) -> ScoredFrames {
+        let truth = truth_idx.and_then(|idx| self.truth[idx].as_ref());
+        let truth = truth.map(|Truth { track, tare }| aligned(track, tare, &column.stamp, max_gap));
+        let mut frames = ScoredFrames::default();
+        for annotation in self.annotations.all() {
+            let (stage, substage) = (annotation.stage.to_string(), annotation.substage.clone());
+            let pose = if annotation.pose.is_empty() { &annotation.substage } else { &annotation.pose };
+            frames.asked.push(Asked { pose: pose.clone(), zero_load: annotation.zero_load });
+            frames.origins.push(Origin { stage, substage, ..origin.clone() });
+        }
+        if self.annotations.is_empty() {
+            frames.asked.push(Asked::default());
+            frames.origins.push(origin.clone());
+        }
+        let has_base = column.base.iter().any(Option::is_some);
+        let base = column.base_alone(thresholds);
+        let in_gf = |force: crate::units::Newton| GramForce::from(force).0;
+        let mut left_out = true;
+        for (idx, stamp) in column.stamp.iter().enumerate() {
+            let annotation = match self.annotations.is_empty() {
+                true => Some(0),
+                false => self.annotations.idx_at(*stamp),
+            };
+            let Some(annotation) = annotation.filter(|_| self.is_scored(stamp.offset(-window_ns), *stamp)) else {
+                left_out = true;
+                continue;
+            };
+            if std::mem::take(&mut left_out) {
+                frames.resumes.push(frames.stamp.len());
+            }
+            frames.stamp.push(*stamp);
+            frames.truth_gf.push(truth.as_ref().and_then(|truth| truth[idx]).map_or(f64::NAN, |force| force.0));
+            frames.estimate_gf.push(column.force[idx].map(in_gf));
+            frames.contact.push(column.contact[idx]);
+            if has_base {
+                frames.base_contact.push(base.contact[idx]);
+                frames.base_gf.push(column.base[idx].map(in_gf));
+            }
+            frames.pose_age_ns.push(column.pose_age_ns[idx]);
+            frames.origin.push(annotation);
+        }
+        frames
+    }
+
+    /// What results say of it, but for what was estimated.
+    pub(super) fn summary(&self, bag: &Path, cfg: &Config) -> Result<SessionSummary, Failure> {
+        let named = |noted: &Option<String>, set: &Option<String>| {
+            noted.clone().or_else(|| set.clone()).unwrap_or_else(|| "?".to_owned())
+        };
+        let mut warnings = Vec::new();
+        let zero_load = self.zero_load_check(bag, &mut warnings);
+        Ok(SessionSummary {
+            name: session_name(bag),
+            bag: bag.display().to_string(),
+            sha256: fingerprint(bag)?,
+            glove: named(&self.notes.glove, &cfg.glove),
+            user: named(&self.notes.user, &cfg.user),
+            synthetic: self.notes.synthetic,
+            frames_scored: 0,
+            frames_without_truth: 0,
+            missing: self.missing.clone(),
+            zero_load,
+            zero: None,
+            timing: std::collections::BTreeMap::new(),
+            counters: None,
+            losses: Vec::new(),
+            warnings,
+        })
+    }
+
+    fn zero_load_check(&self, bag: &Path, warnings: &mut Vec<String>) -> Option<ZeroLoadCheck> {
+        let mut check = ZeroLoadCheck::default();
+        let at_rest = |stamp| self.annotations.at(stamp).is_some_and(|annotation| annotation.zero_load);
+        for Truth { track, tare } in self.truth.iter().flatten() {
+            let resting = track.readings().filter(|(stamp, _)| at_rest(*stamp));
+            resting.for_each(|(stamp, force)| check.handle_force(&Scoring::default(), tare.tared(stamp, force)));
+            let counters = track.counters();
+            if counters.late + counters.non_finite > 0 {
+                warnings.push(format!(
+                    "{}: truth {}: {} readings out of order were dropped, {} were not finite",
+                    bag.display(),
+                    track.name(),
+                    counters.late,
+                    counters.non_finite
+                ));
+            }
+        }
+        if check.n_touch > check.n_samples / 100 {
+            warnings.push(format!(
+                "{}: {} of {} readings at zero load are above the touch threshold after taring, up to {:.1} gF: look at annotations and force sensor",
+                bag.display(),
+                check.n_touch,
+                check.n_samples,
+                check.largest_gf
+            ));
+        }
+        self.truth.iter().any(Option::is_some).then_some(check)
+    }
+}

@@ -1,0 +1,190 @@
+//! What is estimated while nothing touches the glove, by the pose that was asked for. It needs no true force.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::evaluation::ScoredFrames;
+use super::metric::{Metric, Undefined};
+use super::statistics::Distribution;
+use crate::units::{Stamp, nanos};
+
+/// What a stretch of the protocol asked for.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Asked {
+    /// Pose or movement; that of the substage where none was named.
+    pub pose: String,
+    /// Whether nothing touches the glove.
+    pub zero_load: bool,
+}
+
+/// Estimates while nothing touches the glove.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct InAir {
+    /// Time from frame to frame, gaps left out.
+    pub minutes: f64,
+    /// Frames with an estimate.
+    pub n_frames: u64,
+    /// Frames without one.
+    pub n_without_estimate: u64,
+    /// Contacts that were told: none of them can be true.
+    pub n_false_touches: u64,
+    /// The same a minute.
+    pub per_minute: Metric,
+    /// Size of the estimated force, gF; absent without estimates.
+    pub abs_force_gf: Option<Distribution>,
+}
+
+/// The same in all, and by the pose that was asked for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct InAirReport {
+    /// In all.
+    #[serde(flatten)]
+    pub total: InAir,
+    /// By pose.
+    pub by_pose: BTreeMap<String, InAir>,
+}
+
+/// Gathers [`InAir`], session by session.
+///
+/// A contact that is still told shortly after the hand let go is late, not false: it counts once the slack is over.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InAirTally {
+    slack_ns: i64,
+    max_gap_ns: i64,
+    by_pose: BTreeMap<String, Sums>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Sums {
+    air_ns: i64,
+    n_without_estimate: u64,
+    n_false_touches: u64,
+    /// gF; single precision, because there may be millions.
+    sizes: Vec<f32>,
+}
+
+impl InAirTally {
+    /// Nothing yet. Frames further apart than `max_gap` are a gap, over which nothing is known.
+    pub fn new(slack: Duration, max_gap: Duration) -> Self {
+        InAirTally { slack_ns: nanos(slack), max_gap_ns: nanos(max_gap), by_pose: BTreeMap::new() }
+    }
+
+    /// Takes the frames of a session.
+    pub fn handle_session(&mut self, frames: &ScoredFrames) {
+        let mut rest: Option<Rest> = None;
+        for (idx, &stamp) in frames.stamp.iter().enumerate() {
+            let Some(asked) = frames.asked.get(frames.origin[idx]).filter(|asked| asked.zero_load) else {
+                rest = None;
+                continue;
+            };
+            if !self.by_pose.contains_key(&asked.pose) {
+                self.by_pose.insert(asked.pose.clone(), Sums::default());
+            }
+            let Some(sums) = self.by_pose.get_mut(&asked.pose) else { continue };
+            match frames.estimate_gf[idx] {
+                Some(force) => sums.sizes.push(force.abs() as f32),
+                None => sums.n_without_estimate += 1,
+            }
+            let known = rest.as_ref().filter(|rest| stamp.nanos_since(rest.last) <= self.max_gap_ns);
+            let (from, was_in_contact) = match known {
+                Some(rest) => {
+                    sums.air_ns += stamp.nanos_since(rest.last);
+                    (rest.from, rest.in_contact)
+                }
+                None => (stamp, false),
+            };
+            let counts = stamp.nanos_since(from) > self.slack_ns;
+            let in_contact = counts && frames.contact[idx];
+            sums.n_false_touches += u64::from(in_contact && !was_in_contact);
+            rest = Some(Rest { from, last: stamp, in_contact });
+        }
+    }
+
+    /// What was found; `None` when no frame was in the air.
+    pub fn report(&self) -> Option<InAirReport> {
+        let mut all = Sums::default();
+        for sums in self.by_pose.values() {
+            all.air_ns += sums.air_ns;
+            all.n_without_estimate += sums.n_without_estimate;
+            all.n_false_touches += sums.n_false_touches;
+            all.sizes.extend_from_slice(&sums.sizes);
+        }
+        let by_pose = self.by_pose.iter().map(|(pose, sums)| (pose.clone(), sums.in_air())).collect();
+        (!self.by_pose.is_empty()).then(|| InAirReport { total: all.in_air(), by_pose })
+    }
+}
+
+#[derive(Debug)]
+struct Rest {
+    from: Stamp,
+    last: Stamp,
+    in_contact: bool,
+}
+
+impl Sums {
+    fn in_air(&self) -> InAir {
+        let minutes = self.air_ns as f64 / 60e9;
+        let sizes: Vec<f64> = self.sizes.iter().map(|size| f64::from(*size)).collect();
+        InAir {
+            minutes,
+            n_frames: self.sizes.len() as u64,
+            n_without_estimate: self.n_without_estimate,
+            n_false_touches: self.n_false_touches,
+            per_minute: if minutes > 0.0 {
+                Metric::finite(self.n_false_touches as f64 / minutes)
+            } else {
+                Metric::undefined(Undefined::NoAirTime)
+            },
+            abs_force_gf: Distribution::of(&sizes),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames 10 ms apart: what was asked, the force, and whether contact was told.
+    fn frames(of: &[(usize, Option<f64>, bool)]) -> ScoredFrames {
+        let asked = |pose: &str, zero_load| Asked { pose: pose.to_owned(), zero_load };
+        ScoredFrames {
+            stamp: (0..of.len() as i64).map(|idx| Stamp(idx * 10_000_000)).collect(),
+            truth_gf: vec![f64::NAN; of.len()],
+            estimate_gf: of.iter().map(|frame| frame.1).collect(),
+            contact: of.iter().map(|frame| frame.2).collect(),
+            pose_age_ns: vec![None; of.len()],
+            origin: of.iter().map(|frame| frame.0).collect(),
+            asked: vec![asked("fist", true), asked("tap", false), asked("flat", true)],
+            ..ScoredFrames::default()
+        }
+    }
+
+    fn tally(of: &[(usize, Option<f64>, bool)]) -> InAirReport {
+        let mut tally = InAirTally::new(Duration::from_millis(20), Duration::from_millis(50));
+        tally.handle_session(&frames(of));
+        tally.report().unwrap()
+    }
+
+    #[test]
+    fn contact_is_false_only_where_nothing_touches_and_the_slack_is_over() {
+        let (held, air) = ((1, Some(50.0), true), (2, Some(-1.0), true));
+        let report = tally(&[held, held, air, air, air, air, air, (2, Some(1.0), false), air, held]);
+        assert_eq!(report.total.n_false_touches, 2, "one that lasts past 20 ms, and one that begins anew");
+        assert_eq!(report.by_pose["flat"].n_frames, 7);
+        assert!(!report.by_pose.contains_key("tap"), "loaded");
+        assert!((report.total.minutes * 60.0 - 0.06).abs() < 1e-12);
+        assert_eq!(report.total.abs_force_gf.unwrap().max, 1.0, "the size, whatever its sign");
+    }
+
+    #[test]
+    fn a_touch_belongs_to_the_pose_in_which_it_began() {
+        let still = |pose| (pose, Some(0.0), false);
+        let report =
+            tally(&[still(0), still(0), still(0), (0, Some(9.0), true), (2, Some(9.0), true), (2, None, false)]);
+        assert_eq!(report.by_pose["fist"].n_false_touches, 1);
+        assert_eq!(report.by_pose["flat"].n_false_touches, 0);
+        assert_eq!((report.by_pose["flat"].n_frames, report.by_pose["flat"].n_without_estimate), (1, 1));
+    }
+}
