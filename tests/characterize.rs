@@ -169,7 +169,7 @@ fn a_clock_that_is_off_is_found_and_the_parameters_put_it_right() {
 }
 
 #[test]
-fn text_says_synthetic_and_tells_everything_and_the_fragment_is_taken_as_parameters() {
+fn text_and_page_say_synthetic_and_tell_everything_and_the_fragment_is_taken_as_parameters() {
     let folder = folder(1, 3.0);
     let folder = folder.path();
     let command = ["characterize", "bags", "--params-file", "params.yaml"];
@@ -179,7 +179,15 @@ fn text_says_synthetic_and_tells_everything_and_the_fragment_is_taken_as_paramet
     for told in told.iter().chain(&more) {
         assert!(text.contains(told), "{told}: {text}");
     }
-    let found = characterize(folder, &[]);
+    let found = characterize(folder, &["--report", "page.html"]);
+    let page = fs::read_to_string(folder.join("page.html")).unwrap();
+    for told in
+        ["SYNTHETIC DATA", "index-correlation", "index-response-sum", "index-loop", "index-drift", "stamp_offset_ms"]
+    {
+        assert!(page.contains(told), "{told}");
+    }
+    let again = tpf(folder, &[&command[..], &["--report", "page.html"]].concat());
+    assert!(again.failure().contains("is there already"), "{again:?}");
     let lines: Vec<String> =
         found["parameters"].as_str().unwrap().lines().map(|line| format!("    {line}\n")).collect();
     fs::write(folder.join("suggested.yaml"), format!("/**:\n  ros__parameters:\n{}", lines.concat())).unwrap();

@@ -15,6 +15,8 @@ const MIN_FRAMES: usize = 20;
 const MIN_GAIN_GF: f64 = 35.0;
 /// A gain is compared at as many bins of force.
 const MIN_GAIN_BINS: usize = 3;
+/// And as many touches of the straight and of the bent hand: each reads otherwise, by a tenth or more.
+const MIN_GAIN_TOUCHES: usize = 5;
 /// Thirds of the bend score.
 const STRAIGHT: Class = ("low", f64::NEG_INFINITY, 1.0 / 3.0);
 const HALF_BENT: Class = ("middle", 1.0 / 3.0, 2.0 / 3.0);
@@ -77,7 +79,8 @@ pub struct CurvePoint {
 pub struct SessionGain {
     /// The session.
     pub session: String,
-    /// Ratio of what a touch adds at equal force, bent over straight; `None` where the forces have too little in common.
+    /// Ratio of what a touch adds at equal force, bent over straight; `None` for too few touches, and
+    /// where their forces have too little in common.
     pub at_equal_force: Option<f64>,
     /// Ratio of the slopes over force, bent over straight.
     pub of_slopes: Option<f64>,
@@ -207,7 +210,7 @@ impl SessionGain {
             .filter_map(|(bin, (straight, bent))| Some((straight.point(bin)?, bent.point(bin)?)))
             .filter(|(straight, bent)| straight.force_gf.min(bent.force_gf) >= MIN_GAIN_GF)
             .collect();
-        let enough = pairs.len() >= MIN_GAIN_BINS;
+        let enough = pairs.len() >= MIN_GAIN_BINS && n_touches.iter().all(|n| *n >= MIN_GAIN_TOUCHES);
         // Per force, because the frames of a bin differ a little in force from class to class.
         let gain = |point: &CurvePoint| point.rise / point.force_gf;
         let mut ratios: Vec<f64> = pairs.iter().map(|(straight, bent)| gain(bent) / gain(straight)).collect();

@@ -2,6 +2,7 @@
 
 mod fragment;
 mod load;
+mod page;
 mod scan;
 mod text;
 
@@ -17,6 +18,7 @@ use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::characterize::{RegionReport, SessionFrames, characterize};
 use crate::config::Config;
+use crate::files;
 
 /// Characterizes a glove from recordings: joints that move its taxels, artifact size, hysteresis, drift, noise, clocks.
 #[derive(Debug, clap::Args)]
@@ -40,6 +42,12 @@ pub(super) struct Args {
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
+    /// Write everything as a page to look at, with tables and plots
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+    /// Replace a report that is already there
+    #[arg(long, requires = "report")]
+    overwrite: bool,
 }
 
 /// Everything that was found.
@@ -91,9 +99,17 @@ pub(super) struct RegionResult {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen();
+    if let Some(path) = args.report.as_deref().filter(|path| path.exists() && !args.overwrite) {
+        return Err(Failure(format!("{} is there already; give another name, or --overwrite", path.display())));
+    }
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
     let result = find(args, &cfg)?;
     print(&if args.json { serde_json::to_string_pretty(&result)? + "\n" } else { text::text(&result) })?;
+    if let Some(path) = &args.report {
+        let written = files::replace(path, page::page(&result).html().as_bytes());
+        written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
+        say(&format!("report: {}", path.display()));
+    }
     let losses: Vec<&String> = result.sessions.iter().flat_map(|session| &session.losses).collect();
     losses.iter().for_each(|loss| say(&format!("input lost: {loss}")));
     Ok(if losses.is_empty() { Outcome::Done } else { Outcome::InputLost })

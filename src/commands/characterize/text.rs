@@ -135,7 +135,9 @@ fn response(text: &mut String, report: &RegionReport) {
     row.extend(response.by_bend.iter().map(|class| class.n_touches.to_string()));
     table.add_row(row);
     let _ = writeln!(text, "{table}");
-    let gain = response.gain.map_or("not told: too few forces in common".to_owned(), |gain| spread(Some(gain), "", 2));
+    let gain = response
+        .gain
+        .map_or("not told: too few touches, or forces in common".to_owned(), |gain| spread(Some(gain), "", 2));
     let slopes = Spread::of(response.gain_by_session.iter().map(|gain| gain.of_slopes));
     let slopes = slopes.map_or(String::new(), |slopes| format!("; ratio of slopes {}", spread(Some(slopes), "", 2)));
     let _ = writeln!(text, "What a touch adds at a high bend score over a low one, at equal force: {gain}{slopes}");
