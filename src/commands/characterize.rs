@@ -6,6 +6,7 @@ mod page;
 mod scan;
 mod text;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -140,6 +141,11 @@ fn find(args: &Args, cfg: &Config) -> Result<Characterized, Failure> {
             joints: scan.joints,
             losses: loaded.losses,
         });
+    }
+    let gloves: BTreeSet<&str> = sessions.iter().map(|session: &SessionSummary| session.glove.as_str()).collect();
+    if gloves.len() > 1 {
+        let gloves = gloves.into_iter().collect::<Vec<_>>().join(", ");
+        say(&format!("the bags are of several gloves, {gloves}, and are taken as one; give those of one glove"));
     }
     let without_truth = cfg.fusion.regions.iter().zip(&cfg.truth_of_region).filter(|(_, truth)| truth.is_none());
     missing.extend(without_truth.map(|(region, _)| {
