@@ -1,6 +1,7 @@
 //! One file a subcommand of `tpf`: parse, call, render.
 
 mod calibrate;
+mod characterize;
 mod checks;
 mod demo;
 mod diff;
@@ -44,6 +45,7 @@ enum Command {
     #[cfg(feature = "ros")]
     Play(play::Args),
     Calibrate(calibrate::Args),
+    Characterize(characterize::Args),
     Diff(diff::Args),
     Eval(Box<eval::Args>),
     Inspect(inspect::Args),
@@ -92,6 +94,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         #[cfg(feature = "ros")]
         Command::Play(args) => play::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Characterize(args) => characterize::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Inspect(args) => inspect::run(&args),

@@ -7,6 +7,7 @@
 
 pub mod bag;
 pub mod calibration;
+pub mod characterize;
 pub mod columns;
 pub mod commands;
 pub mod config;

@@ -13,6 +13,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("columns", &["files", "units"]),
     ("fusion", &["units"]),
     ("calibration", &["files", "fusion", "units"]),
+    ("characterize", &["eval", "fusion", "units"]),
     ("model", &["fusion", "units"]),
     ("msg", &["fusion", "units"]),
     ("eval", &["fusion", "units"]),
@@ -27,6 +28,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
         &[
             "bag",
             "calibration",
+            "characterize",
             "columns",
             "config",
             "eval",
@@ -121,7 +123,9 @@ fn the_core_is_pure() {
         "unsafe",
     ];
     for path in sources() {
-        if module_of(&path).is_none_or(|module| !["fusion", "units", "eval", "sim"].contains(&module.as_str())) {
+        if module_of(&path)
+            .is_none_or(|module| !["fusion", "units", "eval", "characterize", "sim"].contains(&module.as_str()))
+        {
             continue;
         }
         let code = code_of(&path);

@@ -1,0 +1,42 @@
+//! What a glove's taxels do when the hand moves: the paper's characterization for any glove. Pure: no I/O.
+//!
+//! [`characterize`] takes every frame of one region from every session and answers: which joints move which taxels, how
+//! pose changes the response to force, how large an artifact is as a tap, how much of it lags, and what a sensor does
+//! at rest. Readings are those of the model's input, baseline subtracted, in the sensor's own unit; `sum` is that of
+//! all taxels of the region.
+//!
+//! All frames of all sessions are held in memory, because the joints that matter are known only after all of them have
+//! been seen: 4 bytes for each taxel and joint of a frame, 20 MB for 28 minutes of 6 taxels and 20 joints at 100 Hz.
+//!
+//! # Source
+//! Pose-aware tactile gloves, Sec. III, Observations 1 to 3.
+
+mod artifact;
+mod correlation;
+mod curve;
+mod drift;
+mod frames;
+mod gram;
+mod hysteresis;
+mod noise;
+mod offset;
+mod pose_model;
+mod report;
+mod response;
+mod selection;
+mod spread;
+mod timing;
+
+pub use artifact::{ArtifactReport, ArtifactSize, PoseArtifact};
+pub use correlation::Correlation;
+pub use drift::{DriftReport, SessionDrift};
+pub use frames::SessionFrames;
+pub use hysteresis::{HysteresisReport, SessionHysteresis};
+pub use noise::{NoiseReport, TaxelNoise};
+pub use offset::{LagPoint, OffsetReport, SessionOffset};
+pub use pose_model::BendScore;
+pub use report::{JointRange, RegionReport, RegionSession, characterize};
+pub use response::{ClassCurve, CurvePoint, ResponseReport, SessionGain};
+pub use selection::{Selection, Step};
+pub use spread::Spread;
+pub use timing::StreamTiming;

@@ -1,0 +1,69 @@
+//! What was found, as lines for the parameter file.
+
+use std::fmt::Write as _;
+
+use super::RegionResult;
+use crate::config::Config;
+
+/// A lag of less is what a sensor's own filter, creep and friction make: no reason to move a clock.
+const OWN_LAG_MS: f64 = 20.0;
+
+/// The lines, below `ros__parameters`. `sources`: index of the source of each joint of the reports.
+pub(super) fn parameters(regions: &[RegionResult], cfg: &Config, sources: &[usize], synthetic: bool) -> String {
+    let mut text = String::from("# Suggested by tpf characterize");
+    text.push_str(if synthetic { ", from SYNTHETIC data\n" } else { "\n" });
+    text.push_str("region:\n");
+    for RegionResult { region, report, .. } in regions {
+        let joints: Vec<&str> = report.selection.chosen.iter().map(|step| step.joint.as_str()).collect();
+        let _ = writeln!(text, "  {region}:");
+        if joints.is_empty() {
+            let _ = writeln!(text, "    # No joint tells enough of what its taxels read in the air.");
+        } else {
+            let _ = writeln!(text, "    joints: [{}]", joints.join(", "));
+        }
+        for range in &report.pose_range {
+            let [low, high] = report.pose_range_quantiles.map(|share| 100.0 * share);
+            let _ = writeln!(
+                text,
+                "    # {}: {:.2} to {:.2} rad ({low} to {high} % of all frames); a trained model keeps it as tpf.pose_range",
+                range.joint, range.min, range.max
+            );
+        }
+    }
+    offsets(&mut text, regions, cfg, sources);
+    text
+}
+
+/// The clock offset of the joint source of each region's first joint.
+fn offsets(text: &mut String, regions: &[RegionResult], cfg: &Config, sources: &[usize]) {
+    let mut told = Vec::new();
+    for RegionResult { region, report, .. } in regions {
+        let source_idx = report.selection.chosen.first().and_then(|step| sources.get(step.joint_idx)).copied();
+        let Some(source) = source_idx.and_then(|idx| cfg.fusion.joint_sources.get(idx)) else { continue };
+        if told.contains(&source.name.as_str()) {
+            continue;
+        }
+        told.push(&source.name);
+        if told.len() == 1 {
+            text.push_str("joint:\n");
+        }
+        let now_ms = source.stamp_offset_ns as f64 * 1e-6;
+        let _ = writeln!(text, "  {}:", source.name);
+        let _ = match report.offset.lag_ms {
+            None => {
+                writeln!(text, "    stamp_offset_ms: {now_ms:?} # unchanged: nothing tells how far its clock is off")
+            }
+            Some(lag) if lag.median.abs() < OWN_LAG_MS => writeln!(
+                text,
+                "    stamp_offset_ms: {now_ms:?} # unchanged: taxels lag by {:.0} ms, which their own filter can make",
+                lag.median
+            ),
+            Some(lag) => writeln!(
+                text,
+                "    stamp_offset_ms: {:.1} # taxels of {region} lag by {:.0} ms, their own lag of some 10 ms included",
+                now_ms + lag.median,
+                lag.median
+            ),
+        };
+    }
+}

@@ -1,0 +1,112 @@
+//! What force reads, and what a pose reads that is none.
+
+use super::super::RegionResult;
+use super::header;
+use crate::characterize::{ArtifactSize, Spread};
+use crate::page::{Cell, Figure, Page, Style, Table};
+
+/// Poses that the bars show.
+const N_POSES: usize = 24;
+
+pub(super) fn response(page: &mut Page, result: &RegionResult) {
+    let RegionResult { region, taxels, report, .. } = result;
+    let Some(response) = &report.response else { return };
+    let section = page.section(&format!("{region}-response"), &format!("Region {region}: response to force by pose"));
+    section.text(
+        "Median readings by true force. The bend score is the mix of the chosen joints that moves the taxels most; its \
+         thirds are the straight, the half bent and the bent hand.",
+    );
+    let mut sums = Figure::new(
+        &format!("{region}-response-sum"),
+        "All taxels together: the same reading stands for other forces when the hand is bent.",
+        "true force, N",
+        "reading, sensor's unit",
+    );
+    let mut rises = Figure::new(
+        &format!("{region}-response-rise"),
+        "What the touch adds to the reading that the pose alone has in the air.",
+        "true force, N",
+        "reading added, sensor's unit",
+    );
+    for (idx, class) in [&response.all].into_iter().chain(&response.by_bend).enumerate() {
+        let name = if idx == 0 { "all poses".to_owned() } else { format!("bend score {}", class.class) };
+        let name = format!("{name}, {} touches", class.n_touches);
+        let style = || if idx == 0 { Style::truth() } else { Style::of(idx - 1).marked() };
+        let forces = || class.points.iter().map(|point| point.force_n).collect();
+        sums.line(&name, forces(), class.points.iter().map(|point| point.sum).collect(), style());
+        rises.line(&name, forces(), class.points.iter().map(|point| point.rise).collect(), style());
+    }
+    section.figure(&sums).figure(&rises);
+    let mut each = Figure::new(
+        &format!("{region}-response-taxels"),
+        "Each taxel, all poses.",
+        "true force, N",
+        "reading, sensor's unit",
+    );
+    for (taxel, name) in taxels.iter().enumerate() {
+        let forces = response.all.points.iter().map(|point| point.force_n).collect();
+        let readings = response.all.points.iter().map(|point| point.by_taxel[taxel]).collect();
+        each.line(&format!("taxel {name}"), forces, readings, Style::of(taxel));
+    }
+    section.figure(&each);
+    let gains = response.gain_by_session.iter().map(|gain| {
+        let [straight, bent] = gain.n_touches.map(|n| Cell::count(n as u64));
+        vec![
+            gain.session.as_str().into(),
+            Cell::maybe(gain.at_equal_force, 2),
+            Cell::maybe(gain.of_slopes, 2),
+            straight,
+            bent,
+        ]
+    });
+    section.table(&Table {
+        id: format!("{region}-gain"),
+        caption: "What a touch adds to the bent hand's reading over the straight hand's".to_owned(),
+        header: header(["Session", "At equal force", "Ratio of slopes", "Touches, straight", "Touches, bent"]),
+        rows: gains.collect(),
+    });
+}
+
+pub(super) fn artifact(page: &mut Page, result: &RegionResult) {
+    let RegionResult { region, report, .. } = result;
+    let section = page.section(&format!("{region}-artifact"), &format!("Region {region}: size of artifacts"));
+    section.text(
+        "How far readings in the air are from the straight hand's, and the force of a tap of the straight hand that reads \
+         as much. Figures of several sessions are medians of the sessions'.",
+    );
+    let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
+    let by_pose = &report.artifact.by_pose;
+    let has_forces = by_pose.iter().any(|pose| pose.size.p95_n.is_some());
+    let mut bars = Figure::new(
+        &format!("{region}-artifact-poses"),
+        "95th percentile within each instructed pose or movement.",
+        "",
+        if has_forces { "equal tap, N" } else { "reading, sensor's unit" },
+    );
+    let size = |size: &ArtifactSize| median(if has_forces { size.p95_n } else { size.p95 }).unwrap_or(f64::NAN);
+    let shown = || by_pose.iter().take(N_POSES);
+    bars.bars(
+        "",
+        shown().map(|pose| pose.pose.clone()).collect(),
+        shown().map(|pose| size(&pose.size)).collect(),
+        Style::of(0),
+    );
+    if !by_pose.is_empty() {
+        section.figure(&bars.y_from_zero());
+    }
+    let row = |name: &str, size: &ArtifactSize| {
+        let figures = [(size.median, 0), (size.p95, 0), (size.median_n, 2), (size.p95_n, 2), (size.p95_gf, 0)];
+        let cells = figures.map(|(spread, digits)| Cell::maybe(median(spread), digits));
+        [Cell::from(name)].into_iter().chain(cells).collect()
+    };
+    let mut rows = vec![row("all movement in the air", &report.artifact.movement)];
+    let sessions = report.sessions.iter().zip(&report.artifact.by_session);
+    rows.extend(sessions.map(|(session, size)| row(&session.session, size)));
+    rows.extend(by_pose.iter().map(|pose| row(&pose.pose, &pose.size)));
+    section.table(&Table {
+        id: format!("{region}-artifact-table"),
+        caption: "All sessions, each session, each instructed pose or movement".to_owned(),
+        header: header(["", "Median", "p95", "Median N", "p95 N", "p95 gF"]),
+        rows,
+    });
+}
