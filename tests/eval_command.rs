@@ -242,6 +242,29 @@ gates:
     assert!(path.join("gates.reference.json").exists(), "the default gates can be read");
 }
 
+#[test]
+fn the_shipped_model_passes_the_default_gates_and_that_of_another_glove_fails_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let simulate = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes=2", "--seed", "9"];
+    tpf(path, &[&simulate[..], &["-o", "bags"]].concat()).ok();
+    fs::copy(source.join("params/gates.yaml"), path.join("gates.yaml")).unwrap();
+    let in_source = |file: &str| source.join(file).display().to_string();
+    let (params, shipped, wrong) = (
+        in_source("params/glove1.yaml"),
+        in_source("models/glove1_pose_aware.onnx"),
+        in_source("models/glove2_pose_aware.onnx"),
+    );
+    let command = ["eval", "bags", "--params-file", &params, "--whole", "--gate", "gates.yaml", "--model"];
+    tpf(path, &[&command[..], &[&shipped, "--update-refs"]].concat()).ok();
+    let passed = tpf(path, &[&command[..], &[&shipped]].concat()).ok();
+    assert!(passed.stdout.contains("12 passed, 0 failed, 0 skipped"), "{passed:?}");
+    let failed = tpf(path, &[&command[..], &[&wrong]].concat());
+    assert_eq!(failed.code, 1, "{failed:?}");
+    assert!(failed.stdout.contains("FAILED  ba: 1: ") && failed.stdout.contains("FAILED  mdf_gf: 1: "), "{failed:?}");
+}
+
 fn checks(folder: &Path, file: &str) -> Vec<Value> {
     let text = fs::read_to_string(folder.join(file)).unwrap();
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()

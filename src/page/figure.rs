@@ -191,7 +191,7 @@ impl Figure {
         if is_synthetic {
             let note = Annotation::new().text("synthetic data").show_arrow(false).x_ref("paper").y_ref("paper");
             let note = note.x(1.0).y(1.0).x_anchor(Anchor::Right).y_anchor(Anchor::Top);
-            notes.push(note.font(Font::new().size(11).color("#8a6d00")));
+            notes.push(note.background_color("#fff").font(Font::new().size(11).color("#7a5f00")));
         }
         let mut layout = Layout::new()
             .auto_size(true)
