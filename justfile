@@ -29,6 +29,12 @@ zenoh-test:
     scripts/ros-venv zenoh
     TPF_REQUIRE_ROS=1 tests/ros/test zenoh
 
+# Test the live node in graphs that SROS2 secures, against Fast DDS with its security
+security-test:
+    scripts/openssl-dev
+    scripts/fastdds-peer
+    TPF_REQUIRE_ROS=1 tests/ros/test security
+
 # Latency of the node beside a bare echo and a node in rclpy; MODEL as of a synthetic glove: 6 taxels, 4 joints
 latency model:
     scripts/ros-venv
@@ -39,7 +45,7 @@ latency model:
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
-    cargo clippy --no-default-features --features zenoh --lib --bins --test node_zenoh -- -D warnings
+    cargo clippy --no-default-features --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
 
 # Benchmarks: one tick, and replay in frames a second, on both backends; one step of training
 bench:

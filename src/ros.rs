@@ -12,6 +12,7 @@ pub mod environment;
 pub mod lifecycle;
 pub mod qos;
 pub mod remap;
+pub mod security;
 pub mod watchdog;
 
 mod calibrate_action;

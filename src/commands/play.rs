@@ -47,7 +47,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let ros_args = RosArgs::parse(&args.ros)?;
-    let environment = Environment::from_vars(|name| std::env::var(name).ok())?;
+    let environment = Environment::from_vars(|name| std::env::var(name).ok(), &ros_args.enclave)?;
     environment.notes.iter().for_each(|note| say(note));
     let node = remap::node_name(&ros_args.remaps, &NodeName::parse(NODE)?)?;
     let mut reader = BagReader::open(&args.bags)?;

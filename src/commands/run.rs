@@ -37,7 +37,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let ros_args = RosArgs::parse(&args.ros)?;
-    let environment = Environment::from_vars(|name| std::env::var(name).ok())?;
+    let environment = Environment::from_vars(|name| std::env::var(name).ok(), &ros_args.enclave)?;
     let node = remap::node_name(&ros_args.remaps, &NodeName::parse(DEFAULT_NODE)?)?;
     let tree = parameters(args, &ros_args, &node.to_string())?;
     let mut cfg = Config::from_tree(&tree)?;

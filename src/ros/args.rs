@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::remap::Remap;
+use super::security::Enclave;
 
 /// Everything that `--ros-args` may say.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,7 +21,7 @@ pub struct RosArgs {
     /// Whether logs go to stderr.
     pub stderr: bool,
     /// `--enclave`: the name under which SROS2 keeps this process's keys.
-    pub enclave: Option<String>,
+    pub enclave: Enclave,
 }
 
 /// How grave a line of the log is. The numbers are those of `rcl_interfaces/msg/Log`.
@@ -52,6 +53,8 @@ pub enum RosArgsError {
     Remap { rule: String, reason: String },
     #[error("--log-level {got}: expected debug, info, warn, error or fatal, with NODE:= in front or without")]
     LogLevel { got: String },
+    #[error("--enclave {got}: {reason}; expected a name such as /lab/glove")]
+    Enclave { got: String, reason: String },
 }
 
 impl Default for RosArgs {
@@ -63,7 +66,7 @@ impl Default for RosArgs {
             log_level: Severity::Info,
             rosout: true,
             stderr: true,
-            enclave: None,
+            enclave: Enclave::default(),
         }
     }
 }
@@ -93,7 +96,11 @@ impl RosArgs {
                     parsed.remaps.push(remap);
                 }
                 "--log-level" => parsed.log_level = log_level(&value("a level")?)?,
-                "-e" | "--enclave" => parsed.enclave = Some(value("a name")?),
+                "-e" | "--enclave" => {
+                    let got = value("a name")?;
+                    parsed.enclave = Enclave::parse(&got)
+                        .map_err(|error| RosArgsError::Enclave { got, reason: error.reason().to_owned() })?;
+                }
                 "--enable-rosout-logs" => parsed.rosout = true,
                 "--disable-rosout-logs" => parsed.rosout = false,
                 "--enable-stdout-logs" => parsed.stderr = true,
@@ -139,7 +146,7 @@ mod tests {
         assert_eq!(args.params, ["contact.on_frames:=3"]);
         assert_eq!(args.params_files, [PathBuf::from("a.yaml"), PathBuf::from("b.yaml")]);
         assert_eq!((args.log_level, args.rosout, args.stderr), (Severity::Warn, false, true));
-        assert_eq!(args.enclave.as_deref(), Some("/left"));
+        assert_eq!(args.enclave.to_string(), "/left");
         assert_eq!(args.remaps.len(), 1);
     }
 
@@ -152,6 +159,7 @@ mod tests {
         );
         assert!(refused("--ros-args -- --verbose").starts_with("\"--verbose\" stands before --ros-args"));
         assert!(refused("--ros-args --log-level loud").starts_with("--log-level loud: expected debug"));
+        assert!(refused("--ros-args -e left").starts_with("--enclave left: "));
         assert!(refused("--ros-args -r a=b").starts_with("-r a=b: expected from:=to"));
     }
 }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::security::{Enclave, Security};
+
 /// The environment, as far as this node follows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Environment {
@@ -11,6 +13,8 @@ pub struct Environment {
     pub localhost_only: bool,
     /// What is spoken, by `RMW_IMPLEMENTATION`.
     pub middleware: Middleware,
+    /// DDS security, where `ROS_SECURITY_ENABLE=true` and this build has it.
+    pub security: Option<Security>,
     /// `AMENT_PREFIX_PATH`: where installed packages keep their message definitions.
     pub prefixes: Vec<PathBuf>,
     /// What a person should know, a line each.
@@ -59,11 +63,12 @@ pub struct EnvironmentError {
 const MAX_DOMAIN_ID: u16 = 232;
 
 impl Environment {
-    /// Reads the variables through `var`, which gives the value of one that is set.
+    /// Reads the variables through `var`, which gives the value of one that is set, for a process that `--enclave` gives
+    /// this enclave.
     ///
     /// # Errors
     /// [`EnvironmentError`] for a value that can't be read, or asks for what this node has not.
-    pub fn from_vars(var: impl Fn(&str) -> Option<String>) -> Result<Self, EnvironmentError> {
+    pub fn from_vars(var: impl Fn(&str) -> Option<String>, enclave: &Enclave) -> Result<Self, EnvironmentError> {
         let set = |variable: &str| var(variable).filter(|value| !value.is_empty());
         let refuse = |variable, value: &str, reason| EnvironmentError { variable, value: value.to_owned(), reason };
         let domain_id = match set("ROS_DOMAIN_ID") {
@@ -121,18 +126,61 @@ impl Environment {
                           unset it, and have the router listen on localhost alone";
             return Err(refuse(variable, value, reason));
         }
-        if set("ROS_SECURITY_ENABLE").as_deref() == Some("true") {
-            if set("ROS_SECURITY_STRATEGY").as_deref() == Some("Enforce") {
-                let reason =
-                    "with ROS_SECURITY_STRATEGY=Enforce: this build has no DDS security and won't talk in the clear";
-                return Err(refuse("ROS_SECURITY_ENABLE", "true", reason));
+        let security = match set("ROS_SECURITY_ENABLE").as_deref() {
+            Some("true") => Some(security(set, enclave)?),
+            _ => None,
+        };
+        let security = match (security, no_security(&middleware)) {
+            (Some(security), Some(reason)) if security.enforce => {
+                return Err(EnvironmentError {
+                    variable: "ROS_SECURITY_STRATEGY",
+                    value: "Enforce".to_owned(),
+                    reason,
+                });
             }
-            notes.push("ROS_SECURITY_ENABLE=true: this build has no DDS security; it talks in the clear, which Permissive allows".to_owned());
-        }
+            (Some(_), Some(reason)) => {
+                notes.push(format!(
+                    "ROS_SECURITY_ENABLE=true: {reason}; it talks in the clear, which Permissive allows"
+                ));
+                None
+            }
+            (security, _) => security,
+        };
         let prefixes =
             set("AMENT_PREFIX_PATH").map(|paths| std::env::split_paths(&paths).collect()).unwrap_or_default();
         let localhost_only = localhost_by.is_some();
-        Ok(Environment { domain_id, localhost_only, middleware, prefixes, notes })
+        Ok(Environment { domain_id, localhost_only, middleware, security, prefixes, notes })
+    }
+}
+
+/// Security as it is asked for; rcl knows a strategy by its exact name and takes any other as Permissive.
+fn security(set: impl Fn(&str) -> Option<String>, enclave: &Enclave) -> Result<Security, EnvironmentError> {
+    let variable = "ROS_SECURITY_ENCLAVE_OVERRIDE";
+    let enclave = match set(variable) {
+        None => enclave.clone(),
+        Some(value) => {
+            let reason = "expected the name of an enclave, such as /lab/glove";
+            Enclave::parse(&value).map_err(|_| EnvironmentError { variable, value, reason })?
+        }
+    };
+    Ok(Security {
+        enforce: set("ROS_SECURITY_STRATEGY").as_deref() == Some("Enforce"),
+        keystore: set("ROS_SECURITY_KEYSTORE").map(PathBuf::from),
+        enclave,
+    })
+}
+
+/// Why a process can't have security, where it can't.
+fn no_security(middleware: &Middleware) -> Option<&'static str> {
+    match middleware {
+        #[cfg(feature = "zenoh")]
+        Middleware::Zenoh(_) => {
+            Some("SROS2's keys are for DDS, and this node is on Zenoh, which it speaks in the clear")
+        }
+        Middleware::Dds(_) if cfg!(not(feature = "security")) => {
+            Some("this build has no DDS security; build it with --features security")
+        }
+        Middleware::Dds(_) => None,
     }
 }
 
@@ -142,7 +190,7 @@ mod tests {
 
     fn read(vars: &[(&str, &str)]) -> Result<Environment, String> {
         let var = |wanted: &str| vars.iter().find(|(name, _)| *name == wanted).map(|(_, value)| (*value).to_owned());
-        Environment::from_vars(var).map_err(|error| error.to_string())
+        Environment::from_vars(var, &Enclave::default()).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -163,8 +211,6 @@ mod tests {
             read(&[("AMENT_PREFIX_PATH", "/a:/b")]).unwrap().prefixes,
             [PathBuf::from("/a"), PathBuf::from("/b")]
         );
-        let permissive = read(&[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", "Permissive")]).unwrap();
-        assert_eq!(permissive.notes.len(), 1);
     }
 
     #[test]
@@ -180,13 +226,53 @@ mod tests {
             (&[("ROS_STATIC_PEERS", "10.0.0.1")], "ROS_STATIC_PEERS=10.0.0.1: peers can't be named"),
             (&[("RMW_IMPLEMENTATION", "rmw_other_cpp")], "RMW_IMPLEMENTATION=rmw_other_cpp: expected rmw_fastrtps_cpp"),
             (
-                &[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", "Enforce")],
-                "ROS_SECURITY_ENABLE=true: with ROS_SECURITY_STRATEGY=Enforce: this build has no DDS security",
+                &[("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_ENCLAVE_OVERRIDE", "glove")],
+                "ROS_SECURITY_ENCLAVE_OVERRIDE=glove: expected the name of an enclave",
             ),
         ] {
             let error = read(vars).unwrap_err();
             assert!(error.starts_with(begin), "{error}");
         }
+    }
+
+    const ENFORCE: [(&str, &str); 2] = [("ROS_SECURITY_ENABLE", "true"), ("ROS_SECURITY_STRATEGY", "Enforce")];
+
+    #[cfg(feature = "security")]
+    #[test]
+    fn security_is_asked_for_as_rcl_reads_it() {
+        let enforced = read(&[&ENFORCE[..], &[("ROS_SECURITY_KEYSTORE", "/keys")]].concat()).unwrap();
+        let security = Security { enforce: true, keystore: Some("/keys".into()), enclave: Enclave::default() };
+        assert_eq!((enforced.security, enforced.notes), (Some(security), Vec::new()));
+        let other = read(&[ENFORCE[0], ("ROS_SECURITY_STRATEGY", "enforce")]).unwrap().security;
+        assert!(other.is_some_and(|security| !security.enforce && security.keystore.is_none()));
+        assert_eq!(read(&[("ROS_SECURITY_ENABLE", "1"), ENFORCE[1]]).unwrap().security, None);
+        let var = |name: &str| match name {
+            "ROS_SECURITY_ENABLE" => Some("true".to_owned()),
+            "ROS_SECURITY_ENCLAVE_OVERRIDE" => Some("/over".to_owned()),
+            _ => None,
+        };
+        let overridden = Environment::from_vars(var, &Enclave::parse("/under").unwrap()).unwrap();
+        assert_eq!(overridden.security.map(|security| security.enclave.to_string()).as_deref(), Some("/over"));
+    }
+
+    #[cfg(not(feature = "security"))]
+    #[test]
+    fn a_build_without_security_refuses_to_enforce_it_and_tells_what_is_permitted() {
+        let refused = read(&ENFORCE).unwrap_err();
+        let expected =
+            "ROS_SECURITY_STRATEGY=Enforce: this build has no DDS security; build it with --features security";
+        assert_eq!(refused, expected);
+        let permissive = read(&[ENFORCE[0], ("ROS_SECURITY_STRATEGY", "Permissive")]).unwrap();
+        assert_eq!((permissive.security, permissive.notes.len()), (None, 1));
+    }
+
+    #[cfg(feature = "zenoh")]
+    #[test]
+    fn on_zenoh_security_is_not_enforced_but_refused() {
+        let zenoh = ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp");
+        let refused = read(&[&ENFORCE[..], &[zenoh]].concat()).unwrap_err();
+        assert!(refused.starts_with("ROS_SECURITY_STRATEGY=Enforce: SROS2's keys are for DDS"), "{refused}");
+        assert_eq!(read(&[ENFORCE[0], zenoh]).unwrap().notes.len(), 1);
     }
 
     #[cfg(not(feature = "zenoh"))]

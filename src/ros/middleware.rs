@@ -136,7 +136,7 @@ impl Participant {
     /// What a person should know about the graph that was joined.
     pub(super) fn note(&self) -> Option<String> {
         match self {
-            Participant::Dds(_) => None,
+            Participant::Dds(participant) => participant.note(),
             #[cfg(feature = "zenoh")]
             Participant::Zenoh(participant) => participant.note(),
         }

@@ -26,6 +26,7 @@ use super::middleware::{Publisher, Subscription, TopicType};
 use super::outbox::{self, LogConfig, OutIdx, Outbox, Rosout};
 use super::parameters::{ParameterEvent, Parameters};
 use super::qos::{self, QosError, Side};
+use super::security::SecurityError;
 use super::services;
 use crate::config::{Config, NameError, ParamTree};
 use crate::fusion::{JointSourceIdx, TactileSourceIdx};
@@ -58,6 +59,8 @@ pub enum NodeError {
     Name(#[from] NameError),
     #[error(transparent)]
     Qos(#[from] QosError),
+    #[error("ROS_SECURITY_STRATEGY=Enforce: {0}")]
+    Security(#[from] SecurityError),
     #[error(transparent)]
     Lookup(#[from] LookupError),
     #[error("topic {topic}: {error}")]

@@ -42,23 +42,39 @@ pub fn without_onnx_runtime(why: &str) {
     skipped(why);
 }
 
-/// The Python of `scripts/ros-venv`, where a real ROS 2 is, inside of `tests/ros/isolated`.
+/// Whether this is inside of `tests/ros/isolated`.
 ///
-/// Outside of it no test may start a DDS participant, because it could reach a robot: the test is skipped. Where the
-/// environment is missing it is skipped, or fails when `TPF_REQUIRE_ROS` is set.
-pub fn ros_python() -> Option<PathBuf> {
-    let required = std::env::var_os("TPF_REQUIRE_ROS").is_some();
-    if std::env::var("TPF_ISOLATED").as_deref() != Ok("1") {
+/// Outside of it no test may start a DDS participant, because it could reach a robot: the test is skipped, or fails when
+/// `TPF_REQUIRE_ROS` is set.
+pub fn isolated() -> bool {
+    let isolated = std::env::var("TPF_ISOLATED").as_deref() == Ok("1");
+    if !isolated {
+        let required = std::env::var_os("TPF_REQUIRE_ROS").is_some();
         assert!(!required, "TPF_REQUIRE_ROS is set, but this is not inside of tests/ros/isolated");
         skipped("not inside of tests/ros/isolated");
-        return None;
     }
-    let python = ros_venv().join("bin/python");
-    if python.exists() {
-        return Some(python);
+    isolated
+}
+
+/// The Python of `scripts/ros-venv`, where a real ROS 2 is, inside of `tests/ros/isolated`. Where either is missing the
+/// test is skipped, or fails when `TPF_REQUIRE_ROS` is set.
+pub fn ros_python() -> Option<PathBuf> {
+    isolated().then(|| here(ros_venv().join("bin/python"), "scripts/ros-venv")).flatten()
+}
+
+/// The peer with DDS security of `scripts/fastdds-peer`; skips or fails as [`ros_python`] does.
+pub fn fastdds_peer() -> Option<PathBuf> {
+    let peer = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/fastdds/peer"));
+    isolated().then(|| here(peer, "scripts/fastdds-peer")).flatten()
+}
+
+/// A file that a script makes.
+fn here(file: PathBuf, script: &str) -> Option<PathBuf> {
+    if file.exists() {
+        return Some(file);
     }
-    let missing = format!("{} is not here; scripts/ros-venv makes it", python.display());
-    assert!(!required, "{missing}");
+    let missing = format!("{} is not here; {script} makes it", file.display());
+    assert!(std::env::var_os("TPF_REQUIRE_ROS").is_none(), "{missing}");
     skipped(&missing);
     None
 }

@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use futures::stream::{LocalBoxStream, StreamExt, unfold};
 use ros2_client::action::{ActionServerQosPolicies, FeedbackMessage};
+#[cfg(feature = "security")]
+use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
 use ros2_client::dds::rustdds::{DomainParticipantBuilder, RTPSEntity, Topic};
 use ros2_client::{
     ActionServer, ActionTypeName, Context, Message, MessageTypeName, Name, Node, NodeName as WireNodeName, NodeOptions,
@@ -26,6 +28,8 @@ use crate::ros::clock::system_now;
 use crate::ros::entities::create;
 use crate::ros::environment::{Environment, ServiceStyle};
 use crate::ros::node::NodeError;
+#[cfg(feature = "security")]
+use crate::ros::security::{Keys, Security, SecurityError};
 use crate::units::Stamp;
 
 /// How long the middleware gets to tell that entities are gone. A RustDDS participant that is dropped stops sending at
@@ -39,6 +43,7 @@ pub(in crate::ros) struct Participant {
     node: Node,
     context: Context,
     mapping: ServiceMapping,
+    note: Option<String>,
 }
 
 impl Participant {
@@ -47,6 +52,10 @@ impl Participant {
         if environment.localhost_only {
             participant = participant.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
         }
+        #[cfg(feature = "security")]
+        let (participant, note) = secured(participant, environment.security.as_ref())?;
+        #[cfg(not(feature = "security"))]
+        let note = None;
         let participant = participant.build().map_err(|error| create("DDS participant", &error))?;
         let context =
             Context::from_domain_participant(participant).map_err(|error| create("DDS participant", &error))?;
@@ -57,7 +66,11 @@ impl Participant {
             ServiceStyle::Enhanced => ServiceMapping::Enhanced,
             ServiceStyle::Cyclone => ServiceMapping::Cyclone,
         };
-        Ok(Participant { node, context, mapping })
+        Ok(Participant { node, context, mapping, note })
+    }
+
+    pub(super) fn note(&self) -> Option<String> {
+        self.note.clone()
     }
 
     pub(super) fn leave(self) {
@@ -141,6 +154,24 @@ impl Participant {
         let (package, kind) = ends(ty.name());
         let created = self.node.create_topic(&wire(topic)?, MessageTypeName::new(package, kind), qos);
         created.map_err(|error| create(topic, &error))
+    }
+}
+
+/// Gives a participant its keys. Where there are none and none are enforced, a note says so.
+#[cfg(feature = "security")]
+fn secured(
+    participant: DomainParticipantBuilder,
+    security: Option<&Security>,
+) -> Result<(DomainParticipantBuilder, Option<String>), SecurityError> {
+    let Some(security) = security else { return Ok((participant, None)) };
+    match security.keys() {
+        Ok(Keys { folder, note }) => {
+            let no_password = String::new(); // SROS2 encrypts no key
+            let files = DomainParticipantSecurityConfigFiles::with_ros_default_names(folder, no_password);
+            Ok((participant.builtin_security(files), note))
+        }
+        Err(error) if security.enforce => Err(error),
+        Err(error) => Ok((participant, Some(format!("talking in the clear, which Permissive allows: {error}")))),
     }
 }
 
