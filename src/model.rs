@@ -14,6 +14,7 @@ use self::error::one_line;
 use self::metadata::Metadata;
 use self::onnx::{Message, ModelProto};
 use self::session::{Runtime, Session};
+use self::stretches::{Stretch, Stretches};
 use crate::fusion::{ForceUnit, Regressor};
 
 mod contract;
@@ -22,9 +23,12 @@ mod info;
 pub mod metadata;
 pub mod onnx;
 mod onnxruntime;
+mod paper;
 mod probe;
 mod rten;
+mod sequence;
 mod session;
+mod stretches;
 mod weights;
 
 pub use error::ModelError;
@@ -32,6 +36,9 @@ pub use info::{BackendInfo, Batch, Dim, ModelInfo, Origin, RuntimeName, TensorIn
 
 /// The largest file that is read. The paper's network has half a MiB.
 const MAX_FILE_MIB: u64 = 64;
+
+/// Windows of one call where they are run one by one: more of them gain nothing.
+const WINDOWS_AT_ONCE: usize = 32;
 
 /// Which runtime to take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -85,6 +92,9 @@ pub struct ModelSpec {
     pub rate_hz: Option<f64>,
     /// Names of the tensors.
     pub names: TensorNames,
+    /// Whether many overlapping windows will be asked for at once: the paper's network then shares what they have in
+    /// common. It takes a moment more to load.
+    pub stretches: bool,
 }
 
 impl ModelSpec {
@@ -96,6 +106,7 @@ impl ModelSpec {
             unit: None,
             rate_hz: None,
             names: TensorNames::default(),
+            stretches: false,
         }
     }
 }
@@ -121,8 +132,22 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     let mut session = Session::new(path, runtime, &opened.terms);
     info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
     info.contract = session.contract().clone();
+    let runtime = backend.runtime;
     info.backend = Some(backend);
-    Ok(Model { regressor: Box::new(session), info })
+    let graph = opened.graph.filter(|_| opened.terms.batch == Batch::Dynamic);
+    let stretch = graph.map_or(Ok(None), |graph| Stretch::of(&mut session, &graph, &opened.terms, runtime));
+    let regressor: Box<dyn Regressor> = match stretch {
+        Ok(Some(stretch)) => {
+            info.batch_hint = stretches::WINDOWS;
+            Box::new(Stretches::new(session, stretch))
+        }
+        Ok(None) => Box::new(session),
+        Err(reason) => {
+            info.notes.push(format!("it runs window by window: {reason}"));
+            Box::new(session)
+        }
+    };
+    Ok(Model { regressor, info })
 }
 
 /// Tells what a file promises, under the default names, without any runtime.
@@ -144,6 +169,8 @@ pub fn inspect_spec(spec: &ModelSpec) -> Result<ModelInfo, ModelError> {
 /// A file that has passed every check that needs no runtime.
 struct Opened {
     bytes: Vec<u8>,
+    /// Where it may be looked into once more.
+    graph: Option<onnx::GraphProto>,
     terms: Terms,
     info: ModelInfo,
 }
@@ -174,9 +201,11 @@ fn open(spec: &ModelSpec) -> Result<Opened, ModelError> {
         opset,
         inputs: terms.inputs.clone(),
         outputs: terms.outputs.clone(),
+        batch_hint: WINDOWS_AT_ONCE,
         notes: terms.notes.clone(),
     };
-    Ok(Opened { bytes, terms, info })
+    let graph = model.graph.filter(|_| spec.stretches);
+    Ok(Opened { bytes, graph, terms, info })
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ModelError> {

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::progress::Progress;
-use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown, without_unused_joints};
+use super::setup::{
+    ModelArgs, ParamArgs, ask_for_stretches, batch_hint, input_topics, load_models, shown, without_unused_joints,
+};
 use super::summary::{ModelSummary, Summary};
 use super::zero::{LoadCheck, ZeroArgs};
 use super::{Failure, Outcome, interrupt, print, say};
@@ -12,9 +14,6 @@ use crate::bag::{BagReader, BagRecord, BagWriter, EstimateWriter, Input, Inputs,
 use crate::config::Config;
 use crate::fusion::Fusion;
 use crate::msg::EstimateTopics;
-
-/// Frames in one inference call unless told otherwise: most of the gain, and a lag that no one notices offline.
-const DEFAULT_BATCH: usize = 32;
 
 /// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
 #[derive(Debug, clap::Args)]
@@ -31,9 +30,9 @@ pub(super) struct Args {
     models: ModelArgs,
     #[command(flatten)]
     zero: ZeroArgs,
-    /// Frames in one inference call; 1 gives the bytes that the live node gives
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_BATCH, value_parser = batch)]
-    batch: usize,
+    /// Frames in one inference call, unless set as many as the model runs fastest with; 1 gives the bytes of the live node
+    #[arg(long, value_name = "N", value_parser = batch)]
+    batch: Option<usize>,
     /// Copy everything in the input into the output, untouched
     #[arg(long)]
     merge: bool,
@@ -54,7 +53,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 /// Replays, and gives the summary to print.
 pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let mut cfg = args.params.load()?;
-    cfg.fusion.batch = args.batch;
+    if args.batch != Some(1) {
+        ask_for_stretches(&mut cfg);
+    }
     args.models.apply(&mut cfg)?;
     let mut reader = BagReader::open(&args.bags)?;
     let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
@@ -70,6 +71,7 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let options = WriteOptions { overwrite: args.overwrite, inputs: args.bags.clone(), ..WriteOptions::default() };
     let mut writer = BagWriter::create(&args.output, options)?;
     let models = load_models(&cfg)?;
+    cfg.fusion.batch = args.batch.unwrap_or_else(|| batch_hint(&models.infos));
     if args.models.replaces() {
         without_unused_joints(&mut cfg, &models.infos);
     }

@@ -147,6 +147,16 @@ pub(super) fn without_unused_joints(cfg: &mut Config, models: &[ModelInfo]) {
     }
 }
 
+/// Asks of the models that they run many windows at once, as fast as they can.
+pub(super) fn ask_for_stretches(cfg: &mut Config) {
+    cfg.models.iter_mut().for_each(|model| model.spec.stretches = true);
+}
+
+/// Frames of one inference call with which models run fastest.
+pub(super) fn batch_hint(models: &[ModelInfo]) -> usize {
+    models.iter().map(|info| info.batch_hint).max().unwrap_or(1)
+}
+
 /// Loads the models of a configuration and says in which runtime each runs.
 pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
     let models = load_models_quietly(cfg)?;

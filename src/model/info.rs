@@ -42,6 +42,8 @@ pub struct ModelInfo {
     pub inputs: Vec<TensorInfo>,
     /// Outputs in the file's order.
     pub outputs: Vec<TensorInfo>,
+    /// Windows of one call that it runs fastest with.
+    pub batch_hint: usize,
     /// What a person should know: fallbacks, defaults that were taken, outputs that are not used.
     pub notes: Vec<String>,
 }

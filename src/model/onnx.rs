@@ -7,6 +7,9 @@
 pub use prost::Message;
 
 mod build;
+mod graph;
+
+pub use graph::Graph;
 
 /// `TensorProto.DataType`: the element types that are told apart here.
 pub mod data_type {

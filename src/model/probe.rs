@@ -131,7 +131,7 @@ struct Trial {
 
 impl Trial {
     fn new(contract: &Contract) -> Self {
-        let mut random = Lcg(0x7470_665f_7472_6961);
+        let mut random = Lcg::new();
         let n_tactile = contract.window * contract.n_taxels;
         let n_pose = contract.window * contract.n_joints;
         let mut tactile: Vec<f32> = (0..N * n_tactile).map(|_| random.next_unit()).collect();
@@ -165,11 +165,16 @@ impl Trial {
 }
 
 /// Knuth's 64-bit linear congruential generator: enough for trial windows, and the same everywhere.
-struct Lcg(u64);
+pub(super) struct Lcg(u64);
 
 impl Lcg {
+    /// The same at every start.
+    pub(super) fn new() -> Self {
+        Lcg(0x7470_665f_7472_6961)
+    }
+
     /// A number in `[0, 1)`.
-    fn next_unit(&mut self) -> f32 {
+    pub(super) fn next_unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f32 / (1u32 << 24) as f32 // the top 24 bits, exact in f32
     }

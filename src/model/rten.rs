@@ -26,7 +26,8 @@ pub(super) struct Rten {
     pose: Option<NodeId>,
     outputs: Vec<NodeId>,
     options: RunOptions,
-    sizes: [usize; 3],
+    /// Taxels and joints of a frame.
+    sizes: [usize; 2],
 }
 
 impl fmt::Debug for Rten {
@@ -51,7 +52,7 @@ pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<Rten, String> {
         pose: terms.tensors.pose.as_ref().map(node).transpose()?,
         outputs: terms.tensors.outputs().iter().map(node).collect::<Result<_, _>>()?,
         options: RunOptions::default().with_thread_pool(Some(Arc::new(pool))),
-        sizes: [contract.window, contract.n_taxels, contract.n_joints],
+        sizes: [contract.n_taxels, contract.n_joints],
         graph,
     })
 }
@@ -62,7 +63,8 @@ impl Runtime for Rten {
     }
 
     fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
-        let [window, n_taxels, n_joints] = self.sizes;
+        let [n_taxels, n_joints] = self.sizes;
+        let window = windows.tactile.len() / (windows.n * n_taxels).max(1);
         let tactile = NdTensorView::from_data([windows.n, window, n_taxels], windows.tactile);
         let mut inputs = vec![(self.tactile, tactile.into())];
         if let Some(pose) = self.pose {

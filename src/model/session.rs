@@ -12,7 +12,7 @@ pub(super) trait Runtime: std::fmt::Debug + Send {
     /// The most windows that are given to [`infer`](Runtime::infer) at once.
     fn max_batch(&self) -> usize;
 
-    /// Runs `windows` and appends what each output gives to the buffer at its place.
+    /// Runs `windows`, all of one length, and appends what each output gives to the buffer at its place.
     ///
     /// `outputs` may be shorter than the list that the graph was opened with: then only the first ones are wanted.
     fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String>;
@@ -42,6 +42,11 @@ impl Session {
             max_batch,
             output_names: terms.tensors.outputs(),
         }
+    }
+
+    /// The file's name, for errors.
+    pub(super) fn label(&self) -> &str {
+        &self.label
     }
 
     /// Says that the base output can't stand in for the force.

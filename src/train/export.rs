@@ -4,12 +4,11 @@
 
 use serde_json::Value;
 
-use self::graph::Graph;
 use super::architecture::{Architecture, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, TAPS};
 use super::error::TrainError;
 use super::network::{NORM_EPSILON, Network};
 use crate::fusion::{ForceUnit, PoseRange};
-use crate::model::onnx::{Message, ModelProto};
+use crate::model::onnx::{Graph, Message, ModelProto};
 use crate::model::unit_name;
 
 mod graph;

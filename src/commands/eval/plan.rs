@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
 
-use super::super::setup::{Models, load_models, load_models_quietly, replace_model, shown, without_unused_joints};
+use super::super::setup::{
+    Models, ask_for_stretches, batch_hint, load_models, load_models_quietly, replace_model, shown,
+    without_unused_joints,
+};
 use super::super::zero::ZeroArgs;
 use super::super::{Failure, say};
 use super::columns::{Column, Core, Modelled, hold_estimates, read_estimates, run_models};
@@ -14,9 +17,6 @@ use crate::eval::{Origin, ScoredFrames, Split, Timing};
 use crate::fusion::Regressor;
 use crate::msg::EstimateTopics;
 use crate::recording::PoseQuality;
-
-/// Frames in one inference call.
-const BATCH: usize = 32;
 
 /// What is done with every session.
 pub(super) struct Plan<'a> {
@@ -94,12 +94,13 @@ impl<'a> Plan<'a> {
         let (mut cores, mut planned, mut series) = (Vec::new(), Vec::new(), Vec::new());
         for path in paths {
             let mut cfg = cfg.clone();
-            cfg.fusion.batch = BATCH;
+            ask_for_stretches(&mut cfg);
             args.backend.apply(&mut cfg);
             if let Some(path) = path {
                 replace_model(&mut cfg, path)?;
             }
             let models = load_models(&cfg)?;
+            cfg.fusion.batch = batch_hint(&models.infos);
             without_unused_joints(&mut cfg, &models.infos);
             let name = match (path, cfg.models.as_slice()) {
                 (Some(path), _) => stem(path),

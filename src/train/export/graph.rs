@@ -1,63 +1,9 @@
-//! An ONNX graph that grows node by node.
+//! What the network is made of, as nodes of an ONNX graph.
 
 use super::super::architecture::{Architecture, LSTM_HIDDEN, N_FEATURES};
-use super::super::network::NORM_EPSILON;
-use crate::model::onnx::{AttributeProto, DimensionProto, GraphProto, NodeProto, TensorProto, ValueInfoProto};
-
-/// Nodes and weights so far. Methods that add a node return the name of what it makes.
-#[derive(Debug, Default)]
-pub(super) struct Graph {
-    nodes: Vec<NodeProto>,
-    weights: Vec<TensorProto>,
-}
+use crate::model::onnx::{AttributeProto, DimensionProto, Graph, GraphProto, NodeProto, ValueInfoProto};
 
 impl Graph {
-    pub(super) fn node(&mut self, op: &str, inputs: &[&str], output: &str, attributes: Vec<AttributeProto>) -> String {
-        self.nodes.push(NodeProto::standard(op, inputs, &[output], attributes));
-        output.to_string()
-    }
-
-    pub(super) fn weights(&mut self, name: &str, dims: &[i64], values: &[f32]) -> String {
-        self.weights.push(TensorProto::float32(name, dims, values));
-        name.to_string()
-    }
-
-    fn integers(&mut self, name: &str, values: &[i64]) -> String {
-        self.weights.push(TensorProto::int64(name, &[values.len() as i64], values));
-        name.to_string()
-    }
-
-    fn scalar(&mut self, name: &str, value: f32) -> String {
-        self.weights(name, &[], &[value])
-    }
-
-    pub(super) fn transpose(&mut self, x: &str, output: &str, order: &[i64]) -> String {
-        self.node("Transpose", &[x], output, vec![AttributeProto::ints("perm", order)])
-    }
-
-    pub(super) fn concat(&mut self, output: &str, inputs: &[&str], axis: i64) -> String {
-        self.node("Concat", inputs, output, vec![AttributeProto::int("axis", axis)])
-    }
-
-    pub(super) fn unsqueeze(&mut self, x: &str, output: &str, axis: i64) -> String {
-        let axes = self.integers(&format!("{output}.axes"), &[axis]);
-        self.node("Unsqueeze", &[x, &axes], output, vec![])
-    }
-
-    pub(super) fn squeeze(&mut self, x: &str, output: &str, axis: i64) -> String {
-        let axes = self.integers(&format!("{output}.axes"), &[axis]);
-        self.node("Squeeze", &[x, &axes], output, vec![])
-    }
-
-    pub(super) fn flatten(&mut self, x: &str, output: &str) -> String {
-        self.node("Flatten", &[x], output, vec![AttributeProto::int("axis", 1)])
-    }
-
-    pub(super) fn reshape(&mut self, x: &str, output: &str, shape: &[i64]) -> String {
-        let shape = self.integers(&format!("{output}.shape"), shape);
-        self.node("Reshape", &[x, &shape], output, vec![])
-    }
-
     /// One frame of a time-major tensor, its axis kept.
     pub(super) fn slice_frame(&mut self, x: &str, output: &str, frame: i64) -> String {
         let bounds = [("starts", frame), ("ends", frame + 1), ("axes", 0)];
@@ -96,26 +42,6 @@ impl Graph {
     pub(super) fn max_pool(&mut self, x: &str, output: &str, kernel: &[i64]) -> String {
         let attributes = vec![AttributeProto::ints("kernel_shape", kernel), AttributeProto::ints("strides", kernel)];
         self.node("MaxPool", &[x], output, attributes)
-    }
-
-    pub(super) fn gemm(&mut self, x: &str, weight: &str, bias: &str, output: &str) -> String {
-        self.node("Gemm", &[x, weight, bias], output, vec![AttributeProto::int("transB", 1)])
-    }
-
-    pub(super) fn layer_norm(&mut self, x: &str, gain: &str, shift: &str, output: &str) -> String {
-        let attributes = vec![AttributeProto::int("axis", -1), AttributeProto::float("epsilon", NORM_EPSILON)];
-        self.node("LayerNormalization", &[x, gain, shift], output, attributes)
-    }
-
-    /// x / 2 * (1 + erf(x / sqrt 2)).
-    pub(super) fn gelu(&mut self, x: &str, output: &str) -> String {
-        let [root, one, half] = [("root", std::f32::consts::FRAC_1_SQRT_2), ("one", 1.0), ("half", 0.5)]
-            .map(|(what, value)| self.scalar(&format!("{output}.{what}"), value));
-        let scaled = self.node("Mul", &[x, &root], &format!("{output}.scaled"), vec![]);
-        let erf = self.node("Erf", &[&scaled], &format!("{output}.erf"), vec![]);
-        let gate = self.node("Add", &[&erf, &one], &format!("{output}.gate"), vec![]);
-        let gated = self.node("Mul", &[x, &gate], &format!("{output}.gated"), vec![]);
-        self.node("Mul", &[&gated, &half], output, vec![])
     }
 
     /// Weights, recurrent weights and biases of an LSTM, each with its directions one after the other.

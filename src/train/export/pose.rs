@@ -1,7 +1,7 @@
 //! The pose branch: joint angles to the features of the last frame.
 
 use super::super::error::TrainError;
-use super::{GraphForm, LSTM_HIDDEN, N_FEATURES, Writer};
+use super::{GraphForm, LSTM_HIDDEN, N_FEATURES, NORM_EPSILON, Writer};
 
 impl Writer<'_> {
     /// Joint angles to `[N, 64]`.
@@ -29,7 +29,7 @@ impl Writer<'_> {
         let shift = self.values("pose.norm.bias")?.to_vec();
         let gain = self.graph.weights("pose.norm.weight", &[width], &gain);
         let shift = self.graph.weights("pose.norm.bias", &[width], &shift);
-        let normed = self.graph.layer_norm(&encoded, &gain, &shift, "pose_normed");
+        let normed = self.graph.layer_norm(&encoded, &gain, &shift, NORM_EPSILON, "pose_normed");
         let weight = transposed(self.values("pose.embed.weight")?, width as usize);
         let bias = self.values("pose.embed.bias")?.to_vec();
         let weight = self.graph.weights("pose.embed.weight", &[width, N_FEATURES as i64], &weight);
