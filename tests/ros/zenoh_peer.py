@@ -104,8 +104,14 @@ def feed(rate=100.0):
 
 
 def graph():
+
+    def whole():
+        # Under load an answer may hold a part of the graph, or nothing of it.
+        tokens = node.tokens()
+        return tokens if sum(token.kind == "SS" for token in tokens) == 15 else None
+
     wait(lambda: own("SS", f"{NODE}/calibrate/_action/get_result"), "the last of its services")
-    tokens = node.tokens()
+    tokens = wait(whole, "the whole graph in one answer")
     assert {(token.enclave, token.namespace, token.node) for token in tokens} == {("/", "/", NODE[1:])}, tokens
     assert sum(token.kind == "NN" for token in tokens) == 1
     entities = {(token.kind, token.name): token for token in tokens if token.kind != "NN"}
@@ -126,7 +132,6 @@ def graph():
     }
     for entity, type_name in expected.items():
         assert entity in entities and canonical(entities[entity].type_name) == type_name, (entity, entities)
-    assert sum(token.kind == "SS" for token in tokens) == 15, [name for kind, name in entities if kind == "SS"]
     for token in entities.values():
         assert token.type_hash == type_hash(canonical(token.type_name)), f"{token}: ROS 2 has another hash"
     assert entities["MS", "/joints"].qos == "::,1000:,:,:,,", entities["MS", "/joints"]
