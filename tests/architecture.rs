@@ -162,7 +162,8 @@ fn every_test_that_architecture_md_names_is_there() {
         for name in kept_by.split('`').skip(1).step_by(2) {
             n_named += 1;
             let (file, test) = name.split_once("::").unwrap_or((name, ""));
-            let code = fs::read_to_string(root.join(format!("tests/{file}.rs")));
+            let code = fs::read_to_string(root.join(format!("tests/{file}.rs")))
+                .or_else(|_| fs::read_to_string(root.join(format!("tests/{file}/main.rs"))));
             let code = code.unwrap_or_else(|error| panic!("ARCHITECTURE.md names {name}: {error}"));
             assert!(test.is_empty() || code.contains(&format!("fn {test}(")), "ARCHITECTURE.md names {name}");
         }
