@@ -22,6 +22,10 @@ test-all:
 fuzz minutes="5":
     scripts/fuzz {{minutes}}
 
+# Replay a bag of GB in bounded memory, and tell the peak
+big-bag gb="10":
+    scripts/big-bag {{gb}}
+
 # Test the live node against a real ROS 2, in a network namespace of its own
 ros-test distro="kilted":
     scripts/ros-venv {{distro}}
