@@ -26,6 +26,11 @@ fuzz minutes="5":
 big-bag gb="10":
     scripts/big-bag {{gb}}
 
+# Licences, duplicates, sources and known vulnerabilities of what we depend on; the last need the network
+deny:
+    scripts/cargo-deny check licenses bans sources
+    scripts/cargo-deny check advisories
+
 # Test the live node against a real ROS 2, in a network namespace of its own
 ros-test distro="kilted":
     scripts/ros-venv {{distro}}

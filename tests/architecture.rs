@@ -170,3 +170,14 @@ fn every_test_that_architecture_md_names_is_there() {
     }
     assert!(n_named > 8, "the table of invariants was not found");
 }
+
+/// `forbid` can't be taken back by any attribute, so what is left to escape is to be no target of this package.
+#[test]
+fn no_target_may_hold_unsafe_code() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let lints = manifest.split("[lints.rust]").nth(1).unwrap().split("\n[").next().unwrap();
+    assert!(lints.lines().any(|line| line == "unsafe_code = \"forbid\""), "{lints}");
+    assert!(!manifest.contains("[workspace"), "a member needs the lints too");
+    assert!(!root.join("build.rs").exists() && !manifest.contains("build ="), "a build script is code too");
+}
