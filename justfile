@@ -18,6 +18,19 @@ test-all:
     scripts/chromium
     TPF_REQUIRE_ORT=1 TPF_REQUIRE_PYTHON=1 TPF_REQUIRE_BROWSER=1 cargo test
 
+# Run every fuzz target for MINUTES, in bounded memory; an input that breaks something is kept, and how to run it again is told
+fuzz minutes="5":
+    scripts/fuzz {{minutes}}
+
+# Replay a bag of GB in bounded memory, and tell the peak
+big-bag gb="10":
+    scripts/big-bag {{gb}}
+
+# Licences, duplicates, sources and known vulnerabilities of what we depend on; the last need the network
+deny:
+    scripts/cargo-deny check licenses bans sources
+    scripts/cargo-deny check advisories
+
 # Test the live node against a real ROS 2, in a network namespace of its own
 ros-test distro="kilted":
     scripts/ros-venv {{distro}}

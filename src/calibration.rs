@@ -1,6 +1,8 @@
 //! The calibration file: baselines of a glove on a hand, kept so that a session need not start in the air again.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -9,6 +11,9 @@ use crate::files;
 use crate::fusion::{Baseline, TactileSource};
 
 const FORMAT: &str = "tactile_pose_fusion/calibration/1";
+
+/// The largest file that is read; a glove of 4096 taxels takes a hundredth of it.
+const MAX_BYTES: u64 = 16 << 20;
 
 /// What a calibration file holds. YAML on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -69,9 +74,13 @@ impl Calibration {
         sources: &[TactileSource],
     ) -> Result<Calibration, CalibrationFileError> {
         let path_buf = || path.to_path_buf();
-        let text =
-            std::fs::read_to_string(path).map_err(|source| CalibrationFileError::Read { path: path_buf(), source })?;
+        let mut text = String::new();
+        let read = File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_string(&mut text));
+        read.map_err(|source| CalibrationFileError::Read { path: path_buf(), source })?;
         let malformed = |reason: String| CalibrationFileError::Malformed { path: path_buf(), reason };
+        if text.len() as u64 > MAX_BYTES {
+            return Err(malformed(format!("it has more than {} MiB", MAX_BYTES >> 20)));
+        }
         let one_line = |text: String| text.lines().next().unwrap_or_default().to_owned();
         let found: Calibration =
             serde_saphyr::from_str(&text).map_err(|error| malformed(one_line(error.to_string())))?;

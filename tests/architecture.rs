@@ -162,10 +162,22 @@ fn every_test_that_architecture_md_names_is_there() {
         for name in kept_by.split('`').skip(1).step_by(2) {
             n_named += 1;
             let (file, test) = name.split_once("::").unwrap_or((name, ""));
-            let code = fs::read_to_string(root.join(format!("tests/{file}.rs")));
+            let code = fs::read_to_string(root.join(format!("tests/{file}.rs")))
+                .or_else(|_| fs::read_to_string(root.join(format!("tests/{file}/main.rs"))));
             let code = code.unwrap_or_else(|error| panic!("ARCHITECTURE.md names {name}: {error}"));
             assert!(test.is_empty() || code.contains(&format!("fn {test}(")), "ARCHITECTURE.md names {name}");
         }
     }
     assert!(n_named > 8, "the table of invariants was not found");
+}
+
+/// `forbid` can't be taken back by any attribute, so what is left to escape is to be no target of this package.
+#[test]
+fn no_target_may_hold_unsafe_code() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let lints = manifest.split("[lints.rust]").nth(1).unwrap().split("\n[").next().unwrap();
+    assert!(lints.lines().any(|line| line == "unsafe_code = \"forbid\""), "{lints}");
+    assert!(!manifest.contains("[workspace"), "a member needs the lints too");
+    assert!(!root.join("build.rs").exists() && !manifest.contains("build ="), "a build script is code too");
 }

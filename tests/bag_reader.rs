@@ -388,6 +388,40 @@ fn file_cut_while_it_is_read_is_a_loss() {
 }
 
 #[test]
+fn file_deleted_or_replaced_while_it_is_read_is_read_to_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    for replaced in [false, true] {
+        let messages = (0..100).map(|time| message(1, time, &[0; 10_000]));
+        let parts: Vec<_> = [header("ros2"), channel("/a", "cdr")].into_iter().chain(messages).chain([end()]).collect();
+        let path = bag_of(folder.path(), &parts);
+        let mut reader = open(&path).unwrap();
+        assert!(reader.next_message().unwrap().is_some());
+        if replaced {
+            let other = folder.path().join("other.mcap");
+            fs::write(&other, b"something else").unwrap();
+            fs::rename(&other, &path).unwrap();
+        } else {
+            fs::remove_file(&path).unwrap();
+        }
+        assert_eq!((times(&mut reader).len(), reader.losses().len()), (99, 0), "replaced: {replaced}");
+    }
+}
+
+#[test]
+fn file_overwritten_while_it_is_read_is_a_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    let messages = (0..100).map(|time| message(1, time, &[0; 10_000]));
+    let parts: Vec<_> = [header("ros2"), channel("/a", "cdr")].into_iter().chain(messages).chain([end()]).collect();
+    let path = bag_of(folder.path(), &parts);
+    let mut reader = open(&path).unwrap();
+    assert!(reader.next_message().unwrap().is_some());
+    let len = fs::metadata(&path).unwrap().len();
+    fs::write(&path, vec![0xAB; len as usize]).unwrap();
+    assert!(times(&mut reader).len() < 99);
+    assert!(!reader.losses().is_empty());
+}
+
+#[test]
 fn file_that_goes_away_between_parts_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     write_bag(&folder.path().join("s_0.mcap"), Compression::Zstd, &[1]);

@@ -11,7 +11,7 @@ use common::bags::{Bag, at, decoded, messages, stamp_of, write_session};
 use common::onnx::LinearModel;
 use common::shared;
 use common::tpf::{tpf, write_params};
-use tactile_pose_fusion::msg::{ContactArray, ContactState, Header, Stage, WrenchStamped};
+use tactile_pose_fusion::msg::{ContactArray, ContactState, Header, Stage, WrenchStamped, from_cdr};
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 
 const CONTACTS: &str = "/tactile_pose_fusion/contacts";
@@ -196,6 +196,36 @@ fn a_looped_bag_resets_and_is_counted() {
     let arrays: Vec<ContactArray> = decoded(&folder.join("out.mcap"), CONTACTS);
     let forces = |lap: usize| arrays[lap * 500 + 64..lap * 500 + 499].iter().map(|a| a.contacts[0].force);
     assert!(forces(0).eq(forces(1)), "the second lap is the first again");
+}
+
+#[test]
+fn a_clock_set_back_by_an_hour_is_counted_and_estimates_go_on() {
+    let folder = session(10);
+    let folder = folder.path();
+    let back =
+        |stamp: Stamp| if stamp.nanos_since(at(0)) > 5_000_000_000 { stamp.offset(-3_600_000_000_000) } else { stamp };
+    let mut bag = Bag::create(&folder.join("set_back.mcap"));
+    for message in messages(&folder.join("session.mcap")) {
+        let log_time = back(message.log_time);
+        if message.topic == "/taxels" {
+            let mut taxels: tactile_pose_fusion::msg::TaxelArray = from_cdr(&message.data).unwrap();
+            taxels.header.stamp = back(stamp_of(&taxels.header)).into();
+            bag.send("/taxels", log_time, &taxels);
+        } else {
+            let mut joints: tactile_pose_fusion::msg::JointState = from_cdr(&message.data).unwrap();
+            joints.header.stamp = back(stamp_of(&joints.header)).into();
+            bag.send("/joints", log_time, &joints);
+        }
+    }
+    bag.finish();
+    let args =
+        ["replay", "set_back.mcap", "--params-file", "params.yaml", "-o", "out.mcap", "--json", FIRST[0], FIRST[1]];
+    let run = tpf(folder, &args).ok();
+    let summary = run.json();
+    assert_eq!((&summary["tactile"][0]["time_jumps"], &summary["joints"][0]["time_jumps"]), (&1.into(), &1.into()));
+    let (frames, warmup) = (&summary["regions"][0]["frames"], &summary["regions"][0]["warmup"]);
+    assert_eq!((frames, warmup), (&1000.into(), &(2 * 63).into()), "the window starts again, and no frame is lost");
+    assert_eq!(summary["losses"].as_array().unwrap().len(), 0);
 }
 
 #[test]

@@ -153,11 +153,29 @@ impl BagError {
     }
 }
 
-/// `text` with its line ends made spaces, for messages that others wrote.
+/// `text` on one line, without control characters and not too long, for what others wrote.
 pub(super) fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    const SHOWN: usize = 200;
+    let mut line = String::new();
+    for (idx, word) in text.split_whitespace().enumerate() {
+        line.extend((idx > 0).then_some(' '));
+        for character in word.chars() {
+            if character.is_control() { line.extend(character.escape_default()) } else { line.push(character) }
+        }
+        if let Some((end, _)) = line.char_indices().nth(SHOWN) {
+            line.truncate(end);
+            return line + "...";
+        }
+    }
+    line
 }
 
 fn list(there: &[String]) -> String {
-    if there.is_empty() { "none".to_owned() } else { there.join(", ") }
+    const SHOWN: usize = 60; // a robot's topics; a hostile bag may have 65535
+    let more = match there.len().saturating_sub(SHOWN) {
+        0 => String::new(),
+        n_more => format!(" and {n_more} more"),
+    };
+    let shown: Vec<String> = there.iter().take(SHOWN).map(|topic| one_line(topic)).collect();
+    if there.is_empty() { "none".to_owned() } else { shown.join(", ") + &more }
 }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
+use super::error::one_line;
 use super::{BagChannel, BagError, BagMessage, BagReader};
 use crate::fusion::{Event, JointSourceIdx, TactileSourceIdx};
 use crate::msg::binding::{
@@ -12,6 +13,9 @@ use crate::msg::binding::{
 use crate::msg::definition::{DefinitionError, TypeTree};
 use crate::msg::{Stage, WireType, canonical_type_name, from_cdr};
 use crate::units::Stamp;
+
+/// Most joint names that are kept for the error that lists them; two hands have 50.
+const MAX_JOINT_NAMES: usize = 128;
 
 /// The topics that feed the core, in the order of the sources in its configuration.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -144,7 +148,7 @@ impl Inputs {
                 Ok(event) => {
                     let names = if let Event::Joints(sample) = &event { sample.names } else { &[] };
                     for name in names {
-                        if !self.joint_names.contains(name) {
+                        if self.joint_names.len() < MAX_JOINT_NAMES && !self.joint_names.contains(name) {
                             self.joint_names.insert(name.clone());
                         }
                     }
@@ -199,7 +203,11 @@ impl Inputs {
             return Ok(());
         }
         let topics = self.topics.joints.iter().map(|topic| topic.name.clone()).collect();
-        Err(InputError::MissingJoints { missing, topics, seen: self.joint_names.iter().cloned().collect() })
+        Err(InputError::MissingJoints {
+            missing,
+            topics,
+            seen: self.joint_names.iter().map(|name| one_line(name)).collect(),
+        })
     }
 
     fn bind(&mut self, channel: &BagChannel) -> Result<(), InputError> {
@@ -259,10 +267,10 @@ fn tree_of(channel: &BagChannel, expected: &str) -> Result<TypeTree, InputError>
     };
     let type_name = canonical_type_name(&schema.name);
     if type_name != expected {
-        return Err(InputError::Type { topic: topic(), expected: expected.to_owned(), got: type_name });
+        return Err(InputError::Type { topic: topic(), expected: expected.to_owned(), got: one_line(&type_name) });
     }
     if schema.encoding != "ros2msg" {
-        return Err(InputError::SchemaEncoding { topic: topic(), type_name, got: schema.encoding.clone() });
+        return Err(InputError::SchemaEncoding { topic: topic(), type_name, got: one_line(&schema.encoding) });
     }
     let text = String::from_utf8_lossy(&schema.data);
     TypeTree::from_schema(&type_name, &text)

@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::error::BagError;
+use super::error::{BagError, one_line};
 use crate::units::Stamp;
 use channels::ChannelTable;
 pub use channels::{BagChannel, BagSchema};
@@ -308,7 +308,7 @@ impl BagReader {
             return Err(BagError::MissingTopic { topic: topic.to_owned(), there: there.into_iter().collect() });
         }
         match of_topic.iter().find(|channel| channel.message_encoding != "cdr") {
-            Some(other) => Err(BagError::Encoding { topic: topic.to_owned(), got: other.message_encoding.clone() }),
+            Some(other) => Err(BagError::Encoding { topic: topic.to_owned(), got: one_line(&other.message_encoding) }),
             None => Ok(of_topic),
         }
     }

@@ -235,7 +235,8 @@ impl FrameCutter {
         };
         loop {
             let next_stamp = grid.stamp(grid.next, self.period_ns);
-            if next_stamp > stamp {
+            // At the end of time the grid stands still, and so do its frames.
+            if next_stamp > stamp || (grid.next > 0 && next_stamp <= grid.stamp(grid.next - 1, self.period_ns)) {
                 break;
             }
             if next_stamp == stamp {

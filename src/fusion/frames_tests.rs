@@ -184,3 +184,18 @@ fn the_grid_starts_again_after_a_gap() {
     let frames = send(&mut cutter, 103.0, 7.0);
     assert_eq!((frames.len(), frames[0].stamp_us, frames[0].epoch, frames[0].value), (1, 103_000, 1, 7.0));
 }
+
+#[test]
+fn a_grid_stands_still_at_the_end_of_time() {
+    let mut cutter = cutter(FrameClock::Grid, 1);
+    let mut n_frames = 0;
+    for stamp in [i64::MAX - 15 * MS, i64::MAX - 5 * MS, i64::MAX] {
+        let (source, received) = (TactileSourceIdx(0), Stamp(0));
+        let (stamp, values) = (Stamp(stamp), &[1.0][..]);
+        let block = TactileBlock { source, stamp, rows: 1, row_period_ns: 0, sequence: None, values, received };
+        cutter.handle_header(&block);
+        cutter.cut(&block, |_| n_frames += 1);
+    }
+    assert!((2..=3).contains(&n_frames), "{n_frames} frames");
+    assert!(conserved(cutter.counters()));
+}

@@ -25,7 +25,7 @@ pub struct JointCounters {
     pub duplicate: u64,
     /// Messages older than what has been taken.
     pub out_of_order: u64,
-    /// Messages whose angles are all NaN or infinite.
+    /// Messages whose angles are all NaN, infinite, or beyond what 32 bits hold.
     pub non_finite: u64,
     /// Messages with more names than positions or the reverse.
     pub malformed: u64,
@@ -164,7 +164,8 @@ impl JointTimelines {
 
 impl Timeline {
     fn push(&mut self, stamp: Stamp, angle: f64, time_jump_ns: i64) -> Taken {
-        if !angle.is_finite() {
+        // Models take 32 bits: what is larger than those hold would reach them as infinite.
+        if !(angle as f32).is_finite() {
             return Taken::NonFinite;
         }
         let mut taken = Taken::Yes;
@@ -253,15 +254,16 @@ mod tests {
         send(&mut joints, 5, &["dip"], &[1.0]); // out of order
         send(&mut joints, 20, &["thumb"], &[1.0]); // unknown
         send(&mut joints, 20, &["dip"], &[f64::NAN]); // non-finite
+        send(&mut joints, 20, &["dip"], &[1e39]); // non-finite for a model
         send(&mut joints, 20, &["dip", "pip"], &[1.0]); // malformed
         send(&mut joints, -500, &["dip"], &[1.0]); // used, after a jump of time
         let expected = JointCounters {
-            messages: 8,
+            messages: 9,
             used: 3,
             unknown: 1,
             duplicate: 1,
             out_of_order: 1,
-            non_finite: 1,
+            non_finite: 2,
             malformed: 1,
             partial: 2,
             time_jumps: 1,

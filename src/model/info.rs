@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use serde::{Serialize, Serializer};
 
+use super::error::one_line;
 use super::onnx::{DimensionValue, ValueInfoProto, data_type};
 use crate::fusion::{Contract, ForceUnit};
 
@@ -150,17 +151,17 @@ impl TensorInfo {
         }
     }
 
-    /// The shape as text, `[N, 64, 16]`.
+    /// The shape as text on one line, `[N, 64, 16]`.
     pub fn shape_text(&self) -> String {
         let Some(dims) = &self.shape else { return "of unknown rank".to_string() };
         let dims: Vec<String> = dims.iter().map(ToString::to_string).collect();
-        format!("[{}]", dims.join(", "))
+        one_line(&format!("[{}]", dims.join(", ")))
     }
 }
 
 impl fmt::Display for TensorInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {} {}", self.name, self.dtype, self.shape_text())
+        write!(f, "{} {} {}", one_line(&self.name), self.dtype, self.shape_text())
     }
 }
 

@@ -13,6 +13,9 @@ use crate::units::{GramForce, Newton};
 /// The version of the contract that this build keeps, as `tpf.contract` tells it.
 pub const CONTRACT_VERSION: &str = "1";
 
+/// The highest rate that is believed, as in the parameters: what is missing between two samples is filled frame by frame.
+const MAX_RATE_HZ: f64 = 10_000.0;
+
 /// Metadata of a model, understood.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Metadata {
@@ -84,8 +87,8 @@ fn unit(value: &str) -> Result<ForceUnit, String> {
 }
 
 fn rate(value: &str) -> Result<f64, String> {
-    let rate = value.trim().parse::<f64>().ok().filter(|rate| rate.is_finite() && *rate > 0.0);
-    rate.ok_or_else(|| "a positive number of frames a second, such as 100".to_string())
+    let rate = value.trim().parse::<f64>().ok().filter(|rate| *rate > 0.0 && *rate <= MAX_RATE_HZ);
+    rate.ok_or_else(|| format!("a positive number of frames a second up to {MAX_RATE_HZ}, such as 100"))
 }
 
 fn count(value: &str) -> Result<usize, String> {
@@ -183,6 +186,7 @@ mod tests {
             ("unit", "gf", "expected gF or N"),
             ("rate_hz", "0", "a positive number of frames a second"),
             ("rate_hz", "inf", "a positive number of frames a second"),
+            ("rate_hz", "10001", "up to 10000"),
             ("rate_hz", "fast", "a positive number of frames a second"),
             ("window", "-1", "a positive whole number"),
             ("taxels", "4.5", "a positive whole number"),

@@ -17,7 +17,7 @@ pub fn at(ms: i64) -> Stamp {
 /// A bag with `/taxels`, `/joints` and, where they are written, other topics.
 pub struct Bag {
     pub writer: BagWriter,
-    n_taxel_messages: u32,
+    pub n_taxel_messages: u32,
 }
 
 impl Bag {

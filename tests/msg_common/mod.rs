@@ -7,6 +7,11 @@ mod skip;
 use std::path::{Path, PathBuf};
 
 pub use skip::shared;
+use tactile_pose_fusion::msg::binding::{JointBinding, JointFields, StampFrom, TaxelBinding, TaxelFields};
+use tactile_pose_fusion::msg::definition::TypeTree;
+use tactile_pose_fusion::msg::dynamic::{FieldPlan, ReadAs, Value, numeric_paths, read_value};
+use tactile_pose_fusion::msg::{CdrError, ContactArray, Float32MultiArray, JointState, Stage, TaxelArray, from_cdr};
+use tactile_pose_fusion::units::Stamp;
 
 /// Every `.mcap` file below `folder`, in the order of their paths.
 pub fn mcap_files(folder: &Path) -> Vec<PathBuf> {
@@ -75,4 +80,50 @@ impl CdrWriter {
         writer.cdr.push(0);
         writer
     }
+}
+
+/// Values in a tree, each of which took a byte of the message at least, or is a message around those that did.
+fn leaves(value: &Value<'_>) -> usize {
+    match value {
+        Value::Array(elements) => elements.iter().map(leaves).sum(),
+        Value::Message(fields) => fields.iter().map(|(_, value)| leaves(value)).sum(),
+        _ => 1,
+    }
+}
+
+/// Reads `cdr` in every way there is; the number of values in it.
+pub fn read_all_ways(tree: &TypeTree, cdr: &[u8]) -> Result<usize, CdrError> {
+    let type_name = tree.type_name();
+    let whole = read_value(tree, cdr).map(|(value, left)| (leaves(&value), left));
+    if let Ok((n_leaves, left)) = whole {
+        assert!(n_leaves + left <= cdr.len());
+    }
+    let paths = numeric_paths(tree);
+    // Each is reached by way of all before it: of thousands a part will do.
+    for field in paths.iter().step_by(1 + paths.len() / 128) {
+        let plan = FieldPlan::compile(tree, &field.path, ReadAs::Numbers).expect("a listed path compiles");
+        let mut numbers = vec![];
+        let read = plan.read_f32(cdr, &mut numbers);
+        assert!(numbers.capacity() <= 2 * cdr.len() + 8 && read.unwrap_or(0) == numbers.len());
+    }
+    let received = Stamp(0);
+    if let Some(fields) = TaxelFields::for_type(type_name) {
+        let stamp = fields.stamp.clone().or(Some(StampFrom::Receipt));
+        let mut binding = TaxelBinding::compile(&TaxelFields { stamp, ..fields }, tree).expect("it compiles");
+        if let Ok(message) = binding.decode(cdr, received) {
+            assert!(message.rows >= 1 && message.values.len() % message.rows == 0);
+        }
+    }
+    if let Some(fields) = JointFields::for_type(type_name) {
+        let mut binding = JointBinding::compile(&fields, tree).expect("it compiles");
+        if let Ok(message) = binding.decode(cdr, received) {
+            assert_eq!(message.names.len(), message.positions.len());
+        }
+    }
+    let _ = from_cdr::<TaxelArray>(cdr);
+    let _ = from_cdr::<ContactArray>(cdr);
+    let _ = from_cdr::<Stage>(cdr);
+    let _ = from_cdr::<JointState>(cdr);
+    let _ = from_cdr::<Float32MultiArray>(cdr);
+    whole.map(|(n_leaves, _)| n_leaves)
 }

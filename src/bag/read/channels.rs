@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::fields::Fields;
+use crate::bag::error::one_line;
 
 /// The definition that a channel's messages follow.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -102,7 +103,7 @@ impl Definitions {
         match self.schemas.get(&id) {
             Some(known) if **known == schema => Ok(()),
             Some(known) => {
-                let (old, new) = (known.name.clone(), schema.name.clone());
+                let (old, new) = (one_line(&known.name), one_line(&schema.name));
                 self.grow(body.len())?;
                 self.schemas.insert(id, Arc::new(schema));
                 Err(format!("schema {id} is defined twice, as {old} and as {new}; the later one counts from here on"))
@@ -128,8 +129,10 @@ impl Definitions {
         };
         let schema = self.schemas.get(&schema_id).cloned();
         let no_schema = schema_id != 0 && schema.is_none();
-        let complaint = no_schema
-            .then(|| format!("channel {id} ({topic}) refers to schema {schema_id}, which the file doesn't define"));
+        let complaint = no_schema.then(|| {
+            let topic = one_line(&topic);
+            format!("channel {id} ({topic}) refers to schema {schema_id}, which the file doesn't define")
+        });
         let known = self.channel(id);
         let n_before = table.all().len();
         self.grow(0)?;
@@ -139,7 +142,7 @@ impl Definitions {
             self.bytes = self.bytes.saturating_add(body.len());
         }
         if let Some(old) = known.filter(|&old| old != place) {
-            let (old, new) = (&table.all()[old].topic, &table.all()[place].topic);
+            let [old, new] = [old, place].map(|channel| one_line(&table.all()[channel].topic));
             return Err(format!(
                 "channel {id} is defined twice and differently, as {old} and as {new}; the later one counts from here on"
             ));

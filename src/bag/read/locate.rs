@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use mcap::MAGIC;
 
 use super::BagError;
+use crate::bag::error::one_line;
 use crate::bag::layout::{self, METADATA_FILE};
 
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
@@ -106,11 +107,12 @@ fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> 
     let listing = layout::read(listing_path)?;
     let refuse = |why: String| Err(BagError::Metadata { path: listing_path.to_path_buf(), why });
     if listing.storage_identifier != "mcap" {
-        let got = &listing.storage_identifier;
+        let got = one_line(&listing.storage_identifier);
         return refuse(format!("storage_identifier is {got:?}, expected \"mcap\": {CONVERT}"));
     }
     let mode = listing.compression_mode.to_ascii_lowercase();
     if !matches!(mode.as_str(), "" | "none") {
+        let mode = one_line(&mode);
         return refuse(format!("compression_mode is {mode:?}, expected none (MCAP packs its own chunks): {CONVERT}"));
     }
     if listing.relative_file_paths.is_empty() {
@@ -123,7 +125,10 @@ fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> 
         let in_folder = Path::new(relative).file_name().map(|name| folder.join(name));
         match [Some(path), in_folder].into_iter().flatten().find(|path| path.is_file()) {
             Some(path) => paths.push(path),
-            None => return refuse(format!("lists {relative}, which is not there: put it back, or `ros2 bag reindex`")),
+            None => {
+                let relative = one_line(relative);
+                return refuse(format!("lists {relative}, which is not there: put it back, or `ros2 bag reindex`"));
+            }
         }
     }
     Ok(paths)

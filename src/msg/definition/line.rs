@@ -1,6 +1,9 @@
 //! One line of `.msg` text.
 
-use super::{Arity, BaseType, ConstantDefinition, FieldDefinition, FieldType, MessageDefinition, Primitive};
+use super::{Arity, BaseType, ConstantDefinition, FieldDefinition, FieldType, MessageDefinition, Primitive, shortened};
+
+/// Longest name of a package, type or field: types are files, and no file system has longer names.
+const MAX_NAME: usize = 255;
 
 /// Adds what `line` defines to `definition`; comments and empty lines define nothing.
 pub(super) fn parse(line: &str, definition: &mut MessageDefinition) -> Result<(), String> {
@@ -16,7 +19,7 @@ pub(super) fn parse(line: &str, definition: &mut MessageDefinition) -> Result<()
         return Err("expected a field name after the type".to_owned());
     }
     if !is_identifier(name) {
-        return Err(format!("'{name}' is not a field name"));
+        return Err(format!("'{}' is not a field name", shortened(name)));
     }
     let ty = field_type(type_text, &definition.type_name)?;
     let divided = rest.is_empty() || rest.starts_with(char::is_whitespace) || rest.starts_with(['#', '=']);
@@ -31,7 +34,8 @@ pub(super) fn parse(line: &str, definition: &mut MessageDefinition) -> Result<()
 
 /// Whether `text` may name a package, type or field.
 pub(super) fn is_identifier(text: &str) -> bool {
-    text.starts_with(|c: char| c.is_ascii_alphabetic())
+    text.len() <= MAX_NAME
+        && text.starts_with(|c: char| c.is_ascii_alphabetic())
         && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
 }
 
@@ -78,7 +82,10 @@ fn field_type(text: &str, owner: &str) -> Result<FieldType, String> {
     let (base_text, arity) = match text.split_once('[') {
         None => (text, Arity::One),
         Some((base, brackets)) => {
-            let inside = brackets.strip_suffix(']').ok_or_else(|| format!("brackets left open in '{text}'"))?.trim();
+            let inside = brackets
+                .strip_suffix(']')
+                .ok_or_else(|| format!("brackets left open in '{}'", shortened(text)))?
+                .trim();
             let arity = if inside.is_empty() {
                 Arity::Unbounded
             } else if let Some(bound) = inside.strip_prefix("<=") {
@@ -103,7 +110,7 @@ fn base_type(text: &str, owner: &str) -> Result<BaseType, String> {
     match (word, bound) {
         ("string", bound) => Ok(BaseType::Text { bound }),
         ("wstring", bound) => Ok(BaseType::WideText { bound }),
-        (word, Some(_)) => Err(format!("'{word}' can't have a bound; only strings can")),
+        (word, Some(_)) => Err(format!("'{}' can't have a bound; only strings can", shortened(word))),
         // What ROS 1 had as primitives, and what rosidl still takes for them.
         ("time", None) => Ok(BaseType::Message("builtin_interfaces/msg/Time".to_owned())),
         ("duration", None) => Ok(BaseType::Message("builtin_interfaces/msg/Duration".to_owned())),
@@ -115,7 +122,7 @@ fn base_type(text: &str, owner: &str) -> Result<BaseType, String> {
 fn message_name(name: &str, owner: &str) -> Result<String, String> {
     let parts: Vec<&str> = name.split('/').collect();
     if parts.len() > 3 || !parts.iter().all(|part| is_identifier(part)) {
-        return Err(format!("'{name}' is not a type"));
+        return Err(format!("'{}' is not a type", shortened(name)));
     }
     let package = owner.split('/').next().unwrap_or_default();
     Ok(match parts.as_slice() {
@@ -128,7 +135,7 @@ fn count(text: &str) -> Result<u32, String> {
     match text.trim().parse() {
         Ok(0) => Err("an array or bound of 0".to_owned()),
         Ok(count) => Ok(count),
-        Err(_) => Err(format!("'{}' is not a count", text.trim())),
+        Err(_) => Err(format!("'{}' is not a count", shortened(text.trim()))),
     }
 }
 

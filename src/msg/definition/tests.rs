@@ -146,7 +146,7 @@ fn types_that_never_end_are_refused() {
         wide.push_str(&if level < 25 { format!("L{next} a\nL{next} b\n") } else { "int8 a\n".to_owned() });
     }
     assert_eq!(tree_error(&deep), "pkg/msg/T nests more than 32 messages deep; a message of a robot does not");
-    assert!(tree_error(&wide).contains("has more than 65536 fields"), "{}", tree_error(&wide));
+    assert!(tree_error(&wide).contains("has more than 4096 fields"), "{}", tree_error(&wide));
 }
 
 #[test]

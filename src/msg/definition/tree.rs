@@ -11,7 +11,8 @@ use crate::msg::schema::standard_text;
 const MAX_DEPTH: usize = 32; // real messages nest about 6 deep
 
 /// Most fields, those of nested messages included, that a type may have.
-const MAX_FIELDS: usize = 65_536; // real messages have a few hundred at most
+// Real messages have a few hundred at most, and `tpf inspect` looks at each by way of all before it.
+const MAX_FIELDS: usize = 4096;
 
 /// What the two halves of a service need beside their own text to make its event type.
 const SERVICE_EVENT_INFO: &str = "service_msgs/msg/ServiceEventInfo";

@@ -34,7 +34,8 @@ fn list(tree: &TypeTree, message: &MessageDefinition, prefix: &str, many: bool, 
             }
             BaseType::Text { .. } => true,
             BaseType::WideText { .. } => false,
-            BaseType::Message(name) if is_time(name) => true,
+            // A definition may say that a time holds a wide string.
+            BaseType::Message(name) if is_time(name) => !holds_wide_text(tree, tree.message(name)),
             BaseType::Message(name) => {
                 let message = tree.message(name);
                 // To reach the second element of an array all of the first must be skipped.

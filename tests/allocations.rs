@@ -1,0 +1,54 @@
+//! What the core does not do while it runs live: ask for memory.
+
+mod common;
+
+use common::fake::*;
+use tactile_pose_fusion::fusion::*;
+
+const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
+
+/// Five fingertips of four taxels and two joints, all on one model.
+fn hand(batch: usize) -> Fusion {
+    let joints: Vec<[String; 2]> = FINGERS.iter().map(|name| [format!("{name}_dip"), format!("{name}_pip")]).collect();
+    let regions = FINGERS.iter().zip(&joints).enumerate().map(|(idx, (name, joints))| {
+        let taxels: Vec<usize> = (4 * idx..4 * idx + 4).collect();
+        region(name, &taxels, &[&joints[0], &joints[1]])
+    });
+    let mut cfg = config(20, regions.collect());
+    cfg.batch = batch;
+    fusion(cfg, vec![Sum::boxed(64, 4, 2)])
+}
+
+/// A second of frames at 100 Hz with joints 3 ms after each.
+fn second(from_s: usize) -> Vec<Sample> {
+    let names: Vec<String> = FINGERS.iter().flat_map(|name| [format!("{name}_dip"), format!("{name}_pip")]).collect();
+    let samples = (100 * from_s..100 * (from_s + 1)).flat_map(|k| {
+        let positions = vec![0.01 * (k % 100) as f64; names.len()];
+        let joints: Vec<(&str, f64)> = names.iter().map(String::as_str).zip(positions).collect();
+        let at_ms = 10.0 * k as f64;
+        [Sample::tactile(at_ms, &[(k % 7) as f32; 20]), Sample::joints(at_ms + 3.0, &joints)]
+    });
+    samples.collect()
+}
+
+#[test]
+fn a_tick_of_the_core_asks_for_no_memory_once_it_is_warm() {
+    for batch in [1, 16] {
+        let mut core = hand(batch);
+        let mut n_ticks = 0;
+        let mut play = |samples: &[Sample]| {
+            for sample in samples {
+                core.handle(sample.event());
+                while let Some(tick) = core.poll().unwrap() {
+                    n_ticks += tick.estimates.iter().filter(|estimate| estimate.force.is_some()).count();
+                }
+            }
+        };
+        // Timelines hold 1024 states a joint: they are full after 11 s.
+        (0..12).for_each(|from_s| play(&second(from_s)));
+        let samples: Vec<Vec<Sample>> = (12..22).map(second).collect();
+        let used = allocation_counter::measure(|| samples.iter().for_each(|samples| play(samples)));
+        assert_eq!((used.count_total, used.bytes_total), (0, 0), "batch {batch}");
+        assert!(n_ticks > 5 * 2000, "{n_ticks} estimates");
+    }
+}

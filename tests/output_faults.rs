@@ -1,0 +1,109 @@
+//! Disks that are full and folders that are read-only: one clear line from every command that writes, and nothing
+//! half-written.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::scored;
+use common::tpf::{Run, tpf};
+
+/// A small disk, gone when dropped.
+struct Disk(PathBuf);
+
+impl Disk {
+    /// `None` where mounting is not permitted.
+    fn mount(folder: &Path, options: &str) -> Option<Disk> {
+        let path = folder.join("disk");
+        fs::create_dir_all(&path).unwrap();
+        let mount = Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(&path).output();
+        mount.is_ok_and(|mount| mount.status.success()).then_some(Disk(path))
+    }
+
+    /// Everything on it.
+    fn files(&self) -> Vec<PathBuf> {
+        let mut found = Vec::new();
+        let mut folders = vec![self.0.clone()];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() { folders.push(path) } else { found.push(path) }
+            }
+        }
+        found
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg(&self.0).status();
+    }
+}
+
+const EVAL: [&str; 6] = ["eval", "bags", "--params-file", "params.yaml", "--model", "model.onnx"];
+
+/// Every output that a command has, on the disk.
+fn commands() -> Vec<Vec<&'static str>> {
+    let bag = "bags/glove1_user01_session1";
+    let eval = |more: &[&'static str]| [&EVAL[..], more].concat();
+    let mut commands = vec![
+        vec!["replay", bag, "--params-file", "params.yaml", "-o", "disk/out.mcap"],
+        vec!["replay", bag, "--params-file", "params.yaml", "-o", "disk/out"],
+        vec!["calibrate", bag, "--params-file", "params.yaml", "-o", "disk/calibration.yaml"],
+        vec!["simulate", "--glove=1", "--users=1", "--sessions=1", "--seed=1", "--minutes=1.7", "-o", "disk/sessions"],
+        eval(&["--report", "disk/report.html"]),
+        eval(&["--parquet", "disk/scores.parquet"]),
+        eval(&["--frames", "disk/frames.parquet"]),
+        eval(&["--gate", "gates.yaml", "--junit", "disk/gates.xml"]),
+        eval(&["--gate", "gates.yaml", "--jsonl", "disk/gates.jsonl"]),
+        vec!["characterize", "bags", "--params-file", "params.yaml", "--report", "disk/page.html"],
+    ];
+    if cfg!(feature = "train") {
+        let train = ["train", "bags", "--params-file", "params.yaml", "--steps", "2", "--batch", "16"];
+        commands.push([&train[..], &["--stride", "50", "-o", "disk/model.onnx"]].concat());
+    }
+    commands
+}
+
+/// Sessions, parameters, models and gates.
+fn folder() -> tempfile::TempDir {
+    let folder = scored::folder();
+    fs::write(folder.path().join("gates.yaml"), "gates:\n  - {metric: ba, at_least: 0.0}\n").unwrap();
+    folder
+}
+
+#[test]
+fn outputs_on_a_read_only_disk_are_one_line() {
+    let folder = folder();
+    let folder = folder.path();
+    let Some(disk) = Disk::mount(folder, "size=64k,ro") else {
+        common::skipped("mounting a small disk is not permitted here");
+        return;
+    };
+    for command in commands() {
+        let run: Run = tpf(folder, &command);
+        let line = run.failure();
+        assert!(line.contains("disk") && line.contains("Read-only file system"), "{command:?}: {line}");
+    }
+    assert!(disk.files().is_empty());
+}
+
+#[test]
+fn outputs_on_a_full_disk_are_one_line_and_leave_nothing() {
+    let folder = folder();
+    let folder = folder.path();
+    let Some(disk) = Disk::mount(folder, "size=4k") else {
+        common::skipped("mounting a small disk is not permitted here");
+        return;
+    };
+    fs::write(disk.0.join("full"), vec![1; 4096]).unwrap();
+    for command in commands() {
+        let run: Run = tpf(folder, &command);
+        let line = run.failure();
+        assert!(line.contains("disk/"), "{command:?}: {line}");
+        assert!(line.contains("full") || line.contains("No space left"), "{command:?}: {line}");
+        assert_eq!(disk.files(), [disk.0.join("full")], "{command:?}");
+    }
+}
