@@ -20,7 +20,7 @@ use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
 
 const JOINTS: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
 const N_TAXELS: usize = 16;
-const N_FRAMES: i64 = 6000; // a minute at 100 Hz
+const N_FRAMES: i64 = 18_000; // three minutes at 100 Hz
 
 /// The model file, and what it is.
 fn model(folder: &Path) -> (PathBuf, &'static str) {
@@ -103,7 +103,7 @@ fn replay(c: &mut Criterion) {
     let mut group = c.benchmark_group(format!("replay/{kind}"));
     group.throughput(Throughput::Elements(N_FRAMES as u64)).sample_size(10);
     for (name, _) in backends() {
-        for batch in ["1", "32", "256"] {
+        for batch in ["1", "32", "512"] {
             let run = || {
                 let output = Command::new(env!("CARGO_BIN_EXE_tpf"))
                     .current_dir(folder)

@@ -37,6 +37,9 @@ pub use info::{BackendInfo, Batch, Dim, ModelInfo, Origin, RuntimeName, TensorIn
 /// The largest file that is read. The paper's network has half a MiB.
 const MAX_FILE_MIB: u64 = 64;
 
+/// Windows of one call from which on [`ModelSpec::stretches`] can gain anything.
+pub const FEWEST_FOR_STRETCHES: usize = stretches::MIN_WINDOWS;
+
 /// Windows of one call where they are run one by one: more of them gain nothing.
 const WINDOWS_AT_ONCE: usize = 32;
 

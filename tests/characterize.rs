@@ -188,6 +188,19 @@ fn text_and_page_say_synthetic_and_tell_everything_and_the_fragment_is_taken_as_
         assert!(page.contains(told), "{told}");
     }
     if let Some(seen) = look(&folder.join("page.html")) {
+        let rows = |table: &str| seen["wide"]["tables"][table].as_array().unwrap();
+        let chosen = region(&found)["selection"]["chosen"].as_array().unwrap();
+        for (row, step) in rows("index-chosen").iter().zip(chosen) {
+            assert_eq!((&row[0]["text"], &row[3]["value"]), (&step["joint"], &step["explained"]));
+        }
+        let artifact = &region(&found)["artifact"];
+        let of_poses = artifact["by_pose"].as_array().unwrap();
+        let shown = rows("index-artifact-table");
+        assert_eq!(shown.len(), 1 + found["sessions"].as_array().unwrap().len() + of_poses.len());
+        assert_eq!(shown[0][4]["value"], artifact["movement"]["p95_n"]["median"]);
+        for (row, pose) in shown[shown.len() - of_poses.len()..].iter().zip(of_poses) {
+            assert_eq!((&row[0]["text"], &row[2]["value"]), (&pose["pose"], &pose["size"]["p95"]["median"]));
+        }
         let plots = seen["wide"]["plots"].as_array().unwrap();
         assert!(plots.len() >= 6, "{plots:?}");
         for plot in plots {

@@ -13,6 +13,7 @@ use super::{Failure, Outcome, interrupt, print, say};
 use crate::bag::{BagReader, BagRecord, BagWriter, EstimateWriter, Input, Inputs, PassThrough, WriteOptions};
 use crate::config::Config;
 use crate::fusion::Fusion;
+use crate::model::FEWEST_FOR_STRETCHES;
 use crate::msg::EstimateTopics;
 
 /// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
@@ -53,7 +54,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 /// Replays, and gives the summary to print.
 pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let mut cfg = args.params.load()?;
-    if args.batch != Some(1) {
+    if args.batch.is_none_or(|batch| batch >= FEWEST_FOR_STRETCHES) {
         ask_for_stretches(&mut cfg);
     }
     args.models.apply(&mut cfg)?;

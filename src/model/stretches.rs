@@ -13,7 +13,7 @@ use crate::fusion::{Contract, Forces, RegressError, Regressor, Windows};
 pub(super) const WINDOWS: usize = 512;
 
 /// Overlapping windows from which on a stretch that is filled up is faster than the windows one by one.
-const MIN_WINDOWS: usize = 256;
+pub(super) const MIN_WINDOWS: usize = 256;
 
 /// Stretches that grow side by side: the regions that share a model.
 const MAX_OPEN: usize = 64;
