@@ -207,83 +207,116 @@ fn wire(words: &[&str]) -> Ear {
     Ear::start(Command::new("python3").arg(script).args(words))
 }
 
+/// Tries a scenario again whose Fast DDS peer was allowed to hear and heard nothing at all, as one in twenty of them does on a
+/// busy machine, in which another vendor's discovery is at work (SECURITY.md). A peer that isn't allowed to is tried once.
+fn with_a_peer_that_matches(scenario: impl Fn(&Secured) -> Option<()>) {
+    for _ in 0..3 {
+        let Some(secured) = Secured::new() else { return };
+        if scenario(&secured).is_some() {
+            return;
+        }
+        let _ = writeln!(std::io::stderr(), "the Fast DDS peer was not matched; trying again");
+    }
+    panic!("a permitted Fast DDS peer heard nothing, three times");
+}
+
 #[test]
 fn a_secured_graph_carries_what_replay_writes_and_nothing_in_the_clear() {
-    let Some(secured) = Secured::new() else { return };
-    replay(secured.path(), "session.mcap", "replayed.mcap");
-    let mut wire = wire(&ON_THE_WIRE);
-    let live = secured.node();
-    let ear = secured.listen(CONTACTS, Some("ear"));
-    let run = secured.play("/glove", &enforced("keys")).ok();
-    assert_eq!(run.stdout, "1600 messages on 2 topics\n");
-    std::thread::sleep(Duration::from_millis(500));
-    let heard = ear.estimates();
-    drop(ear);
-    assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
-    let expected: Vec<ContactArray> = decoded(&secured.path().join("replayed.mcap"), "/tactile_pose_fusion/contacts");
-    assert!(heard.len() + 2 >= expected.len(), "{} of {}", heard.len(), expected.len());
-    for (heard, expected) in heard.iter().zip(&expected) {
-        assert_eq!(heard.header.stamp, expected.header.stamp);
-        let (heard, expected) = (&heard.contacts[0], &expected.contacts[0]);
-        assert!(heard.force == expected.force || (heard.force.is_nan() && expected.force.is_nan()));
-    }
-    drop(wire.stdin());
-    assert_eq!(wire.wait(), "0 0");
+    with_a_peer_that_matches(|secured| {
+        replay(secured.path(), "session.mcap", "replayed.mcap");
+        let mut wire = wire(&ON_THE_WIRE);
+        let live = secured.node();
+        let ear = secured.listen(CONTACTS, Some("ear"));
+        let run = secured.play("/glove", &enforced("keys")).ok();
+        assert_eq!(run.stdout, "1600 messages on 2 topics\n");
+        std::thread::sleep(Duration::from_millis(500));
+        let heard = ear.estimates();
+        if heard.is_empty() {
+            return None;
+        }
+        drop(ear);
+        assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
+        let expected: Vec<ContactArray> =
+            decoded(&secured.path().join("replayed.mcap"), "/tactile_pose_fusion/contacts");
+        assert!(heard.len() + 2 >= expected.len(), "{} of {}", heard.len(), expected.len());
+        for (heard, expected) in heard.iter().zip(&expected) {
+            assert_eq!(heard.header.stamp, expected.header.stamp);
+            let (heard, expected) = (&heard.contacts[0], &expected.contacts[0]);
+            assert!(heard.force == expected.force || (heard.force.is_nan() && expected.force.is_nan()));
+        }
+        drop(wire.stdin());
+        assert_eq!(wire.wait(), "0 0");
+        Some(())
+    });
 }
 
 #[test]
 fn the_rules_that_ros2_security_writes_are_followed_and_what_they_cost_is_told() {
-    let Some(secured) = Secured::new() else { return };
-    let kind = |kind: &str| format!("<data_protection_kind>{kind}<");
-    secured.rule("governance.xml", &kind("NONE"), &kind("ENCRYPT"));
-    let mut wire = wire(&ON_THE_WIRE);
-    let live = secured.node();
-    let ear = secured.listen(CONTACTS, Some("ear"));
-    let run = secured.play("/glove", &enforced("keys")).ok();
-    assert!(run.stderr.contains("data_protection_kind is not NONE") && live.log().contains("is not NONE"));
-    assert!(ear.estimates().len() > 700);
-    assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
-    drop(wire.stdin());
-    assert_eq!(wire.wait(), "0 0");
+    with_a_peer_that_matches(|secured| {
+        let kind = |kind: &str| format!("<data_protection_kind>{kind}<");
+        secured.rule("governance.xml", &kind("NONE"), &kind("ENCRYPT"));
+        let mut wire = wire(&ON_THE_WIRE);
+        let live = secured.node();
+        let ear = secured.listen(CONTACTS, Some("ear"));
+        let run = secured.play("/glove", &enforced("keys")).ok();
+        assert!(run.stderr.contains("data_protection_kind is not NONE") && live.log().contains("is not NONE"));
+        let heard = ear.estimates().len();
+        if heard == 0 {
+            return None;
+        }
+        assert!(heard > 700);
+        assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
+        drop(wire.stdin());
+        assert_eq!(wire.wait(), "0 0");
+        Some(())
+    });
 }
 
 #[test]
 fn fast_dds_in_its_own_enclave_brings_taxels() {
-    let Some(secured) = Secured::new() else { return };
-    secured.keystore("keys", "enclave", &["/taxels", "publish=rt/taxels"]);
-    let live = secured.node();
-    let ear = secured.listen(CONTACTS, Some("ear"));
-    let mut taxels = secured.say(TAXELS, &secured.enclave("taxels"));
-    secured.say_session(&mut taxels);
-    secured.play("/glove", &enforced("keys")).ok();
-    drop(taxels);
-    let heard = ear.estimates().len();
-    let [taxels, joints] = secured.taken(live, "run.mcap");
-    assert!(heard > 400 && taxels > 1200 && joints == 800, "{heard} estimates of {taxels} taxels, {joints} joints");
+    with_a_peer_that_matches(|secured| {
+        secured.keystore("keys", "enclave", &["/taxels", "publish=rt/taxels"]);
+        let live = secured.node();
+        let ear = secured.listen(CONTACTS, Some("ear"));
+        let mut taxels = secured.say(TAXELS, &secured.enclave("taxels"));
+        secured.say_session(&mut taxels);
+        secured.play("/glove", &enforced("keys")).ok();
+        drop(taxels);
+        let heard = ear.estimates().len();
+        let [taxels, joints] = secured.taken(live, "run.mcap");
+        if heard == 0 || taxels <= 800 {
+            return None; // only what our own player sent
+        }
+        assert!(heard > 400 && taxels > 1200 && joints == 800, "{heard} estimates of {taxels} taxels, {joints} joints");
+        Some(())
+    });
 }
 
 #[test]
 fn services_answer_who_may_ask() {
-    let Some(secured) = Secured::new() else { return };
-    let [request, reply] = ["rq/tactile_pose_fusion/get_stateRequest", "rr/tactile_pose_fusion/get_stateReply"];
-    let grants = [format!("publish={request}"), format!("subscribe={reply}")];
-    secured.keystore("keys", "enclave", &["/operator", &grants[0], &grants[1]]);
-    let live = secured.node();
-    let replies = secured.listen([reply, "lifecycle_msgs::srv::dds_::GetState_Response_"], Some("operator"));
-    let types = [request, "lifecycle_msgs::srv::dds_::GetState_Request_"];
-    let mut asking = secured.say(types, &secured.enclave("operator"));
-    let (header, empty_request) = ("00010000", "00");
-    let mut stdin = asking.stdin();
-    let deadline = Instant::now() + Duration::from_secs(20);
-    let answer = loop {
-        writeln!(stdin, "{header}{empty_request}").unwrap();
-        match replies.lines.recv_timeout(Duration::from_millis(100)) {
-            Ok(answer) => break answer,
-            Err(_) => assert!(Instant::now() < deadline, "no answer"),
-        }
-    };
-    assert!(answer.contains(&hex(b"active")), "{answer}");
-    live.stop();
+    with_a_peer_that_matches(|secured| {
+        let [request, reply] = ["rq/tactile_pose_fusion/get_stateRequest", "rr/tactile_pose_fusion/get_stateReply"];
+        let grants = [format!("publish={request}"), format!("subscribe={reply}")];
+        secured.keystore("keys", "enclave", &["/operator", &grants[0], &grants[1]]);
+        let live = secured.node();
+        let replies = secured.listen([reply, "lifecycle_msgs::srv::dds_::GetState_Response_"], Some("operator"));
+        let types = [request, "lifecycle_msgs::srv::dds_::GetState_Request_"];
+        let mut asking = secured.say(types, &secured.enclave("operator"));
+        let (header, empty_request) = ("00010000", "00");
+        let mut stdin = asking.stdin();
+        let deadline = Instant::now() + Duration::from_secs(20);
+        let answer = loop {
+            writeln!(stdin, "{header}{empty_request}").unwrap();
+            match replies.lines.recv_timeout(Duration::from_millis(100)) {
+                Ok(answer) => break answer,
+                Err(_) if Instant::now() >= deadline => return None,
+                Err(_) => {}
+            }
+        };
+        assert!(answer.contains(&hex(b"active")), "{answer}");
+        live.stop();
+        Some(())
+    });
 }
 
 #[test]
@@ -298,7 +331,8 @@ fn what_an_enclave_may_not_do_is_refused_before_anything_is_said() {
     assert!(mute.failure().starts_with("/taxels: can't be created") && mute.failure().ends_with(not_allowed));
     // `/glove` may publish taxels; to hear them is another thing.
     let deaf = secured.run("/glove", &enforced("keys"));
-    assert!(deaf.failure().contains("not allowed by security: "), "{deaf:?}");
+    // A thread of RustDDS may say besides that it could not join itself.
+    assert!(deaf.code == 1 && deaf.stderr.contains("not allowed by security: "), "{deaf:?}");
 }
 
 /// A participant that leaves out the checks of its own side must be held off by the other side's. With rules that check
@@ -323,14 +357,21 @@ fn a_peer_that_relaxes_its_own_rules_hears_nothing_and_brings_nothing() {
 
 #[test]
 fn a_participant_without_security_hears_nothing_and_brings_nothing() {
-    let Some(secured) = Secured::new() else { return };
-    let live = secured.node();
-    let (ear, stranger) = (secured.listen(CONTACTS, Some("ear")), secured.listen(CONTACTS, None));
-    secured.play("/", &[]).ok();
-    assert!(ear.lines.try_iter().next().is_none(), "nothing was brought yet");
-    secured.play("/glove", &enforced("keys")).ok();
-    assert!(ear.estimates().len() > 700 && stranger.lines.try_iter().next().is_none());
-    assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
+    with_a_peer_that_matches(|secured| {
+        let live = secured.node();
+        let (ear, stranger) = (secured.listen(CONTACTS, Some("ear")), secured.listen(CONTACTS, None));
+        secured.play("/", &[]).ok();
+        assert!(ear.lines.try_iter().next().is_none(), "nothing was brought yet");
+        secured.play("/glove", &enforced("keys")).ok();
+        assert!(stranger.lines.try_iter().next().is_none());
+        let heard = ear.estimates().len();
+        if heard == 0 {
+            return None;
+        }
+        assert!(heard > 700);
+        assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
+        Some(())
+    });
 }
 
 #[test]

@@ -39,9 +39,10 @@ impl Names {
     }
 }
 
-/// What makes entities.
+/// What makes entities. Dropped, it leaves the graph: a DDS participant that is only dropped may still be discovering others.
 pub(super) struct Graph {
-    participant: Participant,
+    /// `None` once it has left.
+    participant: Option<Participant>,
     name: NodeName,
     remaps: Vec<Remap>,
 }
@@ -49,18 +50,22 @@ pub(super) struct Graph {
 impl Graph {
     /// Joins the graph as a node.
     pub(super) fn join(name: &NodeName, environment: &Environment, remaps: &[Remap]) -> Result<Self, NodeError> {
-        let participant = Participant::join(name, environment)?;
+        let participant = Some(Participant::join(name, environment)?);
         Ok(Graph { participant, name: name.clone(), remaps: remaps.to_vec() })
     }
 
     /// What a person should know about the graph that was joined.
     pub(super) fn note(&self) -> Option<String> {
-        self.participant.note()
+        self.participant.as_ref().and_then(Participant::note)
     }
 
     /// Leaves the graph, when everything that was made here has been dropped.
     pub(super) fn leave(self) {
-        self.participant.leave();
+        drop(self);
+    }
+
+    fn participant(&mut self) -> &mut Participant {
+        self.participant.as_mut().expect("only dropping takes it")
     }
 
     /// A publisher on an absolute name.
@@ -70,7 +75,7 @@ impl Graph {
         ty: TopicType<'_>,
         qos: &QosProfile,
     ) -> Result<Publisher, NodeError> {
-        self.participant.publisher(topic, ty, qos)
+        self.participant().publisher(topic, ty, qos)
     }
 
     /// A subscription of an absolute name.
@@ -80,7 +85,7 @@ impl Graph {
         ty: TopicType<'_>,
         qos: &QosProfile,
     ) -> Result<Subscription, NodeError> {
-        self.participant.subscription(topic, ty, qos)
+        self.participant().subscription(topic, ty, qos)
     }
 
     /// A server of a service of this node, such as `~/tare`, of a type such as `std_srvs/srv/Trigger`.
@@ -90,7 +95,7 @@ impl Graph {
         A: Message + 'static,
     {
         let name = self.service_name(service)?;
-        self.participant.server(&name, type_name, &service_qos())
+        self.participant().server(&name, type_name, &service_qos())
     }
 
     /// The calibrate action of this node, such as `~/calibrate`.
@@ -101,7 +106,7 @@ impl Graph {
             status: reliable_qos(1, Durability::TransientLocal),
         };
         let name = self.service_name(action)?;
-        self.participant.action(&name, &qos)
+        self.participant().action(&name, &qos)
     }
 
     /// The absolute name of a topic of this node after remapping.
@@ -114,6 +119,14 @@ impl Graph {
     fn service_name(&self, service: &str) -> Result<String, NodeError> {
         let absolute = self.name.resolve(service)?;
         Ok(remap::name(&self.remaps, &self.name, NameKind::Service, &absolute)?)
+    }
+}
+
+impl Drop for Graph {
+    fn drop(&mut self) {
+        if let Some(participant) = self.participant.take() {
+            participant.leave();
+        }
     }
 }
 
