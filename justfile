@@ -58,7 +58,7 @@ latency model:
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
-    cargo clippy --no-default-features --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
+    cargo clippy --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
 
 # Benchmarks: one tick, and replay in frames a second, on both backends; one step of training
 bench:
