@@ -3,11 +3,15 @@
 mod calibrate;
 mod characterize;
 mod checks;
+#[cfg(feature = "ros")]
+mod collect;
 mod demo;
 mod diff;
 mod eval;
 mod inspect;
 mod interrupt;
+#[cfg(feature = "ros")]
+mod live;
 #[cfg(feature = "ros")]
 mod play;
 mod progress;
@@ -46,6 +50,8 @@ enum Command {
     Play(play::Args),
     Calibrate(calibrate::Args),
     Characterize(characterize::Args),
+    #[cfg(feature = "ros")]
+    Collect(collect::Args),
     Diff(diff::Args),
     Eval(Box<eval::Args>),
     Inspect(inspect::Args),
@@ -95,6 +101,8 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Play(args) => play::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Characterize(args) => characterize::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Collect(args) => collect::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Inspect(args) => inspect::run(&args),

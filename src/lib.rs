@@ -8,6 +8,7 @@
 pub mod bag;
 pub mod calibration;
 pub mod characterize;
+pub mod collect;
 pub mod columns;
 pub mod commands;
 pub mod config;
@@ -17,6 +18,7 @@ pub mod fusion;
 pub mod model;
 pub mod msg;
 pub mod page;
+pub mod protocol;
 mod random;
 pub mod recording;
 #[cfg(feature = "ros")]

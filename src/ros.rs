@@ -21,6 +21,7 @@ mod clock;
 mod engine;
 mod entities;
 mod interfaces;
+mod listener;
 mod loading;
 mod managed;
 mod middleware;
@@ -32,6 +33,8 @@ mod services;
 
 pub use engine::Record;
 pub use entities::Names;
+pub use listener::{Delivery, Heard, HeardTopic, Listener, Listening, SpokenTopic};
 pub use middleware::TopicType;
-pub use node::{NodeError, Setup, run};
+pub use node::{NodeError, Setup, input_bindings, run};
+
 pub use player::{NotPlayed, PlayedTopic, Player};

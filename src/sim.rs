@@ -1,7 +1,7 @@
 //! A **synthetic** glove, hand and load cell: whoever shows a number that came from here says so.
 //!
 //! There is no public recording of glove taxels with joint angles and force truth, so the package brings a physical
-//! model of one: a user ([`hand`]) goes through the paper's protocol ([`protocol`], [`performance`]) wearing one of
+//! model of one: a user ([`hand`]) goes through the paper's [`protocol`](crate::protocol) ([`performance`]) wearing one of
 //! three gloves ([`glove`]) and pressing on a load cell ([`load_cell`]); [`session`] streams what would be recorded.
 //! Its parameters come from physics and from what the paper observed, never from how well a model does on it.
 //!
@@ -12,8 +12,12 @@ pub mod glove;
 pub mod hand;
 pub mod load_cell;
 pub mod performance;
-pub mod protocol;
 pub mod session;
 pub mod touch;
 
-pub use session::{Record, Session, SessionSpec, SimError, simulate};
+/// Where a synthetic glove that publishes says that it is one, as `std_msgs/msg/String`.
+pub const SYNTHETIC_TOPIC: &str = "/synthetic_glove";
+
+pub use session::{
+    FULL_MINUTES, Fault, LiveSession, MIN_MINUTES, Prompt, Record, Session, SessionSpec, SimError, simulate,
+};

@@ -112,6 +112,7 @@ fn standard_structs_mirror_their_texts() {
     });
     assert_mirrors_text(&layout().dim[0]);
     assert_mirrors_text(&layout());
+    assert_mirrors_text(&Text { data: "a glove".to_owned() });
     assert_mirrors_text(&Float32MultiArray { layout: layout(), data: vec![0.5, 1.5, 2.5] });
 }
 

@@ -141,7 +141,7 @@ fn in_air_correlations(spec: &SessionSpec) -> Vec<f64> {
     let (mut rows, mut angles, mut in_air) = (Vec::new(), Vec::new(), false);
     for record in simulate(spec).unwrap() {
         match record {
-            Record::Stage { substage, .. } => in_air = substage == "in_air_free_movement",
+            Record::Stage { substage, .. } => in_air = &*substage == "in_air_free_movement",
             Record::Joints { positions, .. } => angles = positions,
             Record::Taxels { values, .. } if in_air && !angles.is_empty() => {
                 rows.push((angles.clone(), values.iter().map(|&count| f64::from(count)).collect::<Vec<_>>()));

@@ -3,14 +3,26 @@
 use std::collections::BTreeMap;
 
 use sha2::{Digest, Sha256};
+use tactile_pose_fusion::protocol::{Name, Plan, Protocol};
 use tactile_pose_fusion::sim::hand::JOINTS;
-use tactile_pose_fusion::sim::protocol::{FULL_MINUTES, MIN_MINUTES, SUBSTAGES};
 use tactile_pose_fusion::sim::touch::TouchKind;
-use tactile_pose_fusion::sim::{Record, SessionSpec, simulate};
+use tactile_pose_fusion::sim::{FULL_MINUTES, MIN_MINUTES, Record, SessionSpec, simulate};
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 
 fn spec(minutes: f64) -> SessionSpec {
     SessionSpec { glove: 1, user: 3, session: 0, seed: 11, minutes }
+}
+
+fn substages() -> Vec<(u8, Name)> {
+    Protocol::paper().substages().map(|(stage, name)| (stage, name.clone())).collect()
+}
+
+#[test]
+fn the_lengths_that_a_session_may_have_are_those_of_the_protocol() {
+    let protocol = Protocol::paper();
+    assert!((Plan::new(&protocol, None, "any").duration_s() / 60.0 - FULL_MINUTES).abs() < 1e-9);
+    let shortest = Plan::shortest_s(&protocol) / 60.0;
+    assert!(shortest <= MIN_MINUTES && shortest > MIN_MINUTES - 0.1, "{shortest}");
 }
 
 fn records(spec: &SessionSpec) -> Vec<Record> {
@@ -67,13 +79,13 @@ fn the_full_protocol_has_the_papers_frames_and_time() {
     assert_eq!((session.plan().n_taps(), session.plan().n_presses()), (315, 140));
     let mut counts = BTreeMap::new();
     for trial in session.plan().trials() {
-        *counts.entry((trial.stage, trial.substage)).or_insert(0) += 1;
+        *counts.entry((trial.stage, trial.substage.clone())).or_insert(0) += 1;
     }
     let expected = [70, 30, 30, 1, 50, 50, 25, 25, 20, 20, 10, 10, 1, 5, 10, 10, 10, 1];
-    for ((stage, substage), expected) in SUBSTAGES.into_iter().zip(expected) {
-        assert_eq!(counts[&(stage, substage)], expected, "{stage} {substage}");
+    for (place, expected) in substages().into_iter().zip(expected) {
+        assert_eq!(counts[&place], expected, "{place:?}");
     }
-    assert_eq!(counts.len(), SUBSTAGES.len());
+    assert_eq!(counts.len(), substages().len());
 }
 
 #[test]
@@ -84,13 +96,13 @@ fn a_short_session_keeps_every_substage_in_order() {
         assert!(session.plan().duration_s() > 0.9 * 60.0 * minutes, "{} s", session.plan().duration_s());
         let mut seen = Vec::new();
         for annotation in session.performance().annotations() {
-            let place = (annotation.stage, annotation.substage);
+            let place = (annotation.stage, annotation.substage.clone());
             if seen.last() != Some(&place) {
                 seen.push(place);
             }
         }
-        assert_eq!(seen.pop(), Some((0, "")));
-        assert_eq!(seen, SUBSTAGES);
+        assert_eq!(seen.pop(), Some((0, "".into())));
+        assert_eq!(seen, substages());
     }
 }
 

@@ -239,6 +239,16 @@ impl BagWriter {
         self.recording.write_metadata(notes.name, notes.metadata.clone())
     }
 
+    /// Hand what has been written so far to the operating system, so that a process that is killed loses none of it.
+    ///
+    /// It ends a chunk, so what is written depends on when this is called.
+    ///
+    /// # Errors
+    /// [`BagError::DiskFull`], [`BagError::Io`].
+    pub fn flush(&mut self) -> Result<(), BagError> {
+        self.recording.flush()
+    }
+
     /// Complete the bag, see it onto the disk, and give it the name that was asked for.
     ///
     /// Beside a single file a `metadata.yaml` is written when the folder has none, or one of this very file; any other

@@ -1,4 +1,7 @@
-//! `tpf simulate`: sessions of a synthetic glove, one bag each, by the paper's protocol.
+//! `tpf simulate`: sessions of a synthetic glove, one bag each, by the paper's protocol; or a synthetic glove that is there.
+
+#[cfg(feature = "ros")]
+mod live;
 
 use std::path::{Path, PathBuf};
 
@@ -11,6 +14,11 @@ use crate::msg::{
 use crate::recording::SESSION_NOTES;
 use crate::sim::{Record, SessionSpec, simulate};
 use crate::units::Stamp;
+
+const TAXELS: &str = "/glove/taxels";
+const JOINTS: &str = "/hand/joint_states";
+const TRUTH: &str = "/load_cell/wrench";
+const STAGE: &str = "/stage";
 
 /// Writes sessions of a synthetic glove: taxels, joint angles, force truth and stage annotations.
 #[derive(Debug, clap::Args)]
@@ -28,15 +36,24 @@ pub(super) struct Args {
     #[arg(long, value_name = "S")]
     seed: u64,
     /// Length of a session; less than the whole protocol has fewer repetitions, never fewer substages
-    #[arg(long, value_name = "M", default_value_t = crate::sim::protocol::FULL_MINUTES)]
+    #[arg(long, value_name = "M", default_value_t = crate::sim::FULL_MINUTES)]
     minutes: f64,
     /// Folder for the bags, made if it isn't there
-    #[arg(short, long, value_name = "DIR")]
-    output: PathBuf,
+    #[cfg_attr(feature = "ros", arg(short, long, value_name = "DIR", required_unless_present = "live"))]
+    #[cfg_attr(not(feature = "ros"), arg(short, long, value_name = "DIR", required = true))]
+    output: Option<PathBuf>,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    live: live::LiveArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen();
+    #[cfg(feature = "ros")]
+    if args.live.is_asked_for() {
+        return live::run(args);
+    }
+    let Some(output) = &args.output else { return Err(Failure("--output is missing".to_owned())) };
     let specs = (1..=args.users).flat_map(|user| (1..=args.sessions).map(move |session| (user, session)));
     let specs: Vec<SessionSpec> = specs
         .map(|(user, session)| SessionSpec { glove: args.glove, user, session, seed: args.seed, minutes: args.minutes })
@@ -44,13 +61,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(spec) = specs.first() {
         simulate(spec)?; // what is wrong with one is wrong with all, and is told before a folder is made
     }
-    std::fs::create_dir_all(&args.output)
-        .map_err(|error| Failure(format!("{}: cannot make the folder: {error}", args.output.display())))?;
+    std::fs::create_dir_all(output)
+        .map_err(|error| Failure(format!("{}: cannot make the folder: {error}", output.display())))?;
     say("the data is synthetic: a physical model of a glove on a hand, no recording");
     let mut text = String::new();
     for spec in &specs {
         let name = format!("glove{}_user{:02}_session{}", spec.glove, spec.user, spec.session);
-        let path = args.output.join(name);
+        let path = output.join(name);
         let n_messages = write(spec, &path, false)?;
         text += &format!("{}: {n_messages} messages (synthetic)\n", path.display());
     }
@@ -65,10 +82,10 @@ pub(super) fn write(spec: &SessionSpec, path: &Path, overwrite: bool) -> Result<
     let mut bag = BagWriter::create(path, WriteOptions { overwrite, ..WriteOptions::default() })?;
     bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &session.metadata() })?;
     let mut topics = Topics {
-        taxels: bag.add_topic::<TaxelArray>("/glove/taxels")?,
-        joints: bag.add_topic::<JointState>("/hand/joint_states")?,
-        truth: bag.add_topic::<WrenchStamped>("/load_cell/wrench")?,
-        stage: bag.add_topic::<Stage>("/stage")?,
+        taxels: bag.add_topic::<TaxelArray>(TAXELS)?,
+        joints: bag.add_topic::<JointState>(JOINTS)?,
+        truth: bag.add_topic::<WrenchStamped>(TRUTH)?,
+        stage: bag.add_topic::<Stage>(STAGE)?,
         bag,
         cdr: Vec::new(),
     };
@@ -94,33 +111,49 @@ struct Topics {
 impl Topics {
     fn write(&mut self, record: Record) -> Result<(), Failure> {
         let received = record.received();
-        let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
-        let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
-        match &record {
-            Record::Taxels { sequence, values, .. } => {
-                let (rows, row_period, values) = (1, Duration::default(), values.clone());
-                let message = TaxelArray { header: header("index_tip"), sequence: *sequence, rows, row_period, values };
-                self.send(self.taxels, received, &message)
-            }
-            Record::Joints { names, positions, .. } => {
-                let (velocity, effort) = (Vec::new(), Vec::new());
-                let (name, position) = (names.to_vec(), positions.clone());
-                self.send(self.joints, received, &JointState { header: header(""), name, position, velocity, effort })
-            }
-            Record::Truth { force, torque, .. } => {
-                let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
-                self.send(self.truth, received, &WrenchStamped { header: header("load_cell"), wrench })
-            }
-            &Record::Stage { stage, substage, pose, repetition, zero_load, .. } => {
-                let (substage, pose) = (substage.to_owned(), pose.to_owned());
-                let message = Stage { header: header(""), stage, substage, pose, repetition, zero_load };
-                self.send(self.stage, received, &message)
-            }
+        match message(&record) {
+            Message::Taxels(message) => self.send(self.taxels, received, &message),
+            Message::Joints(message) => self.send(self.joints, received, &message),
+            Message::Truth(message) => self.send(self.truth, received, &message),
+            Message::Stage(message) => self.send(self.stage, received, &message),
         }
     }
 
     fn send<T: WireType>(&mut self, channel: OutChannel, received: Stamp, message: &T) -> Result<(), Failure> {
         to_cdr_into(message, &mut self.cdr);
         Ok(self.bag.write(channel, 0, received, received, &self.cdr)?)
+    }
+}
+
+/// A record as it is sent.
+enum Message {
+    Taxels(TaxelArray),
+    Joints(JointState),
+    Truth(WrenchStamped),
+    Stage(Stage),
+}
+
+fn message(record: &Record) -> Message {
+    let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
+    let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
+    match record {
+        Record::Taxels { sequence, values, .. } => {
+            let (rows, row_period, values) = (1, Duration::default(), values.clone());
+            Message::Taxels(TaxelArray { header: header("index_tip"), sequence: *sequence, rows, row_period, values })
+        }
+        Record::Joints { names, positions, .. } => {
+            let (velocity, effort) = (Vec::new(), Vec::new());
+            let (name, position) = (names.to_vec(), positions.clone());
+            Message::Joints(JointState { header: header(""), name, position, velocity, effort })
+        }
+        Record::Truth { force, torque, .. } => {
+            let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
+            Message::Truth(WrenchStamped { header: header("load_cell"), wrench })
+        }
+        Record::Stage { stage, substage, pose, repetition, zero_load, .. } => {
+            let (stage, repetition, zero_load) = (*stage, *repetition, *zero_load);
+            let (substage, pose) = (substage.to_string(), pose.to_string());
+            Message::Stage(Stage { header: header(""), stage, substage, pose, repetition, zero_load })
+        }
     }
 }

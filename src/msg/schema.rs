@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::definition::{BaseType, MessageDefinition};
 
 /// Canonical name and text of every type that has a struct here, ours and the standard ones.
-const TEXTS: [(&str, &str); 15] = [
+const TEXTS: [(&str, &str); 16] = [
     ("builtin_interfaces/msg/Duration", include_str!("../../msg/standard/Duration.msg")),
     ("builtin_interfaces/msg/Time", include_str!("../../msg/standard/Time.msg")),
     ("geometry_msgs/msg/Vector3", include_str!("../../msg/standard/Vector3.msg")),
@@ -17,6 +17,7 @@ const TEXTS: [(&str, &str); 15] = [
     ("std_msgs/msg/Header", include_str!("../../msg/standard/Header.msg")),
     ("std_msgs/msg/MultiArrayDimension", include_str!("../../msg/standard/MultiArrayDimension.msg")),
     ("std_msgs/msg/MultiArrayLayout", include_str!("../../msg/standard/MultiArrayLayout.msg")),
+    ("std_msgs/msg/String", include_str!("../../msg/standard/String.msg")),
     ("tactile_pose_fusion/msg/ContactArray", include_str!("../../msg/ContactArray.msg")),
     ("tactile_pose_fusion/msg/ContactState", include_str!("../../msg/ContactState.msg")),
     ("tactile_pose_fusion/msg/Stage", include_str!("../../msg/Stage.msg")),

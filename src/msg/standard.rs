@@ -139,6 +139,17 @@ impl WireType for Duration {
     const TYPE_NAME: &'static str = "builtin_interfaces/msg/Duration";
 }
 
+/// `std_msgs/msg/String`.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Text {
+    /// The text.
+    pub data: String,
+}
+
+impl WireType for Text {
+    const TYPE_NAME: &'static str = "std_msgs/msg/String";
+}
+
 impl WireType for Header {
     const TYPE_NAME: &'static str = "std_msgs/msg/Header";
 }

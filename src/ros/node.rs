@@ -96,7 +96,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     let Setup { cfg, tree, args, environment, calibration, recorder } = setup;
     let names = Names::new(&cfg, &args.remaps)?;
     let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &environment.prefixes);
-    let bindings = bindings(&cfg, &names, &definitions)?;
+    let bindings = input_bindings(&cfg, &names, &definitions)?;
     let clock = Arc::new(Clock::new(cfg.use_sim_time));
 
     let mut graph = Graph::join(&cfg.node, &environment, &args.remaps)?;
@@ -191,13 +191,16 @@ async fn follow(subscription: Subscription, clock: Arc<Clock>) {
     }
 }
 
-fn runtime() -> Result<tokio::runtime::Runtime, NodeError> {
+pub(super) fn runtime() -> Result<tokio::runtime::Runtime, NodeError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     runtime.map_err(|source| NodeError::System { what: "runtime", source })
 }
 
 /// The type of each input and what turns its messages into samples, tactile sources first.
-fn bindings(
+///
+/// # Errors
+/// [`NodeError`] when a type is not known, or has not what the parameters say.
+pub fn input_bindings(
     cfg: &Config,
     names: &Names,
     definitions: &Definitions,

@@ -209,6 +209,18 @@ pub const MOVEMENTS: [Movement; 3] = [
     Movement { name: "roll", end: [0.95, 1.3, 1.05, 0.0] },
 ];
 
+/// What a user takes up when asked for a pose of the protocol by its name; `None` for one that nobody has shown them.
+pub fn pose_named(name: &str) -> Option<HandPose> {
+    let terminal = TERMINAL_POSES.iter().find(|pose| pose.name == name).map(|pose| pose.pose);
+    let index = || INDEX_POSES.iter().find(|pose| pose.name == name).map(|pose| INDEX_BASE.with_index(pose.index));
+    terminal.or_else(index)
+}
+
+/// Where a movement of the protocol turns back, by its name, rad.
+pub fn movement_named(name: &str) -> Option<FingerPose> {
+    MOVEMENTS.iter().find(|movement| movement.name == name).map(|movement| movement.end)
+}
+
 const LIMITS: [(f64, f64); 4] = [(-0.15, 1.3), (-0.1, 1.8), (-0.35, 1.6), (-0.45, 0.45)]; // rad, active range
 const THUMB_LIMITS: [(f64, f64); 4] = [(-0.2, 1.4), (-0.1, 1.1), (-0.3, 1.0), (-0.1, 1.1)];
 

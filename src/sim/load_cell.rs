@@ -47,6 +47,11 @@ impl LoadCell {
         }
     }
 
+    /// Sets its zero: what it reads under no load, N along z and nothing else.
+    pub(crate) fn set_zero(&mut self, normal: f64) {
+        self.offset = [0.0, 0.0, normal, 0.0, 0.0, 0.0];
+    }
+
     /// What it reads at `t_s`, which never goes back.
     pub(crate) fn read(&mut self, t_s: f64, contact: Option<Contact>) -> LoadCellReading {
         let dt_s = (t_s - self.now_s).max(0.0);

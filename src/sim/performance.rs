@@ -1,10 +1,10 @@
 //! A user goes through a plan: finger movements and touches with human variation, and the annotations that go with them.
 
 use super::hand::{
-    Finger, FingerPose, Hand, HandPose, INDEX_BASE, INDEX_POSES, MOVEMENTS, N_FINGERS, TERMINAL_POSES, Unsteadiness,
+    Finger, FingerPose, Hand, HandPose, INDEX_BASE, N_FINGERS, TERMINAL_POSES, Unsteadiness, movement_named, pose_named,
 };
-use super::protocol::{Action, POSE_S, Plan, STEP_S, Setting, Trial};
 use super::touch::{ForceStyle, Touch, minimum_jerk};
+use crate::protocol::{Action, Name, Plan, Protocol, Setting, Trial};
 use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
@@ -16,9 +16,9 @@ pub struct Annotation {
     /// 1 to 3; 0 when the session is over.
     pub stage: u8,
     /// In snake_case; empty outside of the protocol.
-    pub substage: &'static str,
+    pub substage: Name,
     /// Instructed pose or movement, in snake_case; empty when free.
-    pub pose: &'static str,
+    pub pose: Name,
     /// Counted from 0 within the substage.
     pub repetition: u16,
     /// Whether nothing touches the fingertip. Never true during a touch; false also while a touch is only expected.
@@ -65,27 +65,39 @@ impl Track {
 
 impl Performance {
     /// What a user makes of a plan.
-    pub(crate) fn new(plan: &Plan, hand: &Hand, style: &ForceStyle, noise: &mut Noise) -> Self {
-        let start = hand.aim(&TERMINAL_POSES[2].pose, noise); // relaxed
-        let mut actor = Actor {
-            hand,
-            style,
-            noise,
-            performance: Performance {
-                tracks: start.0.map(Track::new),
-                touches: Vec::new(),
-                annotations: Vec::new(),
-                end_s: 0.0,
-            },
-        };
+    pub(crate) fn new(protocol: &Protocol, plan: &Plan, hand: &Hand, style: &ForceStyle, noise: &mut Noise) -> Self {
+        let mut performance = Performance::idle(hand, noise);
+        let mut actor = Actor { hand, style, noise, pose_s: protocol.pose_s, performance: &mut performance };
+        let mut at_s = 0.0;
         for trial in plan.trials() {
-            actor.perform(trial);
+            actor.perform(trial, at_s);
+            actor.performance.annotate(protocol, trial, at_s);
+            at_s += trial.duration_s;
         }
-        let mut performance = actor.performance;
-        let over =
-            Annotation { at_s: performance.end_s, stage: 0, substage: "", pose: "", repetition: 0, zero_load: false };
+        let over = Annotation { at_s, stage: 0, substage: "".into(), pose: "".into(), repetition: 0, zero_load: false };
         performance.annotations.push(over);
+        performance.end_s = at_s;
         performance
+    }
+
+    /// A user with a relaxed hand who does nothing.
+    pub(crate) fn idle(hand: &Hand, noise: &mut Noise) -> Self {
+        let start = hand.aim(&TERMINAL_POSES[2].pose, noise); // relaxed
+        Performance {
+            tracks: start.0.map(Track::new),
+            touches: Vec::new(),
+            annotations: Vec::new(),
+            end_s: f64::INFINITY,
+        }
+    }
+
+    /// Lets go of whatever is touched, and gives up every movement and touch that has not begun.
+    pub(crate) fn stop(&mut self, at_s: f64) {
+        self.tracks.iter_mut().for_each(|track| track.moves.retain(|&(from_s, _, _)| from_s <= at_s));
+        self.touches.retain(|touch| touch.start_s <= at_s);
+        if let Some(last) = self.touches.last_mut() {
+            last.let_go(at_s);
+        }
     }
 
     /// Touches in their order.
@@ -112,36 +124,43 @@ impl Performance {
     fn next_touch(&self, t_s: f64) -> usize {
         self.touches.partition_point(|touch| touch.end_s <= t_s)
     }
+
+    fn annotate(&mut self, protocol: &Protocol, trial: &Trial, start_s: f64) {
+        for step in trial.steps(protocol) {
+            self.annotations.push(Annotation {
+                at_s: start_s + step.at_s,
+                stage: trial.stage,
+                substage: trial.substage.clone(),
+                pose: step.pose,
+                repetition: trial.repetition,
+                zero_load: step.zero_load,
+            });
+        }
+    }
 }
 
 /// Turns trials into movements and touches.
-struct Actor<'a> {
-    hand: &'a Hand,
-    style: &'a ForceStyle,
-    noise: &'a mut Noise,
-    performance: Performance,
+pub(crate) struct Actor<'a> {
+    pub(crate) hand: &'a Hand,
+    pub(crate) style: &'a ForceStyle,
+    pub(crate) noise: &'a mut Noise,
+    /// Time to take up a pose before a touch, s.
+    pub(crate) pose_s: f64,
+    pub(crate) performance: &'a mut Performance,
 }
 
 impl Actor<'_> {
-    fn perform(&mut self, trial: &Trial) {
-        let start_s = self.performance.end_s;
+    /// Does what a trial asks for, from `start_s` on. What the user has never been shown they don't do.
+    pub(crate) fn perform(&mut self, trial: &Trial, start_s: f64) {
         let end_s = start_s + trial.duration_s;
-        self.performance.end_s = end_s;
         match &trial.action {
-            Action::Hold(pose) => {
-                self.annotate(trial, start_s, TERMINAL_POSES[*pose].name, true);
-                self.take_pose(&TERMINAL_POSES[*pose].pose, start_s);
-            }
+            Action::Hold(pose) => self.take_pose(pose, start_s),
             Action::Move { movement, all_fingers } => {
-                self.annotate(trial, start_s, MOVEMENTS[*movement].name, true);
-                self.move_out_and_back(&MOVEMENTS[*movement].end, *all_fingers, start_s + 0.1, end_s - 0.1);
+                self.move_out_and_back(movement, *all_fingers, start_s + 0.1, end_s - 0.1);
             }
-            Action::MoveFreely => {
-                self.annotate(trial, start_s, "", true);
-                self.move_freely(start_s, end_s, 1.0);
-            }
+            Action::MoveFreely => self.move_freely(start_s, end_s, 1.0),
             Action::Taps(setting) => {
-                let touch_s = self.set_up(trial, *setting, start_s, end_s);
+                let touch_s = self.set_up(setting, start_s, end_s);
                 let mut at_s = touch_s + self.noise.uniform(0.15, 0.4);
                 for level in 0..3 {
                     let tap = self.style.tap(level, at_s, self.noise);
@@ -150,76 +169,69 @@ impl Actor<'_> {
                 }
             }
             Action::Press(setting) => {
-                let touch_s = self.set_up(trial, *setting, start_s, end_s);
+                let touch_s = self.set_up(setting, start_s, end_s);
                 let (from_s, until_s) =
                     (touch_s + self.noise.uniform(0.1, 0.3), end_s - self.noise.uniform(0.05, 0.25));
                 let press = self.style.varying_press(from_s, until_s, self.noise);
                 self.performance.touches.push(press);
             }
             Action::PressThrough(poses) => {
-                for (k, &pose) in poses.iter().enumerate() {
-                    let at_s = start_s + k as f64 * STEP_S;
-                    self.annotate(trial, at_s, TERMINAL_POSES[pose].name, false);
-                    self.take_pose(&TERMINAL_POSES[pose].pose, at_s);
+                let each_s = trial.duration_s / poses.len() as f64;
+                for (k, pose) in poses.iter().enumerate() {
+                    self.take_pose(pose, start_s + k as f64 * each_s);
                 }
                 let (from_s, until_s) = (start_s + self.noise.uniform(0.3, 0.7), end_s - self.noise.uniform(0.1, 0.4));
-                let press = self.style.held_press(from_s, until_s, self.noise);
-                self.performance.touches.push(press);
+                self.hold_press(from_s, until_s);
             }
-            Action::PressSequence { all_fingers } => {
-                self.annotate(trial, start_s, "bend_fold", false);
+            Action::PressSequence { movements, all_fingers } => {
                 let (from_s, until_s) = (start_s + self.noise.uniform(0.3, 0.6), end_s - self.noise.uniform(0.3, 0.6));
                 let middle_s = 0.5 * (from_s + until_s) + self.noise.uniform(-0.2, 0.2);
                 let margin_s = 0.5;
-                self.move_out_and_back(&MOVEMENTS[0].end, *all_fingers, from_s + margin_s, middle_s);
-                self.move_out_and_back(&MOVEMENTS[1].end, *all_fingers, middle_s + 0.05, until_s - margin_s);
-                let press = self.style.held_press(from_s, until_s, self.noise);
-                self.performance.touches.push(press);
+                let halves = [(from_s + margin_s, middle_s), (middle_s + 0.05, until_s - margin_s)];
+                for (movement, (from_s, until_s)) in movements.iter().zip(halves) {
+                    self.move_out_and_back(movement, *all_fingers, from_s, until_s);
+                }
+                self.hold_press(from_s, until_s);
             }
         }
     }
 
-    /// Annotates a trial with touches, takes up its pose, and says from when on it may be touched.
-    fn set_up(&mut self, trial: &Trial, setting: Setting, start_s: f64, end_s: f64) -> f64 {
-        let touch_s = start_s + POSE_S;
-        let pose = match setting {
-            Setting::Terminal(pose) => {
-                self.take_pose(&TERMINAL_POSES[pose].pose, start_s);
-                TERMINAL_POSES[pose].name
-            }
-            Setting::Index(pose) => {
-                self.take_pose(&INDEX_BASE.with_index(INDEX_POSES[pose].index), start_s);
-                INDEX_POSES[pose].name
-            }
+    /// Presses and means to hold it.
+    pub(crate) fn hold_press(&mut self, from_s: f64, until_s: f64) {
+        let press = self.style.held_press(from_s, until_s, self.noise);
+        self.performance.touches.push(press);
+    }
+
+    /// Takes up the pose of a touch, and says from when on it may be touched.
+    fn set_up(&mut self, setting: &Setting, start_s: f64, end_s: f64) -> f64 {
+        let touch_s = start_s + self.pose_s;
+        match setting {
+            Setting::Pose(pose) => self.take_pose(pose, start_s),
             Setting::Transition(pose) => {
-                self.take_pose(&INDEX_BASE, start_s);
+                self.aim_for(&INDEX_BASE, start_s);
                 let from_s = touch_s + self.noise.uniform(0.1, 0.4);
                 let until_s = end_s - self.noise.uniform(0.3, 0.7);
-                let bent = self.hand.aim(&INDEX_BASE.with_index(INDEX_POSES[pose].index), self.noise);
+                let bent = self.hand.aim(&pose_named(pose).unwrap_or(INDEX_BASE), self.noise);
                 self.track(Finger::Index).move_to(from_s, until_s - from_s, bent.finger(Finger::Index));
-                INDEX_POSES[pose].name
             }
-            Setting::Free => {
-                // The tip must still reach the load cell, so the index finger keeps out of its last third.
-                self.move_freely(start_s, end_s, 0.7);
-                ""
-            }
-        };
-        self.annotate(trial, start_s, pose, true);
-        self.annotate(trial, touch_s, pose, false);
+            // The tip must still reach the load cell, so the index finger keeps out of its last third.
+            Setting::Free => self.move_freely(start_s, end_s, 0.7),
+        }
         touch_s
     }
 
-    fn annotate(&mut self, trial: &Trial, at_s: f64, pose: &'static str, zero_load: bool) {
-        let Trial { stage, substage, repetition, .. } = *trial;
-        self.performance.annotations.push(Annotation { at_s, stage, substage, pose, repetition, zero_load });
+    /// Takes up a pose by its name.
+    pub(crate) fn take_pose(&mut self, name: &str, at_s: f64) {
+        if let Some(pose) = pose_named(name) {
+            self.aim_for(&pose, at_s);
+        }
     }
 
     fn track(&mut self, finger: Finger) -> &mut Track {
         &mut self.performance.tracks[finger as usize]
     }
 
-    fn take_pose(&mut self, asked: &HandPose, at_s: f64) {
+    fn aim_for(&mut self, asked: &HandPose, at_s: f64) {
         let aimed = self.hand.aim(asked, self.noise);
         let reaction_s = self.noise.uniform(0.1, 0.25);
         for (track, to) in self.performance.tracks.iter_mut().zip(aimed.0) {
@@ -228,11 +240,13 @@ impl Actor<'_> {
         }
     }
 
-    fn move_out_and_back(&mut self, end: &FingerPose, all_fingers: bool, start_s: f64, end_s: f64) {
+    /// Goes through a movement, by its name.
+    pub(crate) fn move_out_and_back(&mut self, movement: &str, all_fingers: bool, start_s: f64, end_s: f64) {
+        let Some(end) = movement_named(movement) else { return };
         let out = match all_fingers {
             // A thumb can't follow a finger's angles: it closes by as much as its joints allow.
-            true => HandPose([*end, *end, *end, *end, [0.7 * end[0], 0.5 * end[1], 0.4 * end[2], 0.4]]),
-            false => INDEX_BASE.with_index(*end),
+            true => HandPose([end, end, end, end, [0.7 * end[0], 0.5 * end[1], 0.4 * end[2], 0.4]]),
+            false => INDEX_BASE.with_index(end),
         };
         let (out, back) = (self.hand.aim(&out, self.noise), self.hand.aim(&INDEX_BASE, self.noise));
         let turn = self.noise.uniform(0.44, 0.56);
@@ -318,6 +332,11 @@ impl Performer {
 
     pub(crate) fn performance(&self) -> &Performance {
         &self.performance
+    }
+
+    /// Who acts from now on, in a manner of their own.
+    pub(crate) fn actor<'a>(&'a mut self, style: &'a ForceStyle, noise: &'a mut Noise, pose_s: f64) -> Actor<'a> {
+        Actor { hand: &self.hand, style, noise, pose_s, performance: &mut self.performance }
     }
 
     /// Hand and contact at `t_s`, which never goes back.

@@ -1,20 +1,27 @@
 //! What would be recorded of a synthetic session, sample by sample.
 
 mod channel;
+mod live;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use channel::{Channel, Kind, RATE_HZ, Sampling};
+pub use live::{Fault, LiveSession, Prompt};
 
 use super::glove::{GLOVES, GloveDesign, WornGlove};
 use super::hand::{Hand, JOINTS, MotionCapture};
 use super::load_cell::LoadCell;
 use super::performance::{Annotation, Performance, Performer};
-use super::protocol::{FULL_MINUTES, MIN_MINUTES, Plan};
 use super::touch::ForceStyle;
+use crate::protocol::{Name, Plan, Protocol};
 use crate::random::Noise;
 use crate::units::{NANOS_PER_SEC, Stamp};
+
+/// The shortest session that has every substage and every kind of trial, minutes.
+pub const MIN_MINUTES: f64 = 1.7;
+/// The whole protocol, minutes.
+pub const FULL_MINUTES: f64 = 27.7;
 
 /// Which session. The same one gives the same records on every machine.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,6 +62,28 @@ impl SessionSpec {
 
     pub(super) fn session_name(&self) -> String {
         format!("{}, session {}", self.user_name(), self.session)
+    }
+}
+
+/// Who goes through a session.
+struct User {
+    spec: SessionSpec,
+    hand: Hand,
+    style: ForceStyle,
+}
+
+impl User {
+    fn new(spec: &SessionSpec) -> Self {
+        let of_user = |what: &str| Noise::named(&format!("{}, {what}", spec.user_name()));
+        User {
+            hand: Hand::new(&mut of_user("hand")),
+            style: ForceStyle::new(&mut of_user("force")),
+            spec: spec.clone(),
+        }
+    }
+
+    fn of_session(&self, what: &str) -> Noise {
+        Noise::named(&format!("{}, {what}", self.spec.session_name()))
     }
 }
 
@@ -101,9 +130,9 @@ pub enum Record {
         /// 1 to 3; 0 when the session is over.
         stage: u8,
         /// In snake_case; empty outside of the protocol.
-        substage: &'static str,
+        substage: Name,
         /// In snake_case; empty when free.
-        pose: &'static str,
+        pose: Name,
         /// Counted from 0 within the substage.
         repetition: u16,
         /// Whether nothing touches the fingertip.
@@ -140,11 +169,15 @@ const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always
 /// # Errors
 /// [`SimError`] when there is no such glove or the protocol doesn't fit into that time.
 pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
-    let glove = GloveDesign::numbered(spec.glove).ok_or(SimError::Glove { got: spec.glove })?;
+    let glove = design(spec)?;
     if !(MIN_MINUTES..=FULL_MINUTES).contains(&spec.minutes) {
         return Err(SimError::Minutes { got: spec.minutes });
     }
     Ok(Session::new(spec.clone(), glove))
+}
+
+fn design(spec: &SessionSpec) -> Result<&'static GloveDesign, SimError> {
+    GloveDesign::numbered(spec.glove).ok_or(SimError::Glove { got: spec.glove })
 }
 
 /// A session as an iterator over its records, in the order of their arrival.
@@ -170,32 +203,36 @@ pub struct Session {
 
 impl Session {
     fn new(spec: SessionSpec, design: &'static GloveDesign) -> Self {
-        let of_user = |what: &str| Noise::named(&format!("{}, {what}", spec.user_name()));
-        let of_session = |what: &str| Noise::named(&format!("{}, {what}", spec.session_name()));
-        let hand = Hand::new(&mut of_user("hand"));
-        let style = ForceStyle::new(&mut of_user("force"));
-        let plan = Plan::new(spec.minutes, &format!("{}, plan", spec.session_name()));
-        let performance = Performance::new(&plan, &hand, &style, &mut of_session("performance"));
-        let mut annotations = performance.annotations().to_vec().into_iter();
-        let mut transport = of_session("transport");
+        let user = User::new(&spec);
+        let protocol = Protocol::paper();
+        let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
+        let mut noise = user.of_session("performance");
+        let performance = Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise);
         let (days, hours) = (i64::from(spec.user), i64::from(spec.session));
+        let start = Stamp((EPOCH_S + days * 86_400 + hours * 3_600).saturating_mul(NANOS_PER_SEC));
+        Session::begin(user, design, plan, performance, start)
+    }
+
+    fn begin(user: User, design: &'static GloveDesign, plan: Plan, performance: Performance, start: Stamp) -> Self {
+        let mut annotations = performance.annotations().to_vec().into_iter();
+        let mut transport = user.of_session("transport");
         Session {
             end_s: performance.end_s(),
             next_annotation: annotations.next(),
             annotations,
-            performer: Performer::new(performance, hand, of_session("unsteadiness")),
-            glove: WornGlove::new(design, &spec),
-            mocap: MotionCapture::new(&mut of_session("markers")),
-            load_cell: LoadCell::new(of_session("load cell")),
+            glove: WornGlove::new(design, &user.spec),
+            mocap: MotionCapture::new(&mut user.of_session("markers")),
+            load_cell: LoadCell::new(user.of_session("load cell")),
             names: JOINTS.iter().map(|joint| (*joint).to_owned()).collect(),
             channels: [Kind::Taxels, Kind::Joints, Kind::Truth].map(|kind| Channel::new(kind, &mut transport)),
             transport,
-            measurement: of_session("measurement"),
+            measurement: user.of_session("measurement"),
             on_the_way: BTreeMap::new(),
             n_sent: 0,
-            start: Stamp((EPOCH_S + days * 86_400 + hours * 3_600).saturating_mul(NANOS_PER_SEC)),
+            start,
             plan,
-            spec,
+            performer: Performer::new(performance, user.hand.clone(), user.of_session("unsteadiness")),
+            spec: user.spec,
         }
     }
 

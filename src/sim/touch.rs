@@ -139,6 +139,16 @@ impl Touch {
         GramForce(level * envelope)
     }
 
+    /// Ends it soon after `at_s`, if it isn't over by then.
+    pub(crate) fn let_go(&mut self, at_s: f64) {
+        const REACTION_S: f64 = 0.15; // simple reaction to something seen takes a person 0.2 s or so
+        const FALL_S: f64 = 0.06;
+        let end_s = at_s.max(self.start_s) + REACTION_S + FALL_S;
+        if end_s < self.end_s {
+            (self.end_s, self.fall_s) = (end_s, FALL_S);
+        }
+    }
+
     /// How far the finger is lifted at its MCP just before and after the touch, rad.
     pub(crate) fn lift(&self, t_s: f64) -> f64 {
         let u = if t_s < self.start_s { (self.start_s - t_s) / 0.2 } else { (t_s - self.end_s) / 0.2 };

@@ -91,6 +91,10 @@ impl Recording {
         self.with(|writer| writer.write_metadata(&record))
     }
 
+    pub(super) fn flush(&mut self) -> Result<(), BagError> {
+        self.with(|writer| writer.flush())
+    }
+
     pub(super) fn refuse(&self, why: &str) -> BagError {
         BagError::Format { path: self.out.clone(), why: why.to_owned() }
     }

@@ -1,0 +1,14 @@
+//! Leading a person through a collection protocol: what they are asked to do now, what is annotated, what the sensors
+//! tell meanwhile, and whether that is good enough to train on. Pure: time is an argument.
+
+mod checks;
+mod marks;
+mod quality;
+mod senses;
+mod session;
+
+pub use checks::{Preflight, Problem};
+pub use marks::{Mark, Marks};
+pub use quality::{ItemQuality, StageQuality};
+pub use senses::{Layout, Senses, Spread, Stream, Window};
+pub use session::{Command, Happened, Session, State};

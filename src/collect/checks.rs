@@ -1,0 +1,309 @@
+//! What is looked at before a session begins, so that an afternoon isn't lost to a broken line or a wrong name.
+
+use super::marks::Mark;
+use super::senses::{Layout, Stream, Window};
+use crate::protocol::{CheckMovement, Checks, Protocol};
+use crate::units::{NANOS_PER_SEC, Stamp};
+
+/// Substage in the annotations while checks go on.
+const SUBSTAGE: &str = "checks";
+
+/// By how much a joint has to move more than the one that should move less.
+const CLEARLY: f64 = 1.1;
+
+/// Something that is wrong, as a line: what was expected, what came, and what to do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem(pub String);
+
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// The checks, one after the other.
+#[derive(Debug, Clone)]
+pub struct Preflight {
+    checks: Checks,
+    layout: Layout,
+    /// Which check goes on: 0 is to keep still, the others are the movements.
+    at: usize,
+    began: Option<Stamp>,
+    all: Window,
+    problems: Vec<Problem>,
+    marks: Vec<Mark>,
+}
+
+impl Preflight {
+    /// Checks that have not begun.
+    pub fn new(protocol: &Protocol, layout: &Layout) -> Self {
+        Preflight {
+            checks: protocol.checks.clone(),
+            layout: layout.clone(),
+            at: 0,
+            began: None,
+            all: Window::default(),
+            problems: Vec::new(),
+            marks: Vec::new(),
+        }
+    }
+
+    /// Goes on, and takes what was sensed whenever a check is over; whether there is more to check.
+    pub fn handle_time(&mut self, now: Stamp, take_window: &mut dyn FnMut() -> Window) -> bool {
+        if self.at > self.checks.movements.len() {
+            return false;
+        }
+        let Some(began) = self.began else {
+            take_window(); // whatever came before
+            self.begin(now);
+            return true;
+        };
+        if now.nanos_since(began) < (self.seconds() * NANOS_PER_SEC as f64) as i64 {
+            return true;
+        }
+        let window = take_window();
+        self.all.merge(&window);
+        match self.at.checked_sub(1).map(|movement| &self.checks.movements[movement]) {
+            None => self.problems.extend(still(&window, &self.layout, &self.checks)),
+            Some(movement) => self.problems.extend(moved(&window, &self.layout, movement, self.checks.min_movement)),
+        }
+        self.at += 1;
+        // Nobody needs to move for a driver that isn't running.
+        if self.at == 1 && !self.problems.is_empty() {
+            self.at = self.checks.movements.len() + 1;
+            self.marks.push(Mark::outside(now));
+            return false;
+        }
+        if self.at > self.checks.movements.len() {
+            self.problems.extend(dead_taxels(&self.all, &self.layout));
+            self.marks.push(Mark::outside(now));
+            return false;
+        }
+        self.begin(now);
+        true
+    }
+
+    /// What the person is told now.
+    pub fn prompt(&self) -> &str {
+        match self.at.checked_sub(1).and_then(|movement| self.checks.movements.get(movement)) {
+            None => "In the air, away from the load cell: keep the hand still",
+            Some(movement) => &movement.ask,
+        }
+    }
+
+    /// When the check that goes on began and ends.
+    pub fn span(&self) -> Option<(Stamp, Stamp)> {
+        let began = self.began?;
+        Some((began, began.offset((self.seconds() * NANOS_PER_SEC as f64) as i64)))
+    }
+
+    /// Which check goes on, from 1, and of how many.
+    pub fn progress(&self) -> (usize, usize) {
+        let n = 1 + self.checks.movements.len();
+        ((self.at + 1).min(n), n)
+    }
+
+    /// The next annotation to be published.
+    pub fn poll(&mut self) -> Option<Mark> {
+        (!self.marks.is_empty()).then(|| self.marks.remove(0))
+    }
+
+    /// What is wrong, as far as is known.
+    pub fn problems(&self) -> &[Problem] {
+        &self.problems
+    }
+
+    fn begin(&mut self, now: Stamp) {
+        self.began = Some(now);
+        let pose = self.at.checked_sub(1).map_or("still", |movement| &*self.checks.movements[movement].pose);
+        let mark = Mark { substage: SUBSTAGE.to_owned(), pose: pose.to_owned(), zero_load: true, ..Mark::outside(now) };
+        self.marks.push(mark);
+    }
+
+    fn seconds(&self) -> f64 {
+        match self.at.checked_sub(1).and_then(|movement| self.checks.movements.get(movement)) {
+            None => self.checks.still_s,
+            Some(movement) => movement.seconds,
+        }
+    }
+}
+
+/// Streams that are silent, slow or full of holes; joints that nobody sends; a load cell away from zero.
+fn still(window: &Window, layout: &Layout, checks: &Checks) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    for stream in layout.streams() {
+        let (n, gap_s) = window.streams.get(&stream).copied().unwrap_or_default();
+        let (what, at_least) = match stream {
+            Stream::Taxels(_) => ("tactile source", checks.rates_hz[0]),
+            Stream::Joints(_) => ("joint source", checks.rates_hz[1]),
+            Stream::Force(_) => ("force sensor", checks.rates_hz[2]),
+        };
+        let name = layout.name(stream);
+        let rate = n as f64 / window.seconds.max(f64::MIN_POSITIVE);
+        problems.extend(if n == 0 {
+            Some(format!(
+                "{what} {name}: nothing came for {:.1} s; start its driver, or correct its topic",
+                window.seconds
+            ))
+        } else if rate < at_least {
+            Some(format!("{what} {name}: expected {at_least} a second at least, got {rate:.1}; see to its driver"))
+        } else if gap_s > checks.max_gap_s {
+            let most = checks.max_gap_s;
+            Some(format!(
+                "{what} {name}: nothing came for {gap_s:.2} s, expected at most {most} s; see to its connection"
+            ))
+        } else {
+            None
+        });
+    }
+    let heard: Vec<&str> = window.joints.keys().map(String::as_str).collect();
+    if !heard.is_empty() {
+        let missing = layout.joints.iter().filter(|joint| !window.joints.contains_key(*joint));
+        problems.extend(missing.map(|joint| {
+            format!("joint {joint} is in no message, which name {heard:?}; correct region.*.joints or the driver")
+        }));
+    }
+    for (name, force) in layout.force.iter().zip(&window.force) {
+        if let Some(mean) = force.mean().filter(|mean| mean.abs() > checks.load_cell_zero) {
+            let most = checks.load_cell_zero;
+            problems.push(format!(
+                "force sensor {name} reads {mean:.2} N with nothing on it, expected at most {most} N; tare it"
+            ));
+        }
+    }
+    problems.into_iter().map(Problem).collect()
+}
+
+/// Joints that did not move, or not in the order in which this movement moves them.
+fn moved(window: &Window, layout: &Layout, movement: &CheckMovement, at_least: f64) -> Vec<Problem> {
+    // Of several regions, each has a finger of its own; the one that is asked for is that which moved most.
+    let spans = |part: &str| {
+        let of_part = layout.joints.iter().filter(|joint| is_part(joint, part));
+        let spans = of_part.filter_map(|joint| window.joints.get(joint).map(|spread| (joint.as_str(), spread.span())));
+        spans.max_by(|a, b| a.1.total_cmp(&b.1))
+    };
+    let found: Vec<(&str, f64)> = movement.most_first.iter().filter_map(|part| spans(part)).collect();
+    let mut problems = Vec::new();
+    if let Some((joint, span)) = found.first().filter(|(_, span)| *span < at_least) {
+        problems.push(format!(
+            "joint {joint} moved by {span:.2} rad in the movement \"{}\", expected {at_least} at least; look at the tracker",
+            movement.pose
+        ));
+        return problems.into_iter().map(Problem).collect();
+    }
+    for pair in found.windows(2) {
+        let [(more, more_span), (less, less_span)] = [pair[0], pair[1]];
+        if more_span < CLEARLY * less_span {
+            problems.push(format!(
+                "joint {more} moved by {more_span:.2} rad and {less} by {less_span:.2} in the movement \"{}\", in which \
+                 {more} moves more; their names may be swapped",
+                movement.pose
+            ));
+        }
+    }
+    problems.into_iter().map(Problem).collect()
+}
+
+/// Whether a joint's name has a part in it: `index_mcp_flex` has `mcp_flex`.
+fn is_part(joint: &str, part: &str) -> bool {
+    joint == part || joint.ends_with(&format!("_{part}")) || joint.contains(&format!("_{part}_"))
+}
+
+/// Taxels that read the same throughout, or are at the end of their range.
+fn dead_taxels(all: &Window, layout: &Layout) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    for ((name, _), spreads) in layout.taxels.iter().zip(&all.taxels) {
+        let heard = spreads.iter().any(|spread| spread.n > 0);
+        let dead: Vec<String> = (0..spreads.len())
+            .filter(|taxel_idx| heard && spreads[*taxel_idx].span() <= 0.0)
+            .map(|taxel_idx| taxel_idx.to_string())
+            .collect();
+        if !dead.is_empty() {
+            problems.push(format!(
+                "tactile source {name}: taxels {} never changed while the hand moved; see to their lines, or leave them \
+                 out of region.*.taxels",
+                dead.join(", ")
+            ));
+        }
+    }
+    problems.into_iter().map(Problem).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::senses::Senses;
+    use super::*;
+    use crate::units::Newton;
+
+    struct Bench {
+        /// DIP, PIP, MCP: how far they go in a bend and in a fold, rad.
+        names: [&'static str; 3],
+        dead: Option<usize>,
+        force: f64,
+        joints: bool,
+    }
+
+    const GOOD: Bench =
+        Bench { names: ["index_dip", "index_pip", "index_mcp_flex"], dead: None, force: 0.03, joints: true };
+
+    fn problems(bench: &Bench) -> Vec<String> {
+        let layout = Layout {
+            taxels: vec![("glove".to_owned(), 3)],
+            joint_sources: vec!["hand".to_owned()],
+            joints: GOOD.names.map(str::to_owned).to_vec(),
+            force: vec!["cell".to_owned()],
+        };
+        let mut senses = Senses::new(layout.clone());
+        let mut preflight = Preflight::new(&Protocol::paper(), &layout);
+        let names = bench.names.map(str::to_owned);
+        let mut pose = String::new();
+        for k in 0..2000_i64 {
+            let now = Stamp(k * 10_000_000);
+            let phase = (k as f64 * 0.03).sin().abs();
+            let angles = match pose.as_str() {
+                "bend" => [1.1, 1.5, 0.15],
+                "fold" => [0.1, 0.18, 1.3],
+                _ => [0.0; 3],
+            };
+            let mut taxels = [100.0, 200.0, 300.0].map(|rest: f32| rest + phase as f32);
+            if let Some(dead) = bench.dead {
+                taxels[dead] = 512.0;
+            }
+            senses.handle_taxels(0, &taxels, now);
+            if bench.joints {
+                senses.handle_joints(0, &names, &angles.map(|angle| angle * phase), now);
+            }
+            senses.handle_force(0, Newton(bench.force), now);
+            let more = preflight.handle_time(now, &mut || senses.take_window(now));
+            while let Some(mark) = preflight.poll() {
+                assert_eq!(mark.stage, 0, "nobody trains on checks");
+                pose = mark.pose;
+            }
+            if !more {
+                return preflight.problems().iter().map(ToString::to_string).collect();
+            }
+        }
+        panic!("the checks never end");
+    }
+
+    #[test]
+    fn nothing_is_found_where_nothing_is_wrong() {
+        assert_eq!(problems(&GOOD), [""; 0]);
+    }
+
+    #[test]
+    fn a_dead_taxel_a_swapped_name_an_untared_cell_and_a_silent_source_are_told() {
+        let dead = problems(&Bench { dead: Some(1), ..GOOD });
+        assert_eq!(dead.len(), 1);
+        assert!(dead[0].starts_with("tactile source glove: taxels 1 never changed"), "{dead:?}");
+        let swapped = problems(&Bench { names: ["index_pip", "index_dip", "index_mcp_flex"], ..GOOD });
+        assert_eq!(swapped.len(), 1, "{swapped:?}");
+        assert!(swapped[0].ends_with("their names may be swapped"), "{swapped:?}");
+        let untared = problems(&Bench { force: 1.5, ..GOOD });
+        assert_eq!(untared, ["force sensor cell reads 1.50 N with nothing on it, expected at most 0.25 N; tare it"]);
+        let silent = problems(&Bench { joints: false, ..GOOD });
+        assert!(silent[0].starts_with("joint source hand: nothing came for 2.0 s"), "{silent:?}");
+        let renamed = problems(&Bench { names: ["index_dip", "pip_joint", "index_mcp_flex"], ..GOOD });
+        assert!(renamed[0].starts_with("joint index_pip is in no message, which name"), "{renamed:?}");
+    }
+}

@@ -1,0 +1,217 @@
+//! Where a collection's data comes together: what is heard, what is told to the graph, what is recorded.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::super::Failure;
+use super::super::live::Place;
+use super::folder::stage;
+use crate::bag::{BEST_EFFORT_QOS, BagMetadata, BagWriter, NewChannel, OutChannel};
+use crate::collect::{Layout, Mark, Senses};
+use crate::config::Config;
+use crate::fusion::Event;
+use crate::msg::binding::{SampleBinding, TruthBinding};
+use crate::msg::{Stage, Text, WireType, to_cdr, type_hash};
+use crate::recording::SESSION_NOTES;
+use crate::ros::definitions::Definitions;
+use crate::ros::{Delivery, Heard, Listener, Names, SpokenTopic, TopicType, input_bindings};
+use crate::sim::SYNTHETIC_TOPIC;
+use crate::units::{Newton, Stamp};
+
+/// How messages become samples.
+enum Reading {
+    Samples(SampleBinding),
+    Truth(usize, Box<TruthBinding>),
+    /// A synthetic glove says that it is one.
+    Synthetic,
+}
+
+/// A topic that is heard and recorded.
+struct Input {
+    topic: String,
+    type_name: String,
+    schema: String,
+    hash: String,
+    reading: Reading,
+}
+
+/// The part of the bag that is being written.
+struct Recording {
+    bag: BagWriter,
+    inputs: Vec<OutChannel>,
+    stage: OutChannel,
+    last: Stamp,
+}
+
+pub(super) struct Desk {
+    cfg: Config,
+    inputs: Vec<Input>,
+    listener: Listener,
+    stage: SpokenTopic,
+    pub(super) senses: Senses,
+    recording: Option<Recording>,
+    /// Messages that could not be read, by topic, and what was wrong with the first.
+    pub(super) unreadable: BTreeMap<String, (u64, String)>,
+    pub(super) synthetic: bool,
+}
+
+impl Desk {
+    /// Joins the graph and listens to what the parameters name.
+    pub(super) fn open(cfg: &Config, place: &Place) -> Result<Self, Failure> {
+        let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &place.environment.prefixes);
+        let names = Names::new(cfg, &[])?; // the graph remaps
+        let mut listening = place.join()?;
+        let mut inputs = Vec::new();
+        for (topic, (tree, binding)) in names.inputs.iter().zip(input_bindings(cfg, &names, &definitions)?) {
+            listening.hear(topic, TopicType::Defined(&tree), Delivery::Data)?;
+            let type_name = tree.type_name().to_owned();
+            let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&tree));
+            inputs.push(Input { topic: topic.clone(), type_name, schema, hash, reading: Reading::Samples(binding) });
+        }
+        for (idx, topic) in cfg.truth.iter().enumerate() {
+            let tree = definitions.tree(&topic.type_name)?;
+            let binding = TruthBinding::compile(&topic.fields, &tree)
+                .map_err(|error| Failure(format!("topic {}: {error}", topic.name)))?;
+            listening.hear(&topic.name, TopicType::Defined(&tree), Delivery::Data)?;
+            let (schema, hash) = (definitions.schema_text(&topic.type_name)?, type_hash(&tree));
+            let reading = Reading::Truth(idx, Box::new(binding));
+            inputs.push(Input { topic: topic.name.clone(), type_name: topic.type_name.clone(), schema, hash, reading });
+        }
+        let type_name = Text::TYPE_NAME.to_owned();
+        listening.hear(SYNTHETIC_TOPIC, TopicType::Known(&type_name), Delivery::Words)?;
+        let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&definitions.tree(&type_name)?));
+        let (topic, reading) = (SYNTHETIC_TOPIC.to_owned(), Reading::Synthetic);
+        inputs.push(Input { topic, type_name, schema, hash, reading });
+        let stage = listening.speak(&cfg.stage_topic, TopicType::Known(Stage::TYPE_NAME), Delivery::Words)?;
+        Ok(Desk {
+            senses: Senses::new(layout(cfg)),
+            cfg: cfg.clone(),
+            inputs,
+            listener: listening.start()?,
+            stage,
+            recording: None,
+            unreadable: BTreeMap::new(),
+            synthetic: false,
+        })
+    }
+
+    /// From now on what comes is recorded.
+    pub(super) fn record(&mut self, mut bag: BagWriter, notes: &BTreeMap<String, String>) -> Result<(), Failure> {
+        let mut notes = notes.clone();
+        notes.insert("synthetic".to_owned(), self.synthetic.to_string());
+        bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &notes })?;
+        let mut inputs = Vec::new();
+        for input in &self.inputs {
+            inputs.push(bag.add_channel(NewChannel {
+                topic: &input.topic,
+                type_name: &input.type_name,
+                schema_text: &input.schema,
+                qos_yaml: BEST_EFFORT_QOS,
+                type_hash: &input.hash,
+            })?);
+        }
+        let stage = bag.add_topic::<Stage>(&self.cfg.stage_topic)?;
+        self.recording = Some(Recording { bag, inputs, stage, last: Stamp(0) });
+        Ok(())
+    }
+
+    /// Sees what was recorded so far onto the disk.
+    pub(super) fn flush(&mut self) -> Result<(), Failure> {
+        match &mut self.recording {
+            Some(recording) => Ok(recording.bag.flush()?),
+            None => Ok(()),
+        }
+    }
+
+    /// Tells the graph what is asked for from now on, and records it.
+    pub(super) fn tell(&mut self, mark: &Mark, now: Stamp) -> Result<(), Failure> {
+        let message = stage(mark);
+        self.listener.say(self.stage, &message);
+        let Some(recording) = &mut self.recording else { return Ok(()) };
+        let at = now.max(recording.last);
+        recording.last = at;
+        Ok(recording.bag.write(recording.stage, 0, at, mark.from, &to_cdr(&message))?)
+    }
+
+    /// Takes what comes until there is nothing left, and waits for it at most so long.
+    pub(super) fn listen(
+        &mut self,
+        wait: Duration,
+        on_force: &mut dyn FnMut(usize, Stamp, Newton),
+    ) -> Result<(), Failure> {
+        let mut next = self.listener.next(wait);
+        while let Some(heard) = next {
+            self.handle(heard, on_force)?;
+            next = self.listener.poll();
+        }
+        Ok(())
+    }
+
+    /// Ends the recording, and leaves the graph.
+    pub(super) fn close(self) -> Result<(), Failure> {
+        let finished = match self.recording {
+            Some(recording) => recording.bag.finish().map(|_| ()),
+            None => Ok(()),
+        };
+        self.listener.leave();
+        Ok(finished?)
+    }
+
+    fn handle(&mut self, heard: Heard, on_force: &mut dyn FnMut(usize, Stamp, Newton)) -> Result<(), Failure> {
+        let Heard { topic, cdr, received } = heard;
+        let input = &mut self.inputs[topic.0];
+        let mut unreadable = |text: String| {
+            self.unreadable.entry(input.topic.clone()).or_insert_with(|| (0, text)).0 += 1;
+        };
+        let cdr = match cdr {
+            Ok(cdr) => cdr,
+            Err(text) => {
+                unreadable(text);
+                return Ok(());
+            }
+        };
+        if let Some(recording) = &mut self.recording {
+            let at = received.max(recording.last);
+            recording.last = at;
+            recording.bag.write(recording.inputs[topic.0], 0, at, at, &cdr)?;
+        }
+        match &mut input.reading {
+            Reading::Synthetic => self.synthetic = true,
+            Reading::Samples(binding) => match binding.decode(&cdr, received) {
+                Ok(Event::Tactile(block)) => self.senses.handle_taxels(block.source.0, block.values, received),
+                Ok(Event::Joints(sample)) => {
+                    let scale = self.cfg.fusion.joint_sources[sample.source.0].scale;
+                    let angles: Vec<f64> = sample.positions.iter().map(|position| position * scale).collect();
+                    self.senses.handle_joints(sample.source.0, sample.names, &angles, received);
+                }
+                Err(error) => unreadable(error.to_string()),
+            },
+            Reading::Truth(sensor, binding) => match binding.decode(&cdr, received) {
+                Ok((stamp, reading)) => {
+                    let source = &self.cfg.truth_sources[*sensor];
+                    let force = Newton::from(source.force(reading));
+                    self.senses.handle_force(*sensor, force, received);
+                    on_force(*sensor, stamp.offset(source.stamp_offset_ns), force);
+                }
+                Err(error) => unreadable(error.to_string()),
+            },
+        }
+        Ok(())
+    }
+}
+
+/// What the parameters name as sensors.
+fn layout(cfg: &Config) -> Layout {
+    let mut joints: Vec<String> = Vec::new();
+    for joint in cfg.fusion.regions.iter().flat_map(|region| &region.joints) {
+        if !joints.contains(joint) {
+            joints.push(joint.clone());
+        }
+    }
+    Layout {
+        taxels: cfg.fusion.tactile_sources.iter().map(|source| (source.name.clone(), source.n_taxels)).collect(),
+        joint_sources: cfg.fusion.joint_sources.iter().map(|source| source.name.clone()).collect(),
+        joints,
+        force: cfg.truth_sources.iter().map(|source| source.name.clone()).collect(),
+    }
+}

@@ -1,0 +1,122 @@
+//! A synthetic glove on a synthetic hand over a synthetic load cell that publish as drivers do, and a user who reads the
+//! prompts of `tpf collect`.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use super::super::live::{RosArguments, now};
+use super::super::{Failure, Outcome, interrupt, print, say};
+use super::{JOINTS, Message, STAGE, TAXELS, TRUTH, message};
+use crate::msg::{JointState, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
+use crate::protocol::Protocol;
+use crate::ros::{Delivery, Listener, TopicType};
+use crate::sim::{Fault, LiveSession, Prompt, SYNTHETIC_TOPIC, SessionSpec};
+
+/// The node that the synthetic glove is, unless it is given another name.
+const NODE: &str = "/synthetic_glove";
+
+/// Between looking for what is due: a tenth of a sample.
+const NAP: Duration = Duration::from_millis(1);
+
+/// How often it says that it is synthetic.
+const SAY_EVERY: Duration = Duration::from_secs(1);
+
+/// What only a glove that is there has.
+#[derive(Debug, clap::Args)]
+pub(super) struct LiveArgs {
+    /// Publish a synthetic glove, hand and load cell until interrupted, with a user who does what `tpf collect` asks for
+    #[arg(long, conflicts_with = "output")]
+    live: bool,
+    /// With --live: which user
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "live")]
+    user: u32,
+    /// With --live: which donning
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "live")]
+    donning: u32,
+    /// With --live: the protocol that the user knows, if it is not the paper's
+    #[arg(long, value_name = "FILE", requires = "live")]
+    protocol: Option<PathBuf>,
+    /// With --live: a user who goes through the protocol without looking at any prompt
+    #[arg(long, requires = "live")]
+    ignore_prompts: bool,
+    /// With --live: something that is wrong: dead-taxel, swapped-joints, untared-load-cell
+    #[arg(long, value_name = "FAULT", requires = "live", value_parser = fault)]
+    fault: Vec<Fault>,
+    #[command(flatten)]
+    ros: RosArguments,
+}
+
+impl LiveArgs {
+    pub(super) fn is_asked_for(&self) -> bool {
+        self.live
+    }
+}
+
+pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
+    let live = &args.live;
+    let protocol = match &live.protocol {
+        Some(path) => Protocol::load(path)?,
+        None => Protocol::paper(),
+    };
+    let place = live.ros.place(NODE)?;
+    let (start, started) = (now(), Instant::now());
+    let spec = SessionSpec {
+        glove: args.glove,
+        user: live.user,
+        session: live.donning,
+        seed: args.seed,
+        minutes: args.minutes,
+    };
+    let mut session = LiveSession::new(&spec, protocol, start, !live.ignore_prompts, &live.fault)?;
+    let mut listening = place.join()?;
+    let known = TopicType::Known;
+    let taxels = listening.speak(TAXELS, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
+    let joints = listening.speak(JOINTS, known(JointState::TYPE_NAME), Delivery::Data)?;
+    let truth = listening.speak(TRUTH, known(WrenchStamped::TYPE_NAME), Delivery::Data)?;
+    let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
+    listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Words)?;
+    let listener = listening.start()?;
+    say("the data is synthetic: a physical model of a glove on a hand, no recording");
+    let (mut n_sent, mut said) = (0_u64, None::<Instant>);
+    while !interrupt::happened() {
+        let t_s = started.elapsed().as_secs_f64();
+        read_prompts(&listener, &mut session, t_s);
+        while let Some(record) = session.poll(t_s) {
+            n_sent += u64::from(match message(&record) {
+                Message::Taxels(message) => listener.say(taxels, &message),
+                Message::Joints(message) => listener.say(joints, &message),
+                Message::Truth(message) => listener.say(truth, &message),
+                Message::Stage(_) => false, // who collects annotates
+            });
+        }
+        if said.is_none_or(|said| said.elapsed() >= SAY_EVERY) {
+            said = Some(Instant::now());
+            listener.say(says, &Text { data: format!("synthetic glove {} of tpf simulate", args.glove) });
+        }
+        std::thread::sleep(NAP);
+    }
+    listener.leave();
+    print(&format!("{n_sent} messages (synthetic)\n"))?;
+    Ok(Outcome::Done)
+}
+
+fn read_prompts(listener: &Listener, session: &mut LiveSession, t_s: f64) {
+    while let Some(heard) = listener.poll() {
+        let Ok(cdr) = heard.cdr else { continue };
+        let Ok(Stage { stage, substage, pose, repetition, header, .. }) = from_cdr::<Stage>(&cdr) else { continue };
+        // An annotation that is taken back is of a while ago, and asks for nothing now.
+        let age_s = heard.received.nanos_since(header.stamp.into()) as f64 * 1e-9;
+        if age_s < 1.0 {
+            session.handle_prompt(&Prompt { stage, substage, pose, repetition }, t_s);
+        }
+    }
+}
+
+fn fault(text: &str) -> Result<Fault, String> {
+    match text {
+        "dead-taxel" => Ok(Fault::DeadTaxel(2)),
+        "swapped-joints" => Ok(Fault::SwappedJoints),
+        "untared-load-cell" => Ok(Fault::UntaredLoadCell),
+        other => Err(format!("expected dead-taxel, swapped-joints or untared-load-cell, got {other:?}")),
+    }
+}

@@ -1,0 +1,196 @@
+//! The collection protocol: what a person is asked to do, in which order, and how that is annotated.
+//!
+//! It is data, a YAML file; the paper's is built in. `tpf collect` leads a person through a [`Plan`] of it, and the
+//! synthetic users of `tpf simulate` go through the same.
+
+mod file;
+mod plan;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+pub use file::{MAX_BYTES, ProtocolError};
+pub use plan::{Action, Plan, Setting, Step, Trial};
+
+/// A word that annotations carry: the name of a pose, a movement or a substage, in snake_case.
+pub type Name = Arc<str>;
+
+/// What is done in a session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Protocol {
+    /// What it is called.
+    pub name: String,
+    /// Time to take up a pose before a touch, s.
+    pub pose_s: f64,
+    /// How long before the first item, and after a pause, s.
+    pub lead_s: f64,
+    /// Time to let go of the load cell after a touch, in which nothing is annotated, s. Synthetic users need none.
+    pub let_go_s: f64,
+    /// How hard taps are.
+    pub levels: ForceLevels,
+    /// What is looked at before it begins.
+    pub checks: Checks,
+    substages: Vec<Substage>,
+    wording: BTreeMap<Name, String>,
+}
+
+/// How hard a person taps, N: from and to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForceLevels {
+    /// Light, medium and heavy.
+    pub taps: [(f64, f64); 3],
+    /// Never pass this.
+    pub most: f64,
+}
+
+/// What is looked at before a session begins.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checks {
+    /// How long nothing is to move or touch, s.
+    pub still_s: f64,
+    /// How far from zero the load cell may be then, N.
+    pub load_cell_zero: f64,
+    /// Messages a second that have to come at least: of taxels, joint angles, and the load cell.
+    pub rates_hz: [f64; 3],
+    /// Longest time without a message, s.
+    pub max_gap_s: f64,
+    /// A joint moves when its angle spans this, rad.
+    pub min_movement: f64,
+    /// Movements in the air by which joints are told apart.
+    pub movements: Vec<CheckMovement>,
+}
+
+/// A movement by which joints are told apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckMovement {
+    /// What a person is told.
+    pub ask: String,
+    /// Name of the movement, for the annotation.
+    pub pose: Name,
+    /// How long, s.
+    pub seconds: f64,
+    /// Parts of joint names: that which moves most first.
+    pub most_first: Vec<String>,
+}
+
+/// One substage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Substage {
+    /// 1 to 3.
+    pub stage: u8,
+    /// In snake_case.
+    pub name: Name,
+    task: Task,
+    repetitions: u16,
+    /// Of one item, s.
+    seconds: f64,
+    /// Items that the shortest session keeps; seconds, of free movement.
+    at_least: f64,
+    ask: String,
+    touch: String,
+}
+
+/// What is done in a substage.
+#[derive(Debug, Clone, PartialEq)]
+enum Task {
+    Hold(Vec<Name>),
+    Move { movements: Vec<Name>, all_fingers: bool },
+    MoveFreely,
+    Taps(Settings),
+    Press(Settings),
+    PressThrough(Vec<Name>),
+    PressSequence { movements: Vec<Name>, all_fingers: bool },
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Settings {
+    Poses(Vec<Name>),
+    Transitions(Vec<Name>),
+    Free,
+}
+
+impl Protocol {
+    /// The text of the paper's protocol.
+    pub const PAPER: &str = include_str!("../params/protocol.yaml");
+
+    /// The protocol of the paper.
+    ///
+    /// # Source
+    /// Pose-aware tactile gloves, Sec. IV.
+    pub fn paper() -> Self {
+        Self::parse(Self::PAPER).expect("the protocol that is built in is tested")
+    }
+
+    /// Every substage with its stage, in the order of a session.
+    pub fn substages(&self) -> impl Iterator<Item = (u8, &Name)> {
+        self.substages.iter().map(|substage| (substage.stage, &substage.name))
+    }
+
+    /// The trial that an annotation is of; `None` where this protocol has no such substage, or no such pose in it.
+    pub fn trial(&self, stage: u8, substage: &str, repetition: u16, pose: &str) -> Option<Trial> {
+        let found = self.substages.iter().find(|known| known.stage == stage && &*known.name == substage)?;
+        let known = |names: &[Name]| names.iter().find(|name| &***name == pose).cloned();
+        let setting = |settings: &Settings| match settings {
+            Settings::Poses(poses) => known(poses).map(Setting::Pose),
+            Settings::Transitions(poses) => known(poses).map(Setting::Transition),
+            Settings::Free => Some(Setting::Free),
+        };
+        let action = match &found.task {
+            Task::Hold(poses) => Action::Hold(known(poses)?),
+            Task::Move { movements, all_fingers } => {
+                Action::Move { movement: known(movements)?, all_fingers: *all_fingers }
+            }
+            Task::MoveFreely => Action::MoveFreely,
+            Task::Taps(of) => Action::Taps(setting(of)?),
+            Task::Press(of) => Action::Press(setting(of)?),
+            Task::PressThrough(poses) => Action::PressThrough(vec![known(poses)?]),
+            Task::PressSequence { movements, all_fingers } => {
+                Action::PressSequence { movements: movements.clone(), all_fingers: *all_fingers }
+            }
+        };
+        Some(Trial { stage, substage: found.name.clone(), repetition, duration_s: found.seconds, action })
+    }
+
+    /// What a person is told of a pose or movement.
+    pub fn wording<'a>(&'a self, name: &'a str) -> &'a str {
+        self.wording.get(name).map_or(name, String::as_str)
+    }
+
+    /// What a person is told in a step of a trial.
+    pub fn prompt(&self, trial: &Trial, step: &Step) -> String {
+        let of_trial = |substage: &&Substage| substage.stage == trial.stage && substage.name == trial.substage;
+        let Some(substage) = self.substages.iter().find(of_trial) else { return String::new() };
+        let text = if step.zero_load { &substage.ask } else { &substage.touch };
+        text.replace("{}", self.wording(&step.pose))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_protocol_has_its_three_stages_and_a_wording_for_everything() {
+        let protocol = Protocol::paper();
+        let stages: Vec<u8> = protocol.substages().map(|(stage, _)| stage).collect();
+        assert_eq!(stages, [[1_u8; 4].as_slice(), &[2; 9], &[3; 5]].concat());
+        let plan = Plan::new(&protocol, None, "any");
+        for trial in plan.trials() {
+            for step in &trial.steps(&protocol) {
+                let prompt = protocol.prompt(trial, step);
+                assert!(!prompt.is_empty() && !prompt.contains("{}"), "{trial:?}: {prompt:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_told_to_be_touched_while_it_is_annotated_as_zero_load() {
+        let protocol = Protocol::paper();
+        for trial in Plan::new(&protocol, None, "any").trials() {
+            for step in trial.steps(&protocol).iter().filter(|step| step.zero_load) {
+                let prompt = protocol.prompt(trial, step);
+                assert!(prompt.starts_with("In the air") || prompt.starts_with("Over the load cell"), "{prompt}");
+            }
+        }
+    }
+}
