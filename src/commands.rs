@@ -6,6 +6,7 @@ mod checks;
 mod demo;
 mod diff;
 mod eval;
+mod export;
 mod inspect;
 mod interrupt;
 #[cfg(feature = "ros")]
@@ -48,6 +49,7 @@ enum Command {
     Characterize(characterize::Args),
     Diff(diff::Args),
     Eval(Box<eval::Args>),
+    Export(Box<export::Args>),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
     #[cfg(feature = "train")]
@@ -97,6 +99,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Characterize(args) => characterize::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         #[cfg(feature = "train")]
