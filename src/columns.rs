@@ -1,53 +1,23 @@
-//! Tables as Parquet files, which DuckDB, Polars and pandas read.
+//! Tables as Parquet files, which DuckDB, Polars and pandas read, and as CSV.
+
+mod cells;
+mod csv;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use parquet::basic::{Compression, ZstdLevel};
-use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
-use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
-use parquet::schema::parser::parse_message_type;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
 use tempfile::NamedTempFile;
 
+pub use self::cells::{Cells, Kind};
+pub use self::csv::CsvFile;
 use crate::files;
-use crate::units::Stamp;
-
-/// What a column holds. A cell without a value is null.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// Text.
-    Text,
-    /// A number.
-    Number,
-    /// A whole number.
-    Whole,
-    /// Yes or no.
-    Flag,
-    /// A stamp: nanoseconds since the epoch.
-    Stamp,
-}
-
-/// The cells of a column.
-///
-/// # Shapes
-/// `[rows]`, the same in all columns of a group.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Cells {
-    /// Of [`Kind::Text`].
-    Text(Vec<Option<String>>),
-    /// Of [`Kind::Number`]; what isn't finite is written as it is.
-    Number(Vec<Option<f64>>),
-    /// Of [`Kind::Whole`].
-    Whole(Vec<Option<i64>>),
-    /// Of [`Kind::Flag`].
-    Flag(Vec<Option<bool>>),
-    /// Of [`Kind::Stamp`].
-    Stamp(Vec<Option<Stamp>>),
-}
 
 /// A table that can't be written.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +25,8 @@ pub enum Cells {
 pub enum ColumnsError {
     #[error("{path}: {error}")]
     Io { path: PathBuf, error: std::io::Error },
+    #[error("{path}: {error}")]
+    Csv { path: PathBuf, error: ::csv::Error },
     #[error("{path}: {error}")]
     Parquet { path: PathBuf, error: ParquetError },
     #[error("{path}: column {column} is {expected:?} and got {got:?} of {rows} rows, expected {n_rows} rows")]
@@ -77,8 +49,9 @@ impl ColumnFile {
     pub fn create(path: &Path, columns: &[(&str, Kind)], notes: &[(&str, String)]) -> Result<Self, ColumnsError> {
         let in_file = |error: ParquetError| ColumnsError::Parquet { path: path.to_path_buf(), error };
         let failed = |error: std::io::Error| ColumnsError::Io { path: path.to_path_buf(), error };
-        let fields: String = columns.iter().map(|(name, kind)| format!("optional {} ", kind.field(name))).collect();
-        let schema = Arc::new(parse_message_type(&format!("message table {{ {fields} }}")).map_err(in_file)?);
+        let fields = columns.iter().map(|(name, kind)| kind.field(name).map(Arc::new)).collect::<Result<_, _>>();
+        let schema = Type::group_type_builder("table").with_fields(fields.map_err(in_file)?).build();
+        let schema = Arc::new(schema.map_err(in_file)?);
         let notes = notes.iter().map(|(key, value)| KeyValue::new((*key).to_owned(), value.clone())).collect();
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
@@ -99,24 +72,23 @@ impl ColumnFile {
     pub fn write(&mut self, cells: &[Cells]) -> Result<(), ColumnsError> {
         let ColumnFile { path, columns, writer, .. } = self;
         let in_file = |error: ParquetError| ColumnsError::Parquet { path: path.clone(), error };
-        let n_rows = cells.first().map_or(0, Cells::len);
+        let n_rows = cells.first().map_or(0, Cells::n_rows);
         if n_rows == 0 {
             return Ok(());
         }
-        for ((column, expected), cells) in columns.iter().zip(cells) {
-            if cells.kind() != *expected || cells.len() != n_rows {
-                let (path, column) = (path.clone(), column.clone());
-                let (expected, got, rows) = (*expected, cells.kind(), cells.len());
-                return Err(ColumnsError::Cells { path, column, expected, got, rows, n_rows });
-            }
-        }
+        check(path, columns, cells)?;
         let mut group = writer.next_row_group().map_err(in_file)?;
-        let mut of_column = cells.iter();
-        while let (Some(mut column), Some(cells)) = (group.next_column().map_err(in_file)?, of_column.next()) {
+        for cells in cells {
+            let Some(mut column) = group.next_column().map_err(in_file)? else { break };
             cells.write(&mut column).map_err(in_file)?;
             column.close().map_err(in_file)?;
         }
         group.close().map(|_| ()).map_err(in_file)
+    }
+
+    /// Bytes on the disk so far.
+    pub fn bytes_written(&self) -> usize {
+        self.writer.bytes_written()
     }
 
     /// Gives the table its name, in place of what is there.
@@ -132,69 +104,17 @@ impl ColumnFile {
     }
 }
 
-impl Kind {
-    fn field(self, name: &str) -> String {
-        match self {
-            Kind::Text => format!("binary {name} (UTF8);"),
-            Kind::Number => format!("double {name};"),
-            Kind::Whole => format!("int64 {name};"),
-            Kind::Flag => format!("boolean {name};"),
-            Kind::Stamp => format!("int64 {name} (TIMESTAMP(NANOS,true));"),
+/// Refuses cells of other kinds or lengths than the columns of a table.
+fn check(path: &Path, columns: &[(String, Kind)], cells: &[Cells]) -> Result<(), ColumnsError> {
+    let n_rows = cells.first().map_or(0, Cells::n_rows);
+    for ((column, expected), cells) in columns.iter().zip(cells) {
+        if cells.kind() != *expected || cells.n_rows() != n_rows {
+            let (path, column) = (path.to_path_buf(), column.clone());
+            let (expected, got, rows) = (*expected, cells.kind(), cells.n_rows());
+            return Err(ColumnsError::Cells { path, column, expected, got, rows, n_rows });
         }
     }
-}
-
-impl Cells {
-    /// What it holds.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Cells::Text(_) => Kind::Text,
-            Cells::Number(_) => Kind::Number,
-            Cells::Whole(_) => Kind::Whole,
-            Cells::Flag(_) => Kind::Flag,
-            Cells::Stamp(_) => Kind::Stamp,
-        }
-    }
-
-    fn len(&self) -> usize {
-        match self {
-            Cells::Text(cells) => cells.len(),
-            Cells::Number(cells) => cells.len(),
-            Cells::Whole(cells) => cells.len(),
-            Cells::Flag(cells) => cells.len(),
-            Cells::Stamp(cells) => cells.len(),
-        }
-    }
-
-    fn write(&self, column: &mut SerializedColumnWriter<'_>) -> Result<usize, ParquetError> {
-        match self {
-            Cells::Text(cells) => {
-                let values: Vec<ByteArray> = cells.iter().flatten().map(|text| text.as_str().into()).collect();
-                column.typed::<ByteArrayType>().write_batch(&values, Some(&levels(cells)), None)
-            }
-            Cells::Number(cells) => {
-                let values: Vec<f64> = cells.iter().flatten().copied().collect();
-                column.typed::<DoubleType>().write_batch(&values, Some(&levels(cells)), None)
-            }
-            Cells::Whole(cells) => {
-                let values: Vec<i64> = cells.iter().flatten().copied().collect();
-                column.typed::<Int64Type>().write_batch(&values, Some(&levels(cells)), None)
-            }
-            Cells::Flag(cells) => {
-                let values: Vec<bool> = cells.iter().flatten().copied().collect();
-                column.typed::<BoolType>().write_batch(&values, Some(&levels(cells)), None)
-            }
-            Cells::Stamp(cells) => {
-                let values: Vec<i64> = cells.iter().flatten().map(|stamp| stamp.0).collect();
-                column.typed::<Int64Type>().write_batch(&values, Some(&levels(cells)), None)
-            }
-        }
-    }
-}
-
-/// 1 where there is a value, 0 where there is none: Parquet's definition levels.
-fn levels<T>(cells: &[Option<T>]) -> Vec<i16> {
-    cells.iter().map(|cell| i16::from(cell.is_some())).collect()
+    Ok(())
 }
 
 #[cfg(test)]
@@ -203,6 +123,7 @@ mod tests {
     use parquet::record::Field;
 
     use super::*;
+    use crate::units::Stamp;
 
     #[test]
     fn what_was_written_is_read_back_group_by_group_with_its_nulls() {
@@ -233,6 +154,41 @@ mod tests {
         assert_eq!(rows[0][..2], [Field::Str("a".to_owned()), Field::Double(0.1)]);
         assert_eq!(rows[2][..3], [Field::Str("b".to_owned()), Field::Null, Field::Long(1)]);
         assert_eq!(rows[1][3], Field::Null);
+    }
+
+    #[test]
+    fn lists_keep_their_shape_and_no_list_is_not_an_empty_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let columns = [("a/texts", Kind::Texts), ("b.vector", Kind::Vector), ("matrix", Kind::Matrix)];
+        let mut file = ColumnFile::create(&path, &columns, &[]).unwrap();
+        let texts = Cells::Texts(vec![Some(vec!["x".to_owned(), "y".to_owned()]), None, Some(Vec::new())]);
+        let values = |n: usize| (1..=n).map(|value| value as f32).collect();
+        let matrix = Cells::Matrix { n_rows: 2, n_columns: 2, values: values(12) };
+        file.write(&[texts, Cells::Vector { len: 2, values: values(6) }, matrix]).unwrap();
+        file.finish().unwrap();
+        let read = SerializedFileReader::new(File::open(&path).unwrap()).unwrap();
+        let rows = read.get_row_iter(None).unwrap().map(|row| row.unwrap().to_string());
+        assert_eq!(
+            rows.collect::<Vec<_>>(),
+            [
+                "{a/texts: [\"x\", \"y\"], b.vector: [1.0, 2.0], matrix: [[1.0, 2.0], [3.0, 4.0]]}",
+                "{a/texts: null, b.vector: [3.0, 4.0], matrix: [[5.0, 6.0], [7.0, 8.0]]}",
+                "{a/texts: [], b.vector: [5.0, 6.0], matrix: [[9.0, 10.0], [11.0, 12.0]]}",
+            ]
+        );
+    }
+
+    #[test]
+    fn csv_has_the_same_rows_with_what_needs_it_in_quotes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        let mut file = CsvFile::create(&path, &[("who, what", Kind::Text), ("n", Kind::Number)]).unwrap();
+        let text = Cells::Text(vec![Some("say \"a\",\nb".to_owned()), None]);
+        file.write(&[text, Cells::Number(vec![None, Some(0.1)])]).unwrap();
+        assert!(!path.exists(), "not before it is whole");
+        file.finish().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "\"who, what\",n\n\"say \"\"a\"\",\nb\",\n,0.1\n");
     }
 
     #[test]

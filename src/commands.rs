@@ -8,6 +8,7 @@ mod collect;
 mod demo;
 mod diff;
 mod eval;
+mod export;
 mod inspect;
 mod interrupt;
 #[cfg(feature = "ros")]
@@ -54,6 +55,7 @@ enum Command {
     Collect(collect::Args),
     Diff(diff::Args),
     Eval(Box<eval::Args>),
+    Export(Box<export::Args>),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
     #[cfg(feature = "train")]
@@ -105,6 +107,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Collect(args) => collect::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         #[cfg(feature = "train")]

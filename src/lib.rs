@@ -13,6 +13,7 @@ pub mod columns;
 pub mod commands;
 pub mod config;
 pub mod eval;
+pub mod export;
 pub mod files;
 pub mod fusion;
 pub mod model;

@@ -4,9 +4,11 @@
 //! Frames come from the same [`Fusion`] as in the live node and in replay; nothing here cuts, aligns or subtracts.
 
 mod annotations;
+mod estimates;
 mod notes;
 mod pose_quality;
 mod rows;
+mod samples;
 mod truth;
 
 use crate::bag::{BagError, BagMessage, BagReader, BagRecord, Input, InputError, Inputs};
@@ -16,9 +18,11 @@ use crate::fusion::{Event, Fusion, FusionError, Tick};
 use crate::units::Stamp;
 
 pub use annotations::{Annotation, Annotations};
+pub use estimates::EstimateTrack;
 pub use notes::{Notes, SESSION_NOTES};
 pub use pose_quality::{PoseDegrader, PoseQuality, PoseQualityError};
 pub use rows::{RowCollector, Rows};
+pub use samples::{JointTrack, SampleError, Samples, TactileTrack, newest_at, rate_hz};
 pub use truth::{TruthCounters, TruthTrack, aligned};
 
 /// Why a recording can't be read to its end.

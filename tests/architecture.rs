@@ -24,6 +24,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["files", "fusion", "msg", "units"]),
     ("recording", &["bag", "config", "eval", "fusion", "msg", "random", "units"]),
+    ("export", &["columns", "files", "fusion", "recording", "units"]),
     ("ros", &["calibration", "config", "fusion", "model", "msg", "units"]),
     (
         "commands",
@@ -35,6 +36,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "columns",
             "config",
             "eval",
+            "export",
             "files",
             "fusion",
             "model",

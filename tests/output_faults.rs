@@ -59,6 +59,9 @@ fn commands() -> Vec<Vec<&'static str>> {
         eval(&["--gate", "gates.yaml", "--junit", "disk/gates.xml"]),
         eval(&["--gate", "gates.yaml", "--jsonl", "disk/gates.jsonl"]),
         vec!["characterize", "bags", "--params-file", "params.yaml", "--report", "disk/page.html"],
+        vec!["export", "bags", "--params-file", "params.yaml", "--lerobot", "disk/dataset"],
+        vec!["export", "bags", "--params-file", "params.yaml", "--parquet", "disk/frames.parquet"],
+        vec!["export", "bags", "--params-file", "params.yaml", "--csv", "disk/frames.csv"],
     ];
     if cfg!(feature = "train") {
         let train = ["train", "bags", "--params-file", "params.yaml", "--steps", "2", "--batch", "16"];

@@ -16,8 +16,9 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-pub(super) use self::columns::recorded;
+pub(super) use self::columns::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
 use self::gates::GateFile;
+pub(super) use self::labels::{Labelled, NeedsTruth};
 use self::plan::Plan;
 use self::pose_quality::PoseQualityArgs;
 pub(super) use self::render::short_text;

@@ -8,7 +8,7 @@ use tempfile::{TempDir, TempPath};
 
 use super::{BagError, WriteOptions};
 use crate::bag::layout::{self, METADATA_FILE};
-use crate::files::temporary_in;
+use crate::files::{temporary_folder_in, temporary_in};
 
 /// A bag that has no name yet; dropped, it is gone.
 pub(super) struct Output {
@@ -52,7 +52,7 @@ impl Output {
                 Output { out: out.to_path_buf(), parent, file_name: name, overwrite: options.overwrite, place };
             return Ok((output, file));
         }
-        let folder = new_folder(&parent, &prefix).map_err(io_error)?;
+        let folder = temporary_folder_in(&parent, &prefix).map_err(io_error)?;
         let file_name = format!("{name}_0.mcap");
         let file = File::create_new(folder.path().join(&file_name)).map_err(io_error)?;
         let place = Place::Folder(folder);
@@ -135,7 +135,7 @@ fn put_folder(
     if std::fs::symlink_metadata(out).is_ok() {
         // What is there now may not be what was there at the start.
         refuse_existing(out, false, overwrite)?;
-        let aside = new_folder(parent, ".replaced.").map_err(io_error)?;
+        let aside = temporary_folder_in(parent, ".replaced.").map_err(io_error)?;
         let old = aside.path().join("old");
         std::fs::rename(out, &old).map_err(io_error)?;
         if let Err(error) = std::fs::rename(temp.path(), out) {
@@ -198,13 +198,4 @@ fn holds_other_bags(folder: &Path, file_name: &str) -> bool {
         let name = entry.file_name().to_string_lossy().into_owned();
         name != file_name && (name.ends_with(".mcap") || name.ends_with(".db3"))
     })
-}
-
-/// A temporary folder, with the permissions that any new folder gets.
-fn new_folder(parent: &Path, prefix: &str) -> io::Result<TempDir> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix).suffix(".tmp");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-    builder.tempdir_in(parent)
 }

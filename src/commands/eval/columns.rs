@@ -12,46 +12,36 @@ use super::labels::{Labelled, NeedsTruth};
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames};
-use crate::fusion::{ContactDetector, ContactThresholds, Fusion, Regressor};
+use crate::fusion::{Fusion, Regressor};
 use crate::model::ModelInfo;
-use crate::msg::{ContactArray, ContactState, EstimateTopics, WireType, from_cdr};
-use crate::recording::{Labels, Listener, PoseDegrader, PoseQuality, read};
-use crate::units::{Newton, Stamp};
-
-/// The estimates of one region by one series, frame by frame.
-#[derive(Debug, Default, Clone)]
-pub(super) struct Column {
-    pub(super) stamp: Vec<Stamp>,
-    pub(super) force: Vec<Option<Newton>>,
-    pub(super) base: Vec<Option<Newton>>,
-    pub(super) contact: Vec<bool>,
-    pub(super) pose_age_ns: Vec<Option<i64>>,
-}
+use crate::msg::{ContactArray, EstimateTopics, WireType, from_cdr};
+use crate::recording::{EstimateTrack, Labels, Listener, PoseDegrader, PoseQuality, read};
+use crate::units::Stamp;
 
 /// A model on its way through a session: its configuration, and what runs it.
-pub(super) struct Core {
-    pub(super) cfg: Config,
-    pub(super) infos: Vec<ModelInfo>,
+pub(in crate::commands) struct Core {
+    pub(in crate::commands) cfg: Config,
+    pub(in crate::commands) infos: Vec<ModelInfo>,
     /// What becomes of the joint angles before they reach it.
-    pub(super) quality: PoseQuality,
-    pub(super) regressors: Vec<Box<dyn Regressor>>,
+    pub(in crate::commands) quality: PoseQuality,
+    pub(in crate::commands) regressors: Vec<Box<dyn Regressor>>,
 }
 
 /// What models made of a session.
-pub(super) struct Modelled {
+pub(in crate::commands) struct Modelled {
     /// `[models][regions]`
-    pub(super) columns: Vec<Vec<Column>>,
+    pub(in crate::commands) columns: Vec<Vec<EstimateTrack>>,
     /// The models, for the next session.
-    pub(super) cores: Vec<Core>,
+    pub(in crate::commands) cores: Vec<Core>,
     /// `[models]`: what became of all that went in.
-    pub(super) counters: Vec<serde_json::Value>,
-    pub(super) zero: Option<ZeroFrom>,
+    pub(in crate::commands) counters: Vec<serde_json::Value>,
+    pub(in crate::commands) zero: Option<ZeroFrom>,
     /// What was lost of the bag.
-    pub(super) losses: Vec<String>,
+    pub(in crate::commands) losses: Vec<String>,
 }
 
 /// Runs models over the stretches of a session that are scored; `done` grows by the bytes that were read.
-pub(super) fn run_models(
+pub(in crate::commands) fn run_models(
     bag: &Path,
     labelled: &Labelled,
     cores: Vec<Core>,
@@ -71,8 +61,8 @@ pub(super) fn run_models(
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
     let zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
     let offset_ns = cfg.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
-    let mut columns: Vec<Vec<Column>> =
-        cores.iter().map(|core| vec![Column::default(); core.cfg.fusion.regions.len()]).collect();
+    let mut columns: Vec<Vec<EstimateTrack>> =
+        cores.iter().map(|core| vec![EstimateTrack::default(); core.cfg.fusion.regions.len()]).collect();
     let (mut fusions, mut kept) = (Vec::new(), Vec::new());
     for core in cores {
         let mut fusion = Fusion::new(core.cfg.fusion.clone(), core.regressors)?;
@@ -84,12 +74,7 @@ pub(super) fn run_models(
     let listener = Listener::<Stopped> {
         on_tick: &mut |core_idx, tick| {
             for estimate in &tick.estimates {
-                let column = &mut columns[core_idx][estimate.region];
-                column.stamp.push(tick.stamp);
-                column.force.push(estimate.force);
-                column.base.push(estimate.force_base);
-                column.contact.push(estimate.contact.state);
-                column.pose_age_ns.push(estimate.pose_age_ns);
+                columns[core_idx][estimate.region].handle_estimate(tick.stamp, estimate);
             }
         },
         on_other: &mut |_| Ok(()),
@@ -120,11 +105,15 @@ pub(super) fn run_models(
 }
 
 /// Reads the estimates that a bag holds. `[regions]`
-pub(super) fn read_estimates(bag: &Path, cfg: &Config, topic: &str) -> Result<(Vec<Column>, Vec<String>), Failure> {
+pub(in crate::commands) fn read_estimates(
+    bag: &Path,
+    cfg: &Config,
+    topic: &str,
+) -> Result<(Vec<EstimateTrack>, Vec<String>), Failure> {
     let mut reader = BagReader::open(&[bag.to_path_buf()])?;
     let topics = InputTopics { taxels: Vec::new(), joints: Vec::new(), ..input_topics(cfg) };
     let mut inputs = Inputs::new(topics, &mut reader)?;
-    let columns = RefCell::new(vec![Column::default(); cfg.fusion.regions.len()]);
+    let columns = RefCell::new(vec![EstimateTrack::default(); cfg.fusion.regions.len()]);
     let listener = Listener::<Stopped> {
         on_tick: &mut |_, _| {},
         on_other: &mut |message| {
@@ -137,7 +126,7 @@ pub(super) fn read_estimates(bag: &Path, cfg: &Config, topic: &str) -> Result<(V
             for state in &array.contacts {
                 let region = cfg.fusion.regions.iter().position(|region| region.name == state.region);
                 if let Some(region) = region {
-                    columns.borrow_mut()[region].push_state(stamp, state);
+                    columns.borrow_mut()[region].handle_state(stamp, state);
                 }
             }
             Ok(())
@@ -164,7 +153,7 @@ pub(in crate::commands) fn recorded(bag: &Path, cfg: &Config) -> Result<ScoredFr
 }
 
 /// Whether bags hold estimates of a node.
-pub(super) fn hold_estimates(bags: &[PathBuf], topic: &str) -> bool {
+pub(in crate::commands) fn hold_estimates(bags: &[PathBuf], topic: &str) -> bool {
     let holds = |bag: &PathBuf| {
         let mut reader = BagReader::open(std::slice::from_ref(bag)).ok()?;
         reader.scan(&[topic]).ok()?;
@@ -173,29 +162,4 @@ pub(super) fn hold_estimates(bags: &[PathBuf], topic: &str) -> bool {
     // Bags that can't be read say so when it is their turn.
     let mut known = bags.iter().filter_map(holds).peekable();
     known.peek().is_some() && known.all(|holds| holds)
-}
-
-impl Column {
-    /// The base force as if it were all there is, with the contact that it alone would tell.
-    pub(super) fn base_alone(&self, thresholds: ContactThresholds) -> Column {
-        let mut detector = ContactDetector::new(thresholds);
-        let contacts =
-            self.stamp.iter().zip(&self.base).map(|(stamp, base)| detector.handle_force(*stamp, *base).state);
-        Column {
-            stamp: self.stamp.clone(),
-            contact: contacts.collect(),
-            force: self.base.clone(),
-            base: vec![None; self.base.len()],
-            pose_age_ns: self.pose_age_ns.clone(),
-        }
-    }
-
-    fn push_state(&mut self, stamp: Stamp, state: &ContactState) {
-        let force = |value: f64| Some(Newton(value)).filter(|force| force.0.is_finite());
-        self.stamp.push(stamp);
-        self.force.push(force(state.force));
-        self.base.push(force(state.force_base));
-        self.contact.push(state.contact);
-        self.pose_age_ns.push(state.pose_age.is_finite().then(|| (state.pose_age * 1e9).round() as i64));
-    }
 }

@@ -8,12 +8,11 @@ use super::super::sessions::{Stopped, fingerprint, session_name};
 use super::super::setup::input_topics;
 use super::super::zero::ZeroFrom;
 use super::super::{Failure, interrupt};
-use super::columns::Column;
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, Timing, ZeroLoadCheck};
 use crate::fusion::ContactThresholds;
-use crate::recording::{Annotations, Labels, Listener, Notes, TruthTrack, aligned, read};
+use crate::recording::{Annotations, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, read};
 use crate::units::{GramForce, Stamp};
 
 /// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
@@ -52,11 +51,13 @@ pub(super) struct SessionSummary {
 
 /// Which force sensors a bag must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum NeedsTruth {
+pub(in crate::commands) enum NeedsTruth {
     /// Those of the parameters: one that was asked for by its topic.
     All,
     /// None: without one there are no scores, and the rest is told.
     None,
+    /// None, and none that can't be tared for want of annotations.
+    Tared,
 }
 
 /// A force sensor's readings and their zero.
@@ -68,7 +69,7 @@ pub(super) struct Truth {
 
 /// Labels of a session, and where it is cut.
 #[derive(Debug)]
-pub(super) struct Labelled {
+pub(in crate::commands) struct Labelled {
     notes: Notes,
     annotations: Annotations,
     cuts: Option<Cuts>,
@@ -79,7 +80,12 @@ pub(super) struct Labelled {
 
 impl Labelled {
     /// Reads truth and annotations.
-    pub(super) fn read(bag: &Path, cfg: &Config, split: Option<Split>, needs: NeedsTruth) -> Result<Self, Failure> {
+    pub(in crate::commands) fn read(
+        bag: &Path,
+        cfg: &Config,
+        split: Option<Split>,
+        needs: NeedsTruth,
+    ) -> Result<Self, Failure> {
         let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
         let mut reader = BagReader::open(&[bag.to_path_buf()])?;
         let names: Vec<&str> = cfg.truth.iter().map(|topic| topic.name.as_str()).collect();
@@ -109,7 +115,7 @@ impl Labelled {
         };
         read(&mut reader, &mut inputs, &mut labels, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
         inputs.check_end(std::iter::empty()).map_err(|error| in_bag(&error))?;
-        let Labels { notes, annotations, truth: tracks } = labels;
+        let Labels { notes, annotations, truth: mut tracks } = labels;
         let mut missing = Vec::new();
         match (names.is_empty(), absent.as_slice()) {
             (true, _) => missing.push(
@@ -123,7 +129,9 @@ impl Labelled {
         }
         if annotations.is_empty() {
             let lack = format!("no stage annotations on {}", cfg.stage_topic);
-            if !tracks.is_empty() {
+            if needs == NeedsTruth::Tared {
+                tracks.clear();
+            } else if !tracks.is_empty() {
                 return Err(in_bag(&format!(
                     "{lack}; the true force is tared on stretches that they mark as free of load: record that topic, or set stage_topic"
                 )));
@@ -162,15 +170,14 @@ impl Labelled {
     /// Puts a region's estimates beside its truth, if it has one.
     pub(super) fn frames(
         &self,
-        column: &Column,
+        column: &EstimateTrack,
         truth_idx: Option<usize>,
         window_ns: i64,
         max_gap: std::time::Duration,
         thresholds: ContactThresholds,
         origin: &Origin,
     ) -> ScoredFrames {
-        let truth = truth_idx.and_then(|idx| self.truth[idx].as_ref());
-        let truth = truth.map(|Truth { track, tare }| aligned(track, tare, &column.stamp, max_gap));
+        let truth = self.truth_at(truth_idx, &column.stamp, max_gap);
         let mut frames = ScoredFrames::default();
         for annotation in self.annotations.all() {
             let (stage, substage) = (annotation.stage.to_string(), annotation.substage.clone());
@@ -210,6 +217,27 @@ impl Labelled {
             frames.origin.push(annotation);
         }
         frames
+    }
+
+    /// `[stamps]`: the true force of a force sensor, if there is one.
+    pub(in crate::commands) fn truth_at(
+        &self,
+        truth_idx: Option<usize>,
+        stamps: &[Stamp],
+        max_gap: std::time::Duration,
+    ) -> Option<Vec<Option<GramForce>>> {
+        let Truth { track, tare } = truth_idx.and_then(|idx| self.truth[idx].as_ref())?;
+        Some(aligned(track, tare, stamps, max_gap))
+    }
+
+    /// What the recorder noted.
+    pub(in crate::commands) fn notes(&self) -> &Notes {
+        &self.notes
+    }
+
+    /// What the protocol asked for.
+    pub(in crate::commands) fn annotations(&self) -> &Annotations {
+        &self.annotations
     }
 
     /// What results say of it, but for what was estimated.

@@ -9,14 +9,14 @@ use super::super::setup::{
 };
 use super::super::zero::ZeroArgs;
 use super::super::{Failure, say};
-use super::columns::{Column, Core, Modelled, hold_estimates, read_estimates, run_models};
+use super::columns::{Core, Modelled, hold_estimates, read_estimates, run_models};
 use super::labels::{Labelled, NeedsTruth, SessionSummary};
 use super::{Args, scored};
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
 use crate::fusion::Regressor;
 use crate::msg::EstimateTopics;
-use crate::recording::PoseQuality;
+use crate::recording::{EstimateTrack, PoseQuality};
 
 /// What is done with every session.
 pub(super) struct Plan<'a> {
@@ -184,7 +184,7 @@ impl<'a> Plan<'a> {
                     SeriesSource::Recorded => (&recorded[region_idx], 0),
                 };
                 let own;
-                let column: &Column = match series.which {
+                let column: &EstimateTrack = match series.which {
                     Which::Corrected => column,
                     Which::Base => {
                         own = column.base_alone(region.contact);
