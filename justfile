@@ -33,6 +33,7 @@ deny:
 
 # Test the live node against a real ROS 2, in a network namespace of its own
 ros-test distro="kilted":
+    scripts/tmux
     scripts/ros-venv {{distro}}
     TPF_REQUIRE_ROS=1 tests/ros/test {{distro}}
 

@@ -14,6 +14,8 @@ mod interrupt;
 #[cfg(feature = "ros")]
 mod live;
 #[cfg(feature = "ros")]
+mod monitor;
+#[cfg(feature = "ros")]
 mod play;
 mod progress;
 mod replay;
@@ -47,6 +49,8 @@ enum Command {
     Replay(replay::Args),
     #[cfg(feature = "ros")]
     Run(run::Args),
+    #[cfg(feature = "ros")]
+    Monitor(monitor::Args),
     #[cfg(feature = "ros")]
     Play(play::Args),
     Calibrate(calibrate::Args),
@@ -99,6 +103,8 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Replay(args) => replay::run(&args),
         #[cfg(feature = "ros")]
         Command::Run(args) => run::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Monitor(args) => monitor::run(&args),
         #[cfg(feature = "ros")]
         Command::Play(args) => play::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

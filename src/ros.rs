@@ -31,8 +31,10 @@ mod parameters;
 mod player;
 mod services;
 
+pub use calibrator::{Calibrator, Purpose, Sample};
 pub use engine::Record;
 pub use entities::Names;
+pub use interfaces::{DIAGNOSTICS_TYPE, Health, read_diagnostics};
 pub use listener::{Delivery, Heard, HeardTopic, Listener, Listening, SpokenTopic};
 pub use middleware::TopicType;
 pub use node::{NodeError, Setup, input_bindings, run};

@@ -17,28 +17,7 @@ use tactile_pose_fusion::msg::{Stage, WrenchStamped};
 use tactile_pose_fusion::units::Stamp;
 
 /// A protocol of a quarter of a minute that has every kind of thing in it.
-const PROTOCOL: &str = "
-name: tests
-pose_seconds: 0.5
-lead_seconds: 0.5
-let_go_seconds: 0.5
-force_levels: {light: [0.2, 1.5], medium: [0.8, 4.0], heavy: [2.0, 9.0], most: 10.0}
-poses: {flat: flat hand, claw: claw, cup: hold a cup}
-movements: {bend: bend, fold: fold}
-substages:
-  - {stage: 1, name: poses, do: hold, at: [flat, claw], repetitions: 2, seconds: 1, ask: 'In the air: {}'}
-  - {stage: 2, name: presses, do: press, at: [flat, cup], repetitions: 1, seconds: 2.5, ask: 'Over: {}', touch: Press}
-  - {stage: 3, name: transitions, do: press_through, at: [flat, cup, claw], repetitions: 1, seconds: 1, touch: 'Hold: {}'}
-  - {stage: 3, name: in_air, do: move_freely, seconds: 1.5, ask: 'In the air'}
-checks:
-  still_seconds: 1
-  load_cell_zero: 0.25
-  rates: {taxels: 50, joints: 50, force: 50} # a machine that runs tests is busy
-  max_gap_seconds: 0.9
-  min_movement: 0.2
-  movements:
-    - {ask: bend, pose: bend, seconds: 4, most_first: [pip, dip, mcp_flex]}
-";
+const PROTOCOL: &str = include_str!("ros/quarter_minute.yaml");
 
 /// A synthetic glove that publishes until it is dropped.
 struct Glove(Child);
@@ -212,4 +191,33 @@ fn a_user_who_ignores_prompts_is_told_of() {
     let flagged =
         done.stderr.contains("while nothing was to be touched") || done.stderr.contains("of the time, expected 50 %");
     assert!(flagged, "{done:?}");
+}
+
+#[test]
+#[cfg(feature = "train")]
+fn the_whole_way_from_a_glove_to_a_dataset_is_walked() {
+    if !common::skip::isolated() {
+        return;
+    }
+    if Command::new("tmux").arg("-V").output().is_err() {
+        assert!(std::env::var_os("TPF_REQUIRE_ROS").is_none(), "tmux is not here; run scripts/tmux");
+        return common::skip::skipped("tmux is not here; scripts/tmux installs it");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let way = folder.path().join("way");
+    let mut script = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros/glove_to_robot"));
+    let walked = script.arg(&way).arg("short").env("TPF", env!("CARGO_BIN_EXE_tpf")).output().unwrap();
+    let walked: Run = walked.into();
+    assert_eq!(walked.code, 0, "{walked:?}");
+    // What each step says that went well.
+    for expected in
+        ["model   anna.onnx", "good: nothing was touched", "| index ", "estimating", "1 of 1 bags in dataset"]
+    {
+        assert!(walked.stdout.contains(expected), "{expected}: {walked:?}");
+    }
+    for made in
+        ["anna_1/anna_1.mcap", "anna_2/anna_2.mcap", "anna.onnx", "zero.yaml", "run.mcap", "dataset/meta/info.json"]
+    {
+        assert!(way.join(made).exists(), "{made}: {walked:?}");
+    }
 }

@@ -8,7 +8,13 @@ use crate::units::{NANOS_PER_SEC, Stamp};
 /// Substage in the annotations while checks go on.
 const SUBSTAGE: &str = "checks";
 
-/// By how much a joint has to move more than the one that should move less.
+/// How long the graph gets to find every stream, ns.
+const LATE_NS: i64 = 3 * NANOS_PER_SEC;
+
+/// How long a person gets to let go of things and to come to rest, ns.
+const SETTLE_NS: i64 = 3 * NANOS_PER_SEC / 2;
+
+/// By how much a joint that should move less has to move more before its name is doubted: hands differ.
 const CLEARLY: f64 = 1.1;
 
 /// Something that is wrong, as a line: what was expected, what came, and what to do.
@@ -28,7 +34,10 @@ pub struct Preflight {
     layout: Layout,
     /// Which check goes on: 0 is to keep still, the others are the movements.
     at: usize,
+    first: Option<Stamp>,
     began: Option<Stamp>,
+    /// Whether a person gets to let go of things and to come to rest.
+    settling: bool,
     all: Window,
     problems: Vec<Problem>,
     marks: Vec<Mark>,
@@ -41,7 +50,9 @@ impl Preflight {
             checks: protocol.checks.clone(),
             layout: layout.clone(),
             at: 0,
+            first: None,
             began: None,
+            settling: true,
             all: Window::default(),
             problems: Vec::new(),
             marks: Vec::new(),
@@ -49,16 +60,25 @@ impl Preflight {
     }
 
     /// Goes on, and takes what was sensed whenever a check is over; whether there is more to check.
-    pub fn handle_time(&mut self, now: Stamp, take_window: &mut dyn FnMut() -> Window) -> bool {
+    ///
+    /// Checks begin when every stream was heard, or is late.
+    pub fn handle_time(&mut self, now: Stamp, all_heard: bool, take_window: &mut dyn FnMut() -> Window) -> bool {
         if self.at > self.checks.movements.len() {
             return false;
         }
+        let first = *self.first.get_or_insert(now);
         let Some(began) = self.began else {
-            take_window(); // whatever came before
-            self.begin(now);
+            if all_heard || now.nanos_since(first) >= LATE_NS {
+                take_window(); // whatever came before
+                self.begin(now);
+            }
             return true;
         };
-        if now.nanos_since(began) < (self.seconds() * NANOS_PER_SEC as f64) as i64 {
+        if self.settling && now.nanos_since(began) >= SETTLE_NS {
+            self.settling = false;
+            take_window(); // whatever was still held
+        }
+        if now < self.end(began) {
             return true;
         }
         let window = take_window();
@@ -94,7 +114,7 @@ impl Preflight {
     /// When the check that goes on began and ends.
     pub fn span(&self) -> Option<(Stamp, Stamp)> {
         let began = self.began?;
-        Some((began, began.offset((self.seconds() * NANOS_PER_SEC as f64) as i64)))
+        Some((began, self.end(began)))
     }
 
     /// Which check goes on, from 1, and of how many.
@@ -111,6 +131,11 @@ impl Preflight {
     /// What is wrong, as far as is known.
     pub fn problems(&self) -> &[Problem] {
         &self.problems
+    }
+
+    fn end(&self, began: Stamp) -> Stamp {
+        let settle_ns = if self.at == 0 { SETTLE_NS } else { 0 };
+        began.offset(settle_ns + (self.seconds() * NANOS_PER_SEC as f64) as i64)
     }
 
     fn begin(&mut self, now: Stamp) {
@@ -193,7 +218,7 @@ fn moved(window: &Window, layout: &Layout, movement: &CheckMovement, at_least: f
     }
     for pair in found.windows(2) {
         let [(more, more_span), (less, less_span)] = [pair[0], pair[1]];
-        if more_span < CLEARLY * less_span {
+        if less_span > CLEARLY * more_span {
             problems.push(format!(
                 "joint {more} moved by {more_span:.2} rad and {less} by {less_span:.2} in the movement \"{}\", in which \
                  {more} moves more; their names may be swapped",
@@ -274,7 +299,7 @@ mod tests {
                 senses.handle_joints(0, &names, &angles.map(|angle| angle * phase), now);
             }
             senses.handle_force(0, Newton(bench.force), now);
-            let more = preflight.handle_time(now, &mut || senses.take_window(now));
+            let more = preflight.handle_time(now, k > 100, &mut || senses.take_window(now));
             while let Some(mark) = preflight.poll() {
                 assert_eq!(mark.stage, 0, "nobody trains on checks");
                 pose = mark.pose;

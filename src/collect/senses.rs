@@ -216,6 +216,11 @@ impl Senses {
         self.last.get(&stream).map(|last| seconds(now.nanos_since(*last)))
     }
 
+    /// Whether every stream was heard.
+    pub fn all_heard(&self) -> bool {
+        self.layout.streams().iter().all(|stream| self.last.contains_key(stream))
+    }
+
     /// The last readings of a tactile source; NaN where there is none yet.
     pub fn taxels(&self, source: usize) -> &[f64] {
         &self.taxels[source]

@@ -1,4 +1,7 @@
-//! `tpf calibrate`: the zero-load baseline of a bag, kept in a file.
+//! `tpf calibrate`: the zero-load baseline of a bag, or of a glove that is worn now, kept in a file.
+
+#[cfg(feature = "ros")]
+mod live;
 
 use std::path::PathBuf;
 
@@ -6,13 +9,15 @@ use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, print};
 use crate::bag::{BagReader, Input, Inputs};
+use crate::calibration::Calibration;
 use crate::fusion::Fusion;
 
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// MCAP files or bag folders; several are parts of one recording
-    #[arg(required = true, value_name = "BAG")]
+    #[cfg_attr(feature = "ros", arg(required_unless_present = "live", value_name = "BAG"))]
+    #[cfg_attr(not(feature = "ros"), arg(required = true, value_name = "BAG"))]
     bags: Vec<PathBuf>,
     #[command(flatten)]
     params: ParamArgs,
@@ -24,12 +29,19 @@ pub(super) struct Args {
     /// Take the first seconds, in which nothing may touch the glove, instead of annotated zero-load stretches
     #[arg(long, value_name = "SECONDS", value_parser = super::zero::seconds)]
     calibrate_first: Option<f64>,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    live: live::LiveArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut cfg = args.params.load()?;
     args.models.apply(&mut cfg)?;
     cfg.calibration.file = None; // a new calibration doesn't start from the old one
+    #[cfg(feature = "ros")]
+    if args.live.live {
+        return live::run(args, cfg);
+    }
     let models = load_models(&cfg)?;
     let mut zero = ZeroArgs::first(args.calibrate_first).find(&cfg, &args.bags, &models.infos)?;
     let calibration = zero.to_calibration(&cfg, &models.infos);
@@ -52,12 +64,26 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     calibration.save(&args.output)?;
     let mut text = format!("{}: zero from {}\n", shown(&args.output), zero.from);
+    text += &verdict(&calibration);
+    print(&text)?;
+    Ok(Outcome::Done)
+}
+
+/// What a person should make of a calibration.
+fn verdict(calibration: &Calibration) -> String {
+    let mut text = String::new();
     for (name, baseline) in &calibration.sources {
         let faulty: Vec<String> =
             (0..baseline.faulty.len()).filter(|&idx| baseline.faulty[idx]).map(|idx| idx.to_string()).collect();
         let dead = if faulty.is_empty() { "none".to_owned() } else { faulty.join(", ") };
         text += &format!("  tactile {name}: {} taxels, never moved: {dead}\n", baseline.median.len());
     }
-    print(&text)?;
-    Ok(Outcome::Done)
+    let faulty = calibration.sources.values().any(|baseline| baseline.faulty.contains(&true));
+    text += match faulty {
+        false => "  good: nothing was touched, and every taxel is alive\n",
+        true => {
+            "  usable: nothing was touched, but estimates of taxels that never moved will be flagged FAULTY_TAXEL\n"
+        }
+    };
+    text
 }

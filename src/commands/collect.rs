@@ -273,7 +273,8 @@ impl Collection {
             let now = now();
             phase = match phase {
                 Phase::Checking(mut checks) => {
-                    let more = checks.handle_time(now, &mut || desk.senses.take_window(now));
+                    let all_heard = desk.senses.all_heard();
+                    let more = checks.handle_time(now, all_heard, &mut || desk.senses.take_window(now));
                     while let Some(mark) = checks.poll() {
                         desk.tell(&mark, now)?;
                     }
@@ -447,7 +448,10 @@ impl Collection {
             Phase::Found(problems) => {
                 view.mood = Mood::Wrong;
                 view.place = "checks".to_owned();
-                view.prompt = format!("{} checks failed", problems.len());
+                view.prompt = match problems.len() {
+                    1 => "A check failed".to_owned(),
+                    n => format!("{n} checks failed"),
+                };
                 view.notes.clone_from(problems);
                 view.keys = "r check again   c begin anyway   q quit";
                 view

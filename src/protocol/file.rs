@@ -362,7 +362,7 @@ mod tests {
             ),
             ("seconds: 2\n", "seconds: -2\n", "terminal_poses: expected more than 0 and at most 600 s, got -2"),
             ("name: index_movements", "name: Index", "substages: expected a name in snake_case, got \"Index\""),
-            ("  medium: [1.0, 3.0]", "  medium: [0.1, 3.0]", "force_levels: expected light below medium"),
+            ("  medium: [0.8, 4.0]", "  medium: [0.1, 4.0]", "force_levels: expected light below medium"),
             (
                 "pose_seconds: 1.0",
                 "pose_seconds: 4.0",

@@ -14,8 +14,9 @@ use crate::units::{NANOS_PER_SEC, Newton, Stamp, nanos};
 
 /// An event that owns what it holds, so that it can be kept.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Sample {
-    /// Taxels.
+pub enum Sample {
+    /// As [`TactileBlock`].
+    #[allow(missing_docs)] // there
     Tactile {
         source: TactileSourceIdx,
         stamp: Stamp,
@@ -24,7 +25,8 @@ pub(super) enum Sample {
         sequence: Option<u32>,
         values: Vec<f32>,
     },
-    /// Joint angles.
+    /// As [`JointSample`].
+    #[allow(missing_docs)] // there
     Joints { source: JointSourceIdx, stamp: Stamp, names: Vec<String>, positions: Vec<f64> },
 }
 
@@ -70,7 +72,7 @@ impl Sample {
 
 /// What a calibration is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Purpose {
+pub enum Purpose {
     /// A new calibration, in which the hand goes through its poses.
     Calibrate,
     /// A quick new zero, in which the hand may be still.
@@ -78,7 +80,7 @@ pub(super) enum Purpose {
 }
 
 /// A calibration that is under way.
-pub(super) struct Calibrator {
+pub struct Calibrator {
     cfg: FusionConfig,
     calibration: CalibrationConfig,
     purpose: Purpose,
@@ -91,7 +93,7 @@ pub(super) struct Calibrator {
 
 impl Calibrator {
     /// One that collects for `duration`.
-    pub(super) fn new(cfg: &Config, purpose: Purpose, duration: Duration) -> Self {
+    pub fn new(cfg: &Config, purpose: Purpose, duration: Duration) -> Self {
         let hole_ns = nanos(cfg.fusion.timing.max_gap).max(NANOS_PER_SEC / 2);
         let sources = &cfg.fusion.tactile_sources;
         Calibrator {
@@ -107,7 +109,7 @@ impl Calibrator {
     }
 
     /// Takes a sample.
-    pub(super) fn handle(&mut self, sample: Sample) {
+    pub fn handle(&mut self, sample: Sample) {
         match &sample {
             Sample::Tactile { source, stamp, rows, row_period_ns, values, .. } => {
                 let cfg = &self.cfg.tactile_sources[source.0];
@@ -134,7 +136,7 @@ impl Calibrator {
     }
 
     /// How far it has come.
-    pub(super) fn feedback(&self, elapsed: Duration) -> CalibrateFeedback {
+    pub fn feedback(&self, elapsed: Duration) -> CalibrateFeedback {
         let (joints, joint_span) = self.joint_spans();
         CalibrateFeedback {
             time_left: WireDuration::from_nanos(nanos(self.duration.saturating_sub(elapsed))),
@@ -149,7 +151,7 @@ impl Calibrator {
     /// Ends it: the baselines that are to be used, or none where the result says why not.
     ///
     /// `judge` is a core of the same configuration that nothing was shown yet.
-    pub(super) fn finish(self, judge: Fusion) -> (Option<Vec<Baseline>>, CalibrateResult) {
+    pub fn finish(self, judge: Fusion) -> (Option<Vec<Baseline>>, CalibrateResult) {
         let (joints, joint_span) = self.joint_spans();
         let mut result = CalibrateResult {
             frames: self.frames,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::args::Severity;
 use super::diagnostics::Status;
 use super::lifecycle;
-use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult, Header, Time, WireType};
+use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult, Header, Time, WireType, from_cdr};
 
 /// A request without fields, which is one unused byte on the wire.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -93,7 +93,30 @@ impl DiagnosticArray {
 }
 
 impl WireType for DiagnosticArray {
-    const TYPE_NAME: &'static str = "diagnostic_msgs/msg/DiagnosticArray";
+    const TYPE_NAME: &'static str = DIAGNOSTICS_TYPE;
+}
+
+/// The type of `/diagnostics`.
+pub const DIAGNOSTICS_TYPE: &str = "diagnostic_msgs/msg/DiagnosticArray";
+
+/// What some node says on `/diagnostics` of a part of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Health {
+    /// OK, WARN, ERROR or STALE.
+    pub level: &'static str,
+    /// Which part; those of the live node begin with the node's name.
+    pub name: String,
+    /// In a few words.
+    pub message: String,
+}
+
+/// What a message of `/diagnostics` says; `None` for bytes that are none.
+pub fn read_diagnostics(cdr: &[u8]) -> Option<Vec<Health>> {
+    let array: DiagnosticArray = from_cdr(cdr).ok()?;
+    let level = |level: u8| *["OK", "WARN", "ERROR", "STALE"].get(usize::from(level)).unwrap_or(&"?");
+    let health =
+        |status: DiagnosticStatus| Health { level: level(status.level), name: status.name, message: status.message };
+    Some(array.status.into_iter().map(health).collect())
 }
 
 /// `lifecycle_msgs/msg/State`.

@@ -82,7 +82,7 @@ impl Desk {
         let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&definitions.tree(&type_name)?));
         let (topic, reading) = (SYNTHETIC_TOPIC.to_owned(), Reading::Synthetic);
         inputs.push(Input { topic, type_name, schema, hash, reading });
-        let stage = listening.speak(&cfg.stage_topic, TopicType::Known(Stage::TYPE_NAME), Delivery::Words)?;
+        let stage = listening.speak(&cfg.stage_topic, TopicType::Known(Stage::TYPE_NAME), Delivery::Latched)?;
         Ok(Desk {
             senses: Senses::new(layout(cfg)),
             cfg: cfg.clone(),

@@ -265,6 +265,7 @@ mod tests {
         session.handle_command(Command::Go, Stamp(0));
         session.handle_time(Stamp(3_000_000_000));
         let now = Stamp(3_500_000_000);
+        // Nothing came for a while, which the rates tell.
         let mut view =
             View::new("glove 7, user anna, donning 1", &session, &senses, 0.0, now).of_session(&session, now);
         view.synthetic = true;
@@ -294,7 +295,7 @@ mod tests {
                 "1.5 s",
                 "terminal_poses",
                 "0/70",
-                "load_cell 50  Hz",
+                "load_cell 0  Hz",
                 "SYNTHETIC",
                 "1.50 N",
                 "glove",

@@ -74,7 +74,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let joints = listening.speak(JOINTS, known(JointState::TYPE_NAME), Delivery::Data)?;
     let truth = listening.speak(TRUTH, known(WrenchStamped::TYPE_NAME), Delivery::Data)?;
     let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
-    listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Words)?;
+    listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
     let listener = listening.start()?;
     say("the data is synthetic: a physical model of a glove on a hand, no recording");
     let (mut n_sent, mut said) = (0_u64, None::<Instant>);
