@@ -148,7 +148,7 @@ impl Senses {
     /// `values`: `[rows, taxels]`; others are left out, and counted by whoever decoded them.
     pub fn handle_taxels(&mut self, source: usize, values: &[f32], now: Stamp) {
         let n_taxels = self.layout.taxels[source].1;
-        if n_taxels == 0 || values.is_empty() || values.len() % n_taxels != 0 {
+        if n_taxels == 0 || values.is_empty() || !values.len().is_multiple_of(n_taxels) {
             return;
         }
         self.arrived(Stream::Taxels(source), values.len() / n_taxels, now);

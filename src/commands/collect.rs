@@ -209,7 +209,7 @@ impl Begun {
 
 /// What goes on.
 enum Phase {
-    Checking(Preflight),
+    Checking(Box<Preflight>),
     /// The checks found something.
     Found(Vec<String>),
     Going,
@@ -266,7 +266,7 @@ impl Collection {
 
     fn run(&mut self, desk: &mut Desk, screen: &mut Screen) -> Result<End, Failure> {
         self.automatic |= !screen.has_keys();
-        let mut phase = Phase::Checking(self.preflight(desk));
+        let mut phase = Phase::Checking(Box::new(self.preflight(desk)));
         let mut flushed = Instant::now();
         loop {
             self.listen(desk)?;
@@ -319,7 +319,7 @@ impl Collection {
                 });
             }
             phase = match (phase, key) {
-                (Phase::Found(_), Key::Go | Key::Repeat) => Phase::Checking(self.preflight(desk)),
+                (Phase::Found(_), Key::Go | Key::Repeat) => Phase::Checking(Box::new(self.preflight(desk))),
                 (Phase::Found(problems), Key::Anyway) => {
                     self.messages = problems;
                     self.begin(desk, now)?

@@ -1,6 +1,6 @@
 //! A node that hears topics as bytes, and publishes messages now and then: what a tool beside the live node is made of.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
 use futures::StreamExt;
@@ -128,18 +128,12 @@ impl Listening {
 impl Listener {
     /// What came next; waits for it at most so long.
     pub fn next(&self, timeout: Duration) -> Option<Heard> {
-        match self.heard.recv_timeout(timeout) {
-            Ok(heard) => Some(heard),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        }
+        self.heard.recv_timeout(timeout).ok()
     }
 
     /// What has come already.
     pub fn poll(&self) -> Option<Heard> {
-        match self.heard.try_recv() {
-            Ok(heard) => Some(heard),
-            Err(TryRecvError::Empty | TryRecvError::Disconnected) => None,
-        }
+        self.heard.try_recv().ok()
     }
 
     /// Publishes a message; whether it went to everyone who is to have it.
