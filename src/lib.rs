@@ -14,6 +14,7 @@ pub mod config;
 pub mod eval;
 pub mod files;
 pub mod fusion;
+mod kernels;
 pub mod model;
 pub mod msg;
 pub mod page;

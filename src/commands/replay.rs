@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let mut cfg = args.params.load()?;
     if args.batch.is_none_or(|batch| batch >= FEWEST_FOR_STRETCHES) {
-        ask_for_stretches(&mut cfg);
+        ask_for_stretches(&mut cfg, 1);
     }
     args.models.apply(&mut cfg)?;
     let mut reader = BagReader::open(&args.bags)?;
