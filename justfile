@@ -60,10 +60,14 @@ lint:
     cargo clippy --all-targets -- -D warnings
     cargo clippy --no-default-features --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
 
-# Benchmarks: one tick, and replay in frames a second, on both backends; one step of training
-bench:
+# Benchmarks: ticks and their tail, replay, training; then replay beside the same work in Python, with a profile of it
+bench repetitions="3":
     scripts/fetch-onnxruntime
-    cargo bench
+    scripts/python-venv target/peer-venv benches/peer/requirements.txt
+    cargo build --release --bin tpf
+    cargo bench --bench replay --bench train
+    taskset --cpu-list 0 cargo bench --bench tick
+    target/peer-venv/bin/python benches/peer/compare.py target/release/tpf --repetitions {{repetitions}}
 
 # Remake the fixture that holds our network against PyTorch (needs torch from PyPI)
 train-fixture:
