@@ -55,16 +55,26 @@ latency model:
     cargo build --release --bins --examples
     tests/ros/isolated target/ros-venv/bin/python tests/ros/latency.py target/release {{model}}
 
+# The live node for MINUTES: 1 kHz, five regions, peers that come, hang and are killed; memory, latency and loss in target/soak
+soak minutes="20" model="models/glove1_pose_aware.onnx":
+    scripts/ros-venv
+    cargo build --release --bins
+    tests/ros/isolated target/ros-venv/bin/python tests/ros/soak.py run target/release {{model}} --minutes {{minutes}}
+
 # Formatting and lints, as CI sees them
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
     cargo clippy --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
 
-# Benchmarks: one tick, and replay in frames a second, on both backends; one step of training
-bench:
+# Benchmarks: ticks and their tail, replay, training; then replay beside the same work in Python, with a profile of it
+bench repetitions="3":
     scripts/fetch-onnxruntime
-    cargo bench
+    scripts/python-venv target/peer-venv benches/peer/requirements.txt
+    cargo build --release --bin tpf
+    cargo bench --bench replay --bench train
+    taskset --cpu-list 0 cargo bench --bench tick
+    target/peer-venv/bin/python benches/peer/compare.py target/release/tpf --repetitions {{repetitions}}
 
 # Remake the fixture that holds our network against PyTorch (needs torch from PyPI)
 train-fixture:

@@ -103,7 +103,7 @@ fn replay(c: &mut Criterion) {
     let mut group = c.benchmark_group(format!("replay/{kind}"));
     group.throughput(Throughput::Elements(N_FRAMES as u64)).sample_size(10);
     for (name, _) in backends() {
-        for batch in ["1", "32", "512"] {
+        for batch in ["1", "32", "4096"] {
             let run = || {
                 let output = Command::new(env!("CARGO_BIN_EXE_tpf"))
                     .current_dir(folder)

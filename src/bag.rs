@@ -11,6 +11,7 @@ mod estimates;
 mod inputs;
 mod layout;
 mod pass_through;
+mod portion;
 mod qos;
 mod read;
 mod stats;
@@ -21,6 +22,7 @@ pub use error::BagError;
 pub use estimates::EstimateWriter;
 pub use inputs::{Input, InputError, InputTopics, Inputs, TopicCounters};
 pub use pass_through::PassThrough;
+pub use portion::Portion;
 pub use qos::BEST_EFFORT_QOS;
 pub use read::{
     BagAttachment, BagChannel, BagMessage, BagMetadata, BagReader, BagRecord, BagSchema, BagSummary, Loss,

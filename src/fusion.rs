@@ -13,6 +13,7 @@ mod features;
 mod frames;
 mod geometry;
 mod joints;
+mod queue;
 mod region;
 mod regressor;
 
@@ -26,16 +27,17 @@ pub use contact::{Contact, ContactDetector, ContactEvent};
 pub use error::{FusionError, SetupError};
 pub use estimate::{Estimate, Flags, Tick};
 pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
-pub use features::{FeatureWindow, TaxelFeatures};
+pub use features::{FeatureWindow, NewestWindow, TaxelFeatures};
 pub use frames::{Frame, FrameCutter, TactileCounters};
 pub use geometry::{Patch, Wrench};
 pub use joints::{JointAngle, JointCounters, JointTimelines};
 pub use region::RegionCounters;
-pub use regressor::{Contract, ForceUnit, Forces, PoseRange, RegressError, Regressor, Windows};
+pub use regressor::{Contract, ForceUnit, Forces, PoseRange, RegressError, Regressor, SharedWindows, Windows};
 
-use crate::units::{Newton, Stamp, nanos};
+use crate::units::{Stamp, nanos};
 use frames::Continuity;
-use region::{Readiness, Region};
+use queue::ModelQueue;
+use region::{Place, Readiness, Region};
 
 /// Frames a second of a source that no region uses: its samples are still checked and counted.
 const DEFAULT_RATE_HZ: f64 = 100.0;
@@ -107,17 +109,6 @@ struct PendingFrame {
     values: Vec<f32>,
 }
 
-/// Windows of one model that wait to be run, in the order of their frames.
-#[derive(Debug)]
-struct ModelQueue {
-    regressor: Box<dyn Regressor>,
-    tactile: Vec<f32>,
-    pose: Vec<f32>,
-    n_queued: usize,
-    n_done: usize,
-    forces: Forces,
-}
-
 /// A frame whose windows wait for their models.
 #[derive(Debug, Default)]
 struct PendingTick {
@@ -162,16 +153,19 @@ impl Fusion {
                 }
             })
             .collect();
+        let mut models: Vec<ModelQueue> = regressors.into_iter().map(ModelQueue::new).collect();
         let regions = cfg.regions.iter().enumerate().map(|(idx, region)| {
-            let contract = regressors[region.model].contract();
+            let model = &mut models[region.model];
+            let place = Place { region: idx, model: region.model, lane: model.add_lane() };
+            let contract = model.regressor.contract();
             let max_gap_ns = sources[region.source.0].cutter.max_gap_ns();
-            Region::new(idx, region, &cfg.tactile_sources[region.source.0], contract, joint_idxs(region), max_gap_ns)
+            Region::new(place, region, &cfg.tactile_sources[region.source.0], contract, joint_idxs(region), max_gap_ns)
         });
         Ok(Fusion {
             regions: regions.collect(),
             joints: JointTimelines::new(joint_names, cfg.joint_sources.clone(), &cfg.timing),
             sources,
-            models: regressors.into_iter().map(ModelQueue::new).collect(),
+            models,
             waiting: VecDeque::new(),
             ready: VecDeque::new(),
             current: None,
@@ -341,7 +335,8 @@ impl Fusion {
             let seen = Frame { stamp, epoch, number, values };
             let readiness = region.handle_frame(&seen, source.baseline.as_ref(), &self.joints);
             if readiness.run {
-                self.models[region.model].push(region.window());
+                let Place { model, lane, .. } = region.place;
+                self.models[model].push(lane, region.window());
             }
             tick.regions.push((region_idx, readiness));
         }
@@ -350,12 +345,13 @@ impl Fusion {
 
     /// Runs the first `n_ticks` waiting frames, one call a model, and turns forces into estimates.
     fn run_batch(&mut self, n_ticks: usize) -> Result<(), FusionError> {
-        for (model_idx, model) in self.models.iter_mut().enumerate() {
-            let of_model = |&&(region_idx, readiness): &&(usize, Readiness)| {
-                readiness.run && self.regions[region_idx].model == model_idx
-            };
-            let n = self.waiting.iter().take(n_ticks).flat_map(|tick| &tick.regions).filter(of_model).count();
-            model.run(n)?;
+        let due = self.waiting.iter().take(n_ticks).flat_map(|tick| &tick.regions);
+        for (region_idx, _) in due.filter(|(_, readiness)| readiness.run) {
+            let Place { model, lane, .. } = self.regions[*region_idx].place;
+            self.models[model].make_due(lane);
+        }
+        for model in &mut self.models {
+            model.run()?;
         }
         for _ in 0..n_ticks {
             let Some(pending) = self.waiting.pop_front() else { break };
@@ -373,50 +369,13 @@ impl Fusion {
             tick.estimates.clear();
             for &(region_idx, ref readiness) in &pending.regions {
                 let region = &mut self.regions[region_idx];
-                let forces = readiness.run.then(|| self.models[region.model].pop()).flatten();
+                let Place { model, lane, .. } = region.place;
+                let forces = readiness.run.then(|| self.models[model].pop(lane)).flatten();
                 tick.estimates.push(region.estimate(pending.stamp, readiness, forces));
             }
             self.spare_pending.push(pending);
             self.ready.push_back(tick);
         }
         Ok(())
-    }
-}
-
-impl ModelQueue {
-    fn new(regressor: Box<dyn Regressor>) -> Self {
-        let (tactile, pose, forces) = (Vec::new(), Vec::new(), Forces::default());
-        ModelQueue { regressor, tactile, pose, n_queued: 0, n_done: 0, forces }
-    }
-
-    fn push(&mut self, (tactile, pose): (&[f32], &[f32])) {
-        self.tactile.extend_from_slice(tactile);
-        self.pose.extend_from_slice(pose);
-        self.n_queued += 1;
-    }
-
-    /// Runs the first `n` queued windows and forgets them; [`ModelQueue::pop`] gives their forces one by one.
-    fn run(&mut self, n: usize) -> Result<(), RegressError> {
-        self.n_done = 0;
-        self.forces.force.clear();
-        self.forces.base.clear();
-        if n == 0 {
-            return Ok(());
-        }
-        let (n_tactile, n_pose) = (self.tactile.len() / self.n_queued * n, self.pose.len() / self.n_queued * n);
-        let windows = Windows { n, tactile: &self.tactile[..n_tactile], pose: &self.pose[..n_pose] };
-        let ran = self.regressor.run(windows, &mut self.forces);
-        self.tactile.drain(..n_tactile);
-        self.pose.drain(..n_pose);
-        self.n_queued -= n;
-        ran
-    }
-
-    fn pop(&mut self) -> Option<(Newton, Option<Newton>)> {
-        let unit = self.regressor.contract().unit;
-        let idx = self.n_done;
-        self.n_done += 1;
-        let force = unit.to_newton(*self.forces.force.get(idx)?);
-        Some((force, self.forces.base.get(idx).map(|&base| unit.to_newton(base))))
     }
 }

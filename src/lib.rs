@@ -16,6 +16,7 @@ pub mod eval;
 pub mod export;
 pub mod files;
 pub mod fusion;
+mod kernels;
 pub mod model;
 pub mod msg;
 pub mod page;

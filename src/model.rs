@@ -14,19 +14,19 @@ use self::error::one_line;
 use self::metadata::Metadata;
 use self::onnx::{Message, ModelProto};
 use self::session::{Runtime, Session};
-use self::stretches::{Stretch, Stretches};
+use self::stretches::Stretches;
 use crate::fusion::{ForceUnit, Regressor};
 
 mod contract;
 mod error;
 mod info;
 pub mod metadata;
+mod network;
 pub mod onnx;
 mod onnxruntime;
 mod paper;
 mod probe;
 mod rten;
-mod sequence;
 mod session;
 mod stretches;
 mod weights;
@@ -37,8 +37,11 @@ pub use info::{BackendInfo, Batch, Dim, ModelInfo, Origin, RuntimeName, TensorIn
 /// The largest file that is read. The paper's network has half a MiB.
 const MAX_FILE_MIB: u64 = 64;
 
-/// Windows of one call from which on [`ModelSpec::stretches`] can gain anything.
+/// Windows of one call from which on [`ModelSpec::stretch_threads`] can gain anything.
 pub const FEWEST_FOR_STRETCHES: usize = stretches::MIN_WINDOWS;
+
+/// Threads beyond which [`ModelSpec::stretch_threads`] gains nothing: one a stretch of the largest call that is of use.
+pub const MOST_STRETCH_THREADS: usize = stretches::MOST_THREADS;
 
 /// Windows of one call where they are run one by one: more of them gain nothing.
 const WINDOWS_AT_ONCE: usize = 32;
@@ -95,9 +98,10 @@ pub struct ModelSpec {
     pub rate_hz: Option<f64>,
     /// Names of the tensors.
     pub names: TensorNames,
-    /// Whether many overlapping windows will be asked for at once: the paper's network then shares what they have in
-    /// common. It takes a moment more to load.
-    pub stretches: bool,
+    /// On how many threads many overlapping windows may be run at once: the paper's network then shares what they have in
+    /// common, and the forces are the same on any number of threads. With 0, the default, none is started and windows
+    /// are run one by one. It takes a moment more to load.
+    pub stretch_threads: usize,
 }
 
 impl ModelSpec {
@@ -109,7 +113,7 @@ impl ModelSpec {
             unit: None,
             rate_hz: None,
             names: TensorNames::default(),
-            stretches: false,
+            stretch_threads: 0,
         }
     }
 }
@@ -135,14 +139,16 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     let mut session = Session::new(path, runtime, &opened.terms);
     info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
     info.contract = session.contract().clone();
-    let runtime = backend.runtime;
     info.backend = Some(backend);
     let graph = opened.graph.filter(|_| opened.terms.batch == Batch::Dynamic);
-    let stretch = graph.map_or(Ok(None), |graph| Stretch::of(&mut session, &graph, &opened.terms, runtime));
-    let regressor: Box<dyn Regressor> = match stretch {
-        Ok(Some(stretch)) => {
-            info.batch_hint = stretches::WINDOWS;
-            Box::new(Stretches::new(session, stretch))
+    let stretches =
+        graph.map_or(Ok(None), |graph| Stretches::of(&mut session, &graph, &opened.terms, spec.stretch_threads));
+    let regressor: Box<dyn Regressor> = match stretches {
+        Ok(Some(stretches)) => {
+            info.batch_hint = stretches::WINDOWS_AT_ONCE;
+            info.notes
+                .push("many windows at once are run by our own code, which gives what this runtime gives".to_owned());
+            Box::new(stretches)
         }
         Ok(None) => Box::new(session),
         Err(reason) => {
@@ -207,7 +213,7 @@ fn open(spec: &ModelSpec) -> Result<Opened, ModelError> {
         batch_hint: WINDOWS_AT_ONCE,
         notes: terms.notes.clone(),
     };
-    let graph = model.graph.filter(|_| spec.stretches);
+    let graph = model.graph.filter(|_| spec.stretch_threads > 0);
     Ok(Opened { bytes, graph, terms, info })
 }
 

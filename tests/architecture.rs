@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 /// Module -> the modules of ours that it may use. A module not named here may use nothing of ours.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("units", &[]),
+    ("kernels", &[]),
     ("files", &[]),
     ("random", &[]),
     ("page", &[]),
@@ -14,13 +15,13 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("fusion", &["units"]),
     ("calibration", &["files", "fusion", "units"]),
     ("characterize", &["eval", "fusion", "units"]),
-    ("model", &["fusion", "units"]),
+    ("model", &["fusion", "kernels", "units"]),
     ("msg", &["fusion", "units"]),
     ("eval", &["fusion", "units"]),
     ("protocol", &["random"]),
     ("collect", &["protocol", "units"]),
     ("sim", &["protocol", "random", "units"]),
-    ("train", &["eval", "files", "fusion", "model"]),
+    ("train", &["eval", "files", "fusion", "kernels", "model"]),
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["files", "fusion", "msg", "units"]),
     ("recording", &["bag", "config", "eval", "fusion", "msg", "random", "units"]),

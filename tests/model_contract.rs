@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::onnx::{Flaw, LinearModel};
-use tactile_pose_fusion::fusion::{ForceUnit, Forces, PoseRange, Windows};
+use tactile_pose_fusion::fusion::{ForceUnit, Forces, PoseRange, SharedWindows, Windows};
 use tactile_pose_fusion::model::{self, BackendChoice, Batch, Model, ModelError, ModelSpec, Origin};
 
 /// A sound model of 8 frames, 4 taxels, 2 joints.
@@ -42,9 +42,7 @@ fn without_path(refused: ModelError) -> String {
 }
 
 fn run(model: &mut Model, n: usize, tactile: &[f32], pose: &[f32]) -> Forces {
-    let mut forces = Forces::default();
-    model.regressor.run(Windows { n, tactile, pose }, &mut forces).unwrap();
-    forces
+    common::run_windows(model, Windows { n, tactile, pose }).unwrap()
 }
 
 #[test]
@@ -310,10 +308,19 @@ fn an_operator_that_the_runtime_does_not_know_is_named() {
 #[test]
 fn windows_of_another_size_are_refused() {
     let mut model = load(&sound()).unwrap();
-    let mut forces = Forces::default();
-    let refused = model.regressor.run(Windows { n: 2, tactile: &[0.0; 32], pose: &[0.0; 32] }, &mut forces);
-    let text = refused.unwrap_err().to_string();
-    assert!(text.ends_with("expected 2 windows of 32 tactile and 16 pose numbers, got 32 and 32"), "{text}");
+    let mut refused = |starts: &[usize], n_tactile: usize, n_pose: usize| {
+        let (tactile, pose) = (vec![0.0; n_tactile], vec![0.0; n_pose]);
+        let windows = SharedWindows { starts, tactile: &tactile, pose: &pose };
+        model.regressor.run(windows, &mut Forces::default()).unwrap_err().to_string()
+    };
+    let text = refused(&[0], 32, 32);
+    assert!(text.ends_with("expected frames of 4 tactile and 2 pose numbers, got 32 and 32"), "{text}");
+    let text = refused(&[0], 31, 14);
+    assert!(text.ends_with("expected frames of 4 tactile and 2 pose numbers, got 31 and 14"), "{text}");
+    for starts in [&[0, 2][..], &[usize::MAX], &[0, 0], &[1, 0]] {
+        let text = refused(starts, 9 * 4, 9 * 2);
+        assert!(text.ends_with("expected windows of 8 frames that rise, within 9 frames"), "{text}");
+    }
     assert_eq!(run(&mut model, 0, &[], &[]), Forces::default());
 }
 
@@ -321,7 +328,8 @@ fn windows_of_another_size_are_refused() {
 fn buffers_hold_only_the_last_batch() {
     let mut model = load(&sound()).unwrap();
     let mut forces = Forces { force: vec![7.0; 9], base: vec![7.0; 9] };
-    model.regressor.run(Windows { n: 1, tactile: &[1.0; 32], pose: &[0.0; 16] }, &mut forces).unwrap();
+    let windows = SharedWindows { starts: &[0], tactile: &[1.0; 32], pose: &[0.0; 16] };
+    model.regressor.run(windows, &mut forces).unwrap();
     assert_eq!(forces, Forces { force: vec![4.0], base: vec![4.0] });
 }
 

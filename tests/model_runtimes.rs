@@ -52,7 +52,7 @@ fn in_onnxruntime(path: &Path) -> Option<Model> {
 /// Runs the fixture in parts of `batch` windows.
 fn run_in_parts(model: &mut Model, fixture: &Fixture, batch: usize) -> Forces {
     let (tactile_len, pose_len) = (fixture.tactile.len() / fixture.n, fixture.pose.len() / fixture.n);
-    let (mut all, mut part) = (Forces::default(), Forces::default());
+    let mut all = Forces::default();
     for start in (0..fixture.n).step_by(batch) {
         let end = (start + batch).min(fixture.n);
         let windows = Windows {
@@ -60,7 +60,7 @@ fn run_in_parts(model: &mut Model, fixture: &Fixture, batch: usize) -> Forces {
             tactile: &fixture.tactile[start * tactile_len..end * tactile_len],
             pose: &fixture.pose[start * pose_len..end * pose_len],
         };
-        model.regressor.run(windows, &mut part).unwrap();
+        let part = common::run_windows(model, windows).unwrap();
         all.force.extend_from_slice(&part.force);
         all.base.extend_from_slice(&part.base);
     }
@@ -89,8 +89,7 @@ fn assert_large_batches_are_cut(model: &mut Model, fixture: &Fixture) {
     let n = 300; // more than either runtime takes at once
     let tactile = repeated(&fixture.tactile, fixture.tactile.len() / fixture.n, n);
     let pose = repeated(&fixture.pose, fixture.pose.len() / fixture.n, n);
-    let mut forces = Forces::default();
-    model.regressor.run(Windows { n, tactile: &tactile, pose: &pose }, &mut forces).unwrap();
+    let forces = common::run_windows(model, Windows { n, tactile: &tactile, pose: &pose }).unwrap();
     let expected = repeated(&fixture.force, 1, n);
     let worst = forces.force.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert_eq!((forces.force.len(), forces.base.len()), (n, n));
@@ -169,8 +168,8 @@ fn onnxruntime_refuses_broken_models_in_one_line_too() {
     }
     let path = sound.flaw(Flaw::FixedBatch(1)).write(folder.path(), "m.onnx");
     let mut model = in_onnxruntime(&path).unwrap();
-    let mut forces = Forces::default();
-    model.regressor.run(Windows { n: 3, tactile: &[0.5; 96], pose: &[0.0; 48] }, &mut forces).unwrap();
+    let windows = Windows { n: 3, tactile: &[0.5; 96], pose: &[0.0; 48] };
+    let forces = common::run_windows(&mut model, windows).unwrap();
     assert_eq!(forces.force, [2.0; 3]);
 }
 

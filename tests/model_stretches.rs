@@ -5,17 +5,17 @@ mod common;
 use std::path::{Path, PathBuf};
 
 use common::onnx::LinearModel;
-use tactile_pose_fusion::fusion::{Contract, Forces, Windows};
+use tactile_pose_fusion::fusion::{Contract, Forces, SharedWindows};
 use tactile_pose_fusion::model::{BackendChoice, Model, ModelSpec, load};
 
-/// Enough for two runs of a stretch.
-const N_OVERLAPPING: usize = 700;
-/// Not enough for one.
+/// Enough for several stretches.
+const N_OVERLAPPING: usize = 400;
+/// They share no frames.
 const N_APART: usize = 20;
 
-fn load_as(path: &Path, backend: BackendChoice, stretches: bool) -> Model {
+fn load_as(path: &Path, backend: BackendChoice, stretch_threads: usize) -> Model {
     let mut spec = ModelSpec::new(path);
-    (spec.backend, spec.stretches) = (backend, stretches);
+    (spec.backend, spec.stretch_threads) = (backend, stretch_threads);
     load(&spec).unwrap()
 }
 
@@ -25,44 +25,59 @@ fn backends() -> Vec<BackendChoice> {
     backends
 }
 
-/// Windows over a stretch of frames, with some among them that belong to nothing, taxels and joints in turn.
-fn windows(contract: &Contract) -> (usize, Vec<f32>, Vec<f32>) {
-    let frame = |at: usize, width: usize, scale: f32| -> Vec<f32> {
-        (0..width).map(|idx| scale * ((at * 7 + idx * 13) as f32 * 0.13).sin().abs()).collect()
-    };
-    let (mut tactile, mut pose) = (Vec::new(), Vec::new());
-    let mut push = |first: usize| {
-        for at in first..first + contract.window {
-            tactile.extend(frame(at, contract.n_taxels, if at % 300 < 100 { 2.0 } else { 400.0 }));
-            pose.extend(frame(at, contract.n_joints, 1.2));
-        }
-    };
-    for idx in 0..N_OVERLAPPING {
-        push(idx);
-        if idx % (N_OVERLAPPING / N_APART) == 0 {
-            push(100_000 + 1000 * idx);
-        }
-    }
-    (tactile.len() / contract.window / contract.n_taxels, tactile, pose)
+/// Frames, and where windows begin in them.
+struct Input {
+    starts: Vec<usize>,
+    tactile: Vec<f32>,
+    pose: Vec<f32>,
 }
 
-fn forces(model: &mut Model, n: usize, tactile: &[f32], pose: &[f32]) -> Forces {
+impl Input {
+    /// Overlapping windows with some left out among them, then windows that share nothing, then overlapping ones again.
+    fn new(contract: &Contract) -> Self {
+        let overlapping = |from: usize| (from..from + N_OVERLAPPING).filter(|start| start % 37 != 0);
+        let apart = N_OVERLAPPING + contract.window;
+        let again = apart + (N_APART + 1) * contract.window;
+        let between = (0..N_APART).map(|idx| apart + idx * contract.window);
+        let starts = overlapping(0).chain(between).chain(overlapping(again)).collect();
+        let n_frames = again + N_OVERLAPPING + contract.window;
+        let frames = |width: usize, scale: &dyn Fn(usize) -> f32| -> Vec<f32> {
+            let value = |at: usize| ((at / width * 7 + at % width * 13) as f32 * 0.13).sin().abs() * scale(at / width);
+            (0..n_frames * width).map(value).collect()
+        };
+        let tactile = frames(contract.n_taxels, &|frame| if frame % 300 < 100 { 2.0 } else { 400.0 });
+        let pose = if contract.n_joints > 0 { frames(contract.n_joints, &|_| 1.2) } else { Vec::new() };
+        Input { starts, tactile, pose }
+    }
+
+    fn windows(&self) -> SharedWindows<'_> {
+        SharedWindows { starts: &self.starts, tactile: &self.tactile, pose: &self.pose }
+    }
+}
+
+fn forces(model: &mut Model, input: &Input) -> Forces {
     let mut forces = Forces::default();
-    model.regressor.run(Windows { n, tactile, pose }, &mut forces).unwrap();
+    model.regressor.run(input.windows(), &mut forces).unwrap();
     forces
 }
 
 fn holds(path: &Path) {
     for backend in backends() {
-        let (mut alone, mut together) = (load_as(path, backend, false), load_as(path, backend, true));
+        let (mut alone, mut together) = (load_as(path, backend, 0), load_as(path, backend, 1));
         let name = path.display();
-        assert_eq!((alone.info.batch_hint, together.info.batch_hint), (32, 512), "{name} {:?}", together.info.notes);
-        let (n, tactile, pose) = windows(&alone.info.contract);
-        let (alone, together) = (forces(&mut alone, n, &tactile, &pose), forces(&mut together, n, &tactile, &pose));
+        assert_eq!(
+            (alone.info.batch_hint, together.info.batch_hint),
+            (32, 16 * 256),
+            "{name} {:?}",
+            together.info.notes
+        );
+        let input = Input::new(&alone.info.contract);
+        let (alone, together) = (forces(&mut alone, &input), forces(&mut together, &input));
         let largest = alone.force.iter().fold(0.0_f32, |largest, force| largest.max(force.abs()));
         assert!(largest > 5.0, "{name}: forces that tell something, {largest}");
         for (alone, together) in [(&alone.force, &together.force), (&alone.base, &together.base)] {
             assert_eq!(alone.len(), together.len(), "{name}");
+            assert!(together.iter().all(|force| force.is_finite()), "{name} {backend:?}");
             let far = alone.iter().zip(together).map(|(alone, together)| (alone - together).abs()).fold(0.0, f32::max);
             // Sums in another order, through 64 steps of an LSTM.
             assert!(far <= 1e-5 * largest, "{name} {backend:?}: {far} of {largest}");
@@ -78,6 +93,25 @@ fn model(name: &str) -> PathBuf {
 fn a_stretch_gives_the_forces_of_its_windows() {
     holds(&model("glove1_pose_aware.onnx"));
     holds(&model("glove1_tactile_only.onnx"));
+}
+
+#[test]
+fn any_company_and_any_number_of_threads_give_the_same_bits() {
+    let path = model("glove1_pose_aware.onnx");
+    let mut one = load_as(&path, BackendChoice::Rten, 1);
+    let input = Input::new(&one.info.contract);
+    let expected = forces(&mut one, &input);
+    assert!(expected.force.iter().chain(&expected.base).all(|force| force.is_finite()));
+    for n_threads in [2, 3] {
+        let mut several = load_as(&path, BackendChoice::Rten, n_threads);
+        let again = [forces(&mut several, &input), forces(&mut several, &input)];
+        assert!(again.iter().all(|again| *again == expected), "{n_threads} threads");
+    }
+    for (idx, start) in input.starts.iter().enumerate().step_by(41) {
+        let mut alone = Forces::default();
+        one.regressor.run(SharedWindows { starts: &[*start], ..input.windows() }, &mut alone).unwrap();
+        assert_eq!((alone.force, alone.base), (vec![expected.force[idx]], vec![expected.base[idx]]));
+    }
 }
 
 #[test]
@@ -115,7 +149,7 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
 fn any_other_model_runs_as_it_is_and_says_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = LinearModel::new(64, 6, 4).metadata("unit", "gF").write(folder.path(), "linear.onnx");
-    let model = load_as(&path, BackendChoice::Rten, true);
+    let model = load_as(&path, BackendChoice::Rten, 1);
     assert_eq!(model.info.batch_hint, 32);
     assert!(!model.info.notes.iter().any(|note| note.contains("window by window")), "{:?}", model.info.notes);
 }

@@ -20,8 +20,8 @@ impl Regressor for Spy {
         &self.0
     }
 
-    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError> {
-        assert_eq!(windows.n, 1);
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        assert_eq!(windows.starts, [0]);
         self.1.send((windows.tactile.to_vec(), windows.pose.to_vec())).unwrap();
         *out = Forces { force: vec![0.0], base: vec![] };
         Ok(())

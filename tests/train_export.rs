@@ -79,8 +79,7 @@ fn both_runtimes_give_what_the_network_gives_in_either_form() {
             for backend in backends() {
                 let Some(mut model) = load(&path, backend) else { continue };
                 assert_eq!(model.info.contract.has_base, kind == Kind::PoseAware);
-                let mut forces = Forces::default();
-                model.regressor.run(windows, &mut forces).unwrap();
+                let forces = common::run_windows(&mut model, windows).unwrap();
                 assert_close(&format!("{kind:?} {form:?} {backend:?}"), &forces.force, &expected.force);
                 assert_close(&format!("base of {kind:?} {form:?} {backend:?}"), &forces.base, &expected.base);
             }

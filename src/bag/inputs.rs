@@ -165,6 +165,13 @@ impl Inputs {
         Ok(input)
     }
 
+    /// The topics that mean anything here.
+    pub fn topics(&self) -> BTreeSet<String> {
+        let InputTopics { taxels, joints, truth, stage } = &self.topics;
+        let names = taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
+        names.chain(truth.iter().map(|topic| &topic.name)).chain([stage]).cloned().collect()
+    }
+
     /// Whether some channel carries stage annotations.
     pub fn has_annotations(&self) -> bool {
         self.roles.values().any(|role| matches!(role, Role::Stage))

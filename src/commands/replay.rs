@@ -1,20 +1,25 @@
 //! `tpf replay`: a recorded bag in, newtons and contact out.
 
+mod side_by_side;
+mod stages;
+
+use std::num::NonZero;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::progress::Progress;
 use super::setup::{
     ModelArgs, ParamArgs, ask_for_stretches, batch_hint, input_topics, load_models, shown, without_unused_joints,
 };
 use super::summary::{ModelSummary, Summary};
-use super::zero::{LoadCheck, ZeroArgs};
+use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::bag::{BagReader, BagRecord, BagWriter, EstimateWriter, Input, Inputs, PassThrough, WriteOptions};
-use crate::config::Config;
+use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions};
 use crate::fusion::Fusion;
-use crate::model::FEWEST_FOR_STRETCHES;
+use crate::model::{FEWEST_FOR_STRETCHES, MOST_STRETCH_THREADS};
 use crate::msg::EstimateTopics;
+pub(super) use stages::BusySeconds;
+use stages::{Core, InferenceTime, Reading, Writing, busy_seconds};
 
 /// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
 #[derive(Debug, clap::Args)]
@@ -34,6 +39,9 @@ pub(super) struct Args {
     /// Frames in one inference call, unless set as many as the model runs fastest with; 1 gives the bytes of the live node
     #[arg(long, value_name = "N", value_parser = batch)]
     batch: Option<usize>,
+    /// Cores to use, as many as there are unless set; the output is the same on any number
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
     /// Copy everything in the input into the output, untouched
     #[arg(long)]
     merge: bool,
@@ -54,8 +62,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 /// Replays, and gives the summary to print.
 pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let mut cfg = args.params.load()?;
+    let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZero::<usize>::MIN);
     if args.batch.is_none_or(|batch| batch >= FEWEST_FOR_STRETCHES) {
-        ask_for_stretches(&mut cfg);
+        ask_for_stretches(&mut cfg, jobs.get().min(MOST_STRETCH_THREADS));
     }
     args.models.apply(&mut cfg)?;
     let mut reader = BagReader::open(&args.bags)?;
@@ -79,18 +88,23 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let zero = args.zero.find(&cfg, &args.bags, &models.infos)?;
     let mdf: Vec<_> = cfg.fusion.regions.iter().map(|region| models.infos[region.model].contract.mdf).collect();
     let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &mdf)?;
-    let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
+    let inference = InferenceTime::default();
+    let regressors = models.regressors.into_iter().map(|model| inference.of(model)).collect();
+    let mut fusion = Fusion::new(cfg.fusion.clone(), regressors)?;
     zero.install(&mut fusion)?;
 
     let started = Instant::now();
-    let pass_through = args.merge.then(PassThrough::default);
-    let mut replay =
-        Replay { cfg: &cfg, fusion, inputs, writer, estimates, check: zero.check, pass_through, span: None };
+    let topics = (!args.merge).then(|| inputs.topics());
     let mut progress = Progress::bytes("replay", reader.bytes_total());
-    replay.run(&mut reader, &mut progress)?;
+    let mut core = Core { cfg: &cfg, fusion, inputs, check: zero.check, span: None, busy: Duration::ZERO, inference };
+    let writing =
+        Writing { writer, estimates, pass_through: args.merge.then(PassThrough::default), busy: Duration::ZERO };
+    let (reading, writing) = side_by_side::run(Reading::new(reader, topics), &mut core, writing, jobs, &mut progress)?;
     drop(progress);
+    let busy = busy_seconds(&reading, &core, &writing);
 
-    let Replay { fusion, inputs, writer, estimates, span, .. } = replay;
+    let (Core { fusion, inputs, span, .. }, Writing { writer, estimates, .. }) = (core, writing);
+    let reader = reading.reader;
     let losses: Vec<String> = reader.losses().iter().map(ToString::to_string).collect();
     let sha256 = estimates.sha256();
     let finished = writer.finish()?;
@@ -106,6 +120,8 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
             .collect(),
         data_s: span.map_or(0.0, |(first, last)| last.nanos_since(first) as f64 * 1e-9),
         wall_s: started.elapsed().as_secs_f64(),
+        jobs: jobs.get(),
+        busy_s: busy,
         topics: inputs.counters().clone(),
         counters: fusion.counters(),
         estimates_sha256: sha256,
@@ -116,71 +132,6 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let text = if args.json { summary.to_json()? } else { summary.to_string() };
     let lost = !summary.losses.is_empty() || inputs.has_unreadable();
     Ok((text, if lost { Outcome::InputLost } else { Outcome::Done }))
-}
-
-/// What runs while messages come.
-struct Replay<'c> {
-    cfg: &'c Config,
-    fusion: Fusion,
-    inputs: Inputs,
-    writer: BagWriter,
-    estimates: EstimateWriter,
-    check: Option<LoadCheck>,
-    pass_through: Option<PassThrough>,
-    span: Option<(crate::units::Stamp, crate::units::Stamp)>,
-}
-
-impl Replay<'_> {
-    fn run(&mut self, reader: &mut BagReader, progress: &mut Progress) -> Result<(), Failure> {
-        loop {
-            interrupt::check()?;
-            progress.set(reader.bytes_read());
-            let Some(record) = reader.next_record()? else { break };
-            if let Some(pass_through) = &mut self.pass_through {
-                pass_through.copy(&record, &mut self.writer)?;
-            }
-            let BagRecord::Message(message) = record else { continue };
-            if let Input::Event(event) = self.inputs.decode(&message)? {
-                self.fusion.handle(event);
-                self.drain()?;
-            }
-        }
-        self.fusion.handle_end();
-        self.drain()?;
-        self.inputs.check_end(self.fusion.missing_joints())?;
-        self.check_used()?;
-        match self.check.take() {
-            Some(check) => check.judge(self.cfg),
-            None => Ok(()),
-        }
-    }
-
-    /// Refuses a run in which a tactile source gave nothing that could be used.
-    fn check_used(&self) -> Result<(), Failure> {
-        let counters = self.fusion.counters();
-        let Some(idle) = counters.tactile.iter().position(|source| source.counts.used == 0) else { return Ok(()) };
-        let (name, counts) = (counters.tactile[idle].name, counters.tactile[idle].counts);
-        let n_taxels = self.cfg.fusion.tactile_sources[idle].n_taxels;
-        Err(Failure(format!(
-            "tactile source {name}: none of its {} rows could be used, {} had another length than tactile.{name}.n_taxels = {n_taxels}; correct it",
-            counts.rows, counts.wrong_length
-        )))
-    }
-
-    fn drain(&mut self) -> Result<(), Failure> {
-        while let Some(tick) = self.fusion.poll()? {
-            let (first, last) = self.span.get_or_insert((tick.stamp, tick.stamp));
-            (*first, *last) = ((*first).min(tick.stamp), (*last).max(tick.stamp));
-            self.estimates.write(&mut self.writer, tick)?;
-            if let Some(check) = &mut self.check
-                && !check.takes(tick)
-            {
-                check.judge(self.cfg)?;
-                self.check = None;
-            }
-        }
-        Ok(())
-    }
 }
 
 fn batch(text: &str) -> Result<usize, String> {

@@ -147,9 +147,9 @@ pub(super) fn without_unused_joints(cfg: &mut Config, models: &[ModelInfo]) {
     }
 }
 
-/// Asks of the models that they run many windows at once, as fast as they can.
-pub(super) fn ask_for_stretches(cfg: &mut Config) {
-    cfg.models.iter_mut().for_each(|model| model.spec.stretches = true);
+/// Asks of the models that they run many windows at once, as fast as they can on so many threads.
+pub(super) fn ask_for_stretches(cfg: &mut Config, n_threads: usize) {
+    cfg.models.iter_mut().for_each(|model| model.spec.stretch_threads = n_threads);
 }
 
 /// Frames of one inference call with which models run fastest.

@@ -6,6 +6,7 @@ use std::fmt::{self, Write};
 use serde::Serialize;
 
 use super::Failure;
+use super::replay::BusySeconds;
 use super::zero::ZeroFrom;
 use crate::bag::TopicCounters;
 use crate::fusion::{Counters, FrameClock, Fusion};
@@ -39,6 +40,8 @@ pub(super) struct Summary<'a> {
     /// Stamps of the frames, last minus first.
     pub(super) data_s: f64,
     pub(super) wall_s: f64,
+    pub(super) jobs: usize,
+    pub(super) busy_s: BusySeconds,
     pub(super) topics: BTreeMap<String, TopicCounters>,
     #[serde(flatten)]
     pub(super) counters: Counters<'a>,

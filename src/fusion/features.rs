@@ -48,6 +48,18 @@ pub struct FeatureWindow {
     pose: Vec<f32>,
     pose_known: Vec<bool>,
     n_unknown: usize,
+    n_new: usize,
+}
+
+/// A full window, oldest frame first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NewestWindow<'a> {
+    /// `[window, taxels]`
+    pub tactile: &'a [f32],
+    /// `[window, joints]`, rad.
+    pub pose: &'a [f32],
+    /// Frames since the last window that was taken, which that one doesn't hold; may be more than the window has.
+    pub n_new: usize,
 }
 
 impl FeatureWindow {
@@ -63,6 +75,7 @@ impl FeatureWindow {
             pose: vec![0.0; 2 * len * n_joints],
             pose_known: vec![false; 2 * len],
             n_unknown: 0,
+            n_new: 0,
         }
     }
 
@@ -93,6 +106,7 @@ impl FeatureWindow {
         self.n_unknown += usize::from(!pose_known);
         self.end += 1;
         self.filled += 1;
+        self.n_new += 1;
     }
 
     /// Whether there are enough frames for an estimate.
@@ -105,14 +119,14 @@ impl FeatureWindow {
         self.n_unknown == 0
     }
 
-    /// `[window, taxels]` of a full window, oldest frame first.
-    pub fn tactile(&self) -> &[f32] {
-        &self.tactile[(self.end - self.filled) * self.n_taxels..self.end * self.n_taxels]
-    }
-
-    /// `[window, joints]` of a full window, rad, oldest frame first.
-    pub fn pose(&self) -> &[f32] {
-        &self.pose[(self.end - self.filled) * self.n_joints..self.end * self.n_joints]
+    /// Takes the window, when it is full: the next one tells which of its frames are new.
+    pub fn take(&mut self) -> NewestWindow<'_> {
+        let (begin, n_new) = (self.end - self.filled, std::mem::take(&mut self.n_new));
+        NewestWindow {
+            tactile: &self.tactile[begin * self.n_taxels..self.end * self.n_taxels],
+            pose: &self.pose[begin * self.n_joints..self.end * self.n_joints],
+            n_new,
+        }
     }
 }
 
@@ -130,8 +144,10 @@ mod tests {
                 assert!(!window.is_full());
             } else {
                 assert!(window.is_full());
-                assert_eq!(window.tactile(), [k - 2.0, 2.0 - k, k - 1.0, 1.0 - k, k, -k]);
-                assert_eq!(window.pose(), [(k - 2.0) / 2.0, (k - 1.0) / 2.0, k / 2.0]);
+                let newest = window.take();
+                assert_eq!(newest.tactile, [k - 2.0, 2.0 - k, k - 1.0, 1.0 - k, k, -k]);
+                assert_eq!(newest.pose, [(k - 2.0) / 2.0, (k - 1.0) / 2.0, k / 2.0]);
+                assert_eq!(newest.n_new, if k < 3.0 { 3 } else { 1 });
             }
         }
         window.clear();

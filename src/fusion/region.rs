@@ -6,7 +6,7 @@ use super::calibration::Baseline;
 use super::config::{RegionConfig, TactileSource};
 use super::contact::{ContactDetector, ContactEvent};
 use super::estimate::{Estimate, Flags};
-use super::features::{FeatureWindow, TaxelFeatures};
+use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
 use super::joints::JointTimelines;
 use super::regressor::{Contract, PoseRange};
@@ -59,11 +59,21 @@ struct LastGood {
     number: i64,
 }
 
+/// Where a region belongs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    /// Index in the configuration.
+    pub(super) region: usize,
+    /// Index of its model.
+    pub(super) model: usize,
+    /// Its lane among the windows that wait for that model.
+    pub(super) lane: usize,
+}
+
 /// The state of one region.
 #[derive(Debug, Clone)]
 pub(super) struct Region {
-    idx: usize,
-    pub(super) model: usize,
+    pub(super) place: Place,
     features: TaxelFeatures,
     joints: Vec<usize>,
     pose_range: Option<Vec<PoseRange>>,
@@ -83,7 +93,7 @@ pub(super) struct Region {
 impl Region {
     /// A region whose joints are told as indices into the timelines.
     pub(super) fn new(
-        idx: usize,
+        place: Place,
         cfg: &RegionConfig,
         source: &TactileSource,
         contract: &Contract,
@@ -92,8 +102,7 @@ impl Region {
     ) -> Self {
         let (n_taxels, n_joints) = (cfg.taxels.len(), joints.len());
         Region {
-            idx,
-            model: cfg.model,
+            place,
             features: TaxelFeatures::new(cfg, source),
             joints,
             pose_range: contract.pose_range.clone(),
@@ -158,9 +167,9 @@ impl Region {
         Readiness { run: true, base_only, pose_age_ns, flags: self.with_fault(flags) }
     }
 
-    /// `[window, taxels]` and `[window, joints]`, rad, of the window that [`Region::handle_frame`] said to run.
-    pub(super) fn window(&self) -> (&[f32], &[f32]) {
-        (self.window.tactile(), self.window.pose())
+    /// The window that [`Region::handle_frame`] said to run.
+    pub(super) fn window(&mut self) -> NewestWindow<'_> {
+        self.window.take()
     }
 
     /// Turns what the model said, if it was asked, into the estimate of the frame at `stamp`.
@@ -197,7 +206,7 @@ impl Region {
         let contact = self.contact.handle_force(stamp, force);
         counters.onsets += u64::from(contact.event == ContactEvent::Onset);
         counters.offsets += u64::from(contact.event == ContactEvent::Offset);
-        Estimate { region: self.idx, force, force_base, contact, pose_age_ns: readiness.pose_age_ns, flags }
+        Estimate { region: self.place.region, force, force_base, contact, pose_age_ns: readiness.pose_age_ns, flags }
     }
 
     fn no_estimate(&self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {

@@ -55,7 +55,7 @@ pub struct Contract {
     pub mdf: Option<Newton>,
 }
 
-/// Windows ready to be run, in the model's own layout.
+/// Windows in the model's own layout, one below the other.
 #[derive(Debug, Clone, Copy)]
 pub struct Windows<'a> {
     /// Number of windows `N`.
@@ -63,6 +63,17 @@ pub struct Windows<'a> {
     /// `[N, window, taxels]`, row-major, baseline-subtracted.
     pub tactile: &'a [f32],
     /// `[N, window, joints]`, row-major, rad; empty for a model without a pose input.
+    pub pose: &'a [f32],
+}
+
+/// Windows ready to be run, in the model's own layout, that have frames in common: each of those is there once.
+#[derive(Debug, Clone, Copy)]
+pub struct SharedWindows<'a> {
+    /// `[N]`, rising: the first frame of each window.
+    pub starts: &'a [usize],
+    /// `[frames, taxels]`, row-major, baseline-subtracted.
+    pub tactile: &'a [f32],
+    /// `[frames, joints]`, row-major, rad; empty for a model without a pose input.
     pub pose: &'a [f32],
 }
 
@@ -89,5 +100,5 @@ pub trait Regressor: Debug + Send {
     ///
     /// # Errors
     /// [`RegressError`] when the runtime fails. Non-finite forces are no error here: the core flags them.
-    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError>;
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError>;
 }

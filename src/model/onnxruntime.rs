@@ -56,24 +56,12 @@ pub(super) fn info() -> Result<BackendInfo, String> {
 /// # Errors
 /// What the library said, or why there is none.
 pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<OnnxRuntime, String> {
-    open_at(bytes, terms, GraphOptimizationLevel::All)
-}
-
-/// Opens a graph that is written as it should run: optimizing gains nothing there and takes a moment.
-///
-/// # Errors
-/// As [`open`].
-pub(super) fn open_as_it_is(bytes: &[u8], terms: &Terms) -> Result<OnnxRuntime, String> {
-    open_at(bytes, terms, GraphOptimizationLevel::Disable)
-}
-
-fn open_at(bytes: &[u8], terms: &Terms, level: GraphOptimizationLevel) -> Result<OnnxRuntime, String> {
     let library = library::loaded()?;
     let said = |e: ort::Error| format!("ONNX Runtime {}: {e}", library.version);
     let outputs = terms.tensors.outputs();
     let contract = &terms.contract;
     Ok(OnnxRuntime {
-        graph: build(library, bytes, level).map_err(said)?,
+        graph: build(library, bytes).map_err(said)?,
         tactile: terms.tensors.tactile.clone(),
         pose: terms.tensors.pose.clone(),
         options: (1..=outputs.len()).map(|n| select(&outputs[..n])).collect::<Result<_, _>>().map_err(said)?,
@@ -83,11 +71,11 @@ fn open_at(bytes: &[u8], terms: &Terms, level: GraphOptimizationLevel) -> Result
 }
 
 /// One thread a session: two threads in one session are slower than two sessions.
-fn build(library: &library::Library, bytes: &[u8], level: GraphOptimizationLevel) -> Result<Graph, ort::Error> {
+fn build(library: &library::Library, bytes: &[u8]) -> Result<Graph, ort::Error> {
     Graph::builder(&library.environment)?
         .with_intra_threads(1)?
         .with_inter_threads(1)?
-        .with_optimization_level(level)?
+        .with_optimization_level(GraphOptimizationLevel::All)?
         .with_log_level(ort::logging::LogLevel::Fatal)?
         .commit_from_memory(bytes)
 }

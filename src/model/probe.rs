@@ -5,7 +5,7 @@ use std::path::Path;
 use super::contract::Terms;
 use super::error::ModelError;
 use super::session::Session;
-use crate::fusion::{Contract, Windows};
+use crate::fusion::{Contract, SharedWindows};
 
 /// Windows of a trial batch.
 const N: usize = 3;
@@ -80,13 +80,13 @@ fn run(
     path: &Path,
     session: &mut Session,
     n_outputs: usize,
-    windows: Windows<'_>,
+    windows: SharedWindows<'_>,
 ) -> Result<Vec<Vec<f32>>, ModelError> {
     let mut outputs = vec![Vec::new(); n_outputs];
     let ran = session.infer(windows, &mut outputs);
     ran.map_err(|said| ModelError::Runtime {
         path: path.to_path_buf(),
-        reason: format!("a trial run of {} windows failed: {said}", windows.n),
+        reason: format!("a trial run of {} windows failed: {said}", windows.starts.len()),
     })?;
     Ok(outputs)
 }
@@ -124,6 +124,7 @@ fn check_convention(
 
 /// Pseudo-random windows, the same at every start, with one of zeros among them: a hand in the air.
 struct Trial {
+    starts: [usize; N],
     tactile: Vec<f32>,
     pose: Vec<f32>,
     other_pose: Vec<f32>,
@@ -147,20 +148,20 @@ impl Trial {
         other_pose.rotate_left(n_pose);
         tactile[n_tactile..2 * n_tactile].fill(0.0);
         pose[n_pose..2 * n_pose].fill(0.0);
-        Trial { tactile, pose, other_pose }
+        Trial { starts: std::array::from_fn(|idx| idx * contract.window), tactile, pose, other_pose }
     }
 
-    fn batch(&self) -> Windows<'_> {
-        Windows { n: N, tactile: &self.tactile, pose: &self.pose }
+    fn batch(&self) -> SharedWindows<'_> {
+        SharedWindows { starts: &self.starts, tactile: &self.tactile, pose: &self.pose }
     }
 
-    fn batch_with_other_poses(&self) -> Windows<'_> {
-        Windows { n: N, tactile: &self.tactile, pose: &self.other_pose }
+    fn batch_with_other_poses(&self) -> SharedWindows<'_> {
+        SharedWindows { starts: &self.starts, tactile: &self.tactile, pose: &self.other_pose }
     }
 
-    fn window(&self, idx: usize) -> Windows<'_> {
+    fn window(&self, idx: usize) -> SharedWindows<'_> {
         let part = |values: &'_ [f32]| idx * (values.len() / N)..(idx + 1) * (values.len() / N);
-        Windows { n: 1, tactile: &self.tactile[part(&self.tactile)], pose: &self.pose[part(&self.pose)] }
+        SharedWindows { starts: &[0], tactile: &self.tactile[part(&self.tactile)], pose: &self.pose[part(&self.pose)] }
     }
 }
 

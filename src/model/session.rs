@@ -5,7 +5,7 @@ use std::path::Path;
 use super::contract::Terms;
 use super::error::one_line;
 use super::info::Batch;
-use crate::fusion::{Contract, Forces, RegressError, Regressor, Windows};
+use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows, Windows};
 
 /// An open graph in one of the runtimes.
 pub(super) trait Runtime: std::fmt::Debug + Send {
@@ -27,6 +27,9 @@ pub(super) struct Session {
     contract: Contract,
     max_batch: usize,
     output_names: Vec<String>,
+    /// Windows that share frames, one below the other.
+    tactile: Vec<f32>,
+    pose: Vec<f32>,
 }
 
 impl Session {
@@ -41,6 +44,8 @@ impl Session {
             contract: terms.contract.clone(),
             max_batch,
             output_names: terms.tensors.outputs(),
+            tactile: Vec::new(),
+            pose: Vec::new(),
         }
     }
 
@@ -55,39 +60,67 @@ impl Session {
     }
 
     /// Runs `windows` and replaces what `outputs` held, in the order force, base, residual.
-    pub(super) fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
+    pub(super) fn infer(&mut self, windows: SharedWindows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
         outputs.iter_mut().for_each(Vec::clear);
-        let tactile_len = self.contract.window * self.contract.n_taxels;
-        let pose_len = self.contract.window * self.contract.n_joints;
-        let fits = |len: usize, of_one: usize| windows.n.checked_mul(of_one) == Some(len);
-        if !fits(windows.tactile.len(), tactile_len) || !fits(windows.pose.len(), pose_len) {
-            return Err(format!(
-                "expected {} windows of {tactile_len} tactile and {pose_len} pose numbers, got {} and {}",
-                windows.n,
-                windows.tactile.len(),
-                windows.pose.len(),
-            ));
-        }
+        check(windows, &self.contract)?;
+        let Contract { window, n_taxels, n_joints, .. } = self.contract;
         let mut done = 0;
-        while done < windows.n {
-            let n = self.max_batch.min(windows.n - done);
+        for starts in windows.starts.chunks(self.max_batch) {
             let part = Windows {
-                n,
-                tactile: &windows.tactile[done * tactile_len..(done + n) * tactile_len],
-                pose: &windows.pose[done * pose_len..(done + n) * pose_len],
+                n: starts.len(),
+                tactile: one_below_the_other(windows.tactile, starts, window, n_taxels, &mut self.tactile),
+                pose: one_below_the_other(windows.pose, starts, window, n_joints, &mut self.pose),
             };
             self.runtime.infer(part, outputs).map_err(|said| one_line(&said))?;
             for (name, output) in self.output_names.iter().zip(outputs.iter()) {
-                let given = output.len().saturating_sub(done);
+                let (given, n) = (output.len().saturating_sub(done), starts.len());
                 if given != n {
                     let name = one_line(name);
                     return Err(format!("output {name} gave {given} values for {n} windows, expected one each"));
                 }
             }
-            done += n;
+            done += starts.len();
         }
         Ok(())
     }
+}
+
+/// Refuses windows that don't lie within their frames, or frames of another size than the model takes.
+pub(super) fn check(windows: SharedWindows<'_>, contract: &Contract) -> Result<(), String> {
+    let SharedWindows { starts, tactile, pose } = windows;
+    let n_frames = tactile.len() / contract.n_taxels.max(1);
+    let fits = |len: usize, width: usize| n_frames * width == len;
+    if !fits(tactile.len(), contract.n_taxels) || !fits(pose.len(), contract.n_joints) {
+        return Err(format!(
+            "expected frames of {} tactile and {} pose numbers, got {} and {}",
+            contract.n_taxels,
+            contract.n_joints,
+            tactile.len(),
+            pose.len(),
+        ));
+    }
+    let rises = starts.is_sorted_by(|earlier, later| earlier < later);
+    if !rises || starts.last().is_some_and(|last| last.saturating_add(contract.window) > n_frames) {
+        return Err(format!("expected windows of {} frames that rise, within {n_frames} frames", contract.window));
+    }
+    Ok(())
+}
+
+/// Windows of frames of `width` numbers: as they are where none overlap, else put together in `buffer`.
+fn one_below_the_other<'v>(
+    frames: &'v [f32],
+    starts: &[usize],
+    window: usize,
+    width: usize,
+    buffer: &'v mut Vec<f32>,
+) -> &'v [f32] {
+    let (Some(first), Some(last)) = (starts.first(), starts.last()) else { return &[] };
+    if last - first == (starts.len() - 1) * window {
+        return &frames[first * width..(last + window) * width];
+    }
+    buffer.clear();
+    starts.iter().for_each(|start| buffer.extend_from_slice(&frames[start * width..(start + window) * width]));
+    buffer
 }
 
 impl Regressor for Session {
@@ -95,7 +128,7 @@ impl Regressor for Session {
         &self.contract
     }
 
-    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         out.base.clear();
         let mut outputs = [std::mem::take(&mut out.force), std::mem::take(&mut out.base)];
         let wanted = if self.contract.has_base { 2 } else { 1 };

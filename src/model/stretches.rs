@@ -1,24 +1,34 @@
-//! Windows that overlap, run as one stretch: the same forces in less time, for replay and evaluation.
+//! Windows that overlap, run as stretches: the same forces in less time, for replay and evaluation.
+
+use std::ops::Range;
+use std::sync::Mutex;
 
 use super::contract::Terms;
-use super::error::one_line;
-use super::info::RuntimeName;
+use super::network::{Network, Outputs};
+use super::onnx::GraphProto;
 use super::paper;
-use super::sequence;
-use super::session::{Runtime, Session};
-use super::{onnx::GraphProto, onnxruntime, rten};
-use crate::fusion::{Contract, Forces, RegressError, Regressor, Windows};
+use super::session::{Session, check};
+use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows};
 
-/// Windows of a stretch: with fewer a node costs more than what it computes, with more their states leave the caches.
-pub(super) const WINDOWS: usize = 512;
-
-/// Overlapping windows from which on a stretch that is filled up is faster than the windows one by one.
+/// Windows of one call from which on stretches gain much.
 pub(super) const MIN_WINDOWS: usize = 256;
 
-/// Stretches that grow side by side: the regions that share a model.
-const MAX_OPEN: usize = 64;
+/// Frames of a stretch that windows may begin in.
+const SPAN: usize = 256;
 
-/// A stretch adds in another order than a window alone, as batches of other sizes do.
+/// Windows of one call that gains all there is to gain: it holds enough stretches for many threads.
+pub(super) const WINDOWS_AT_ONCE: usize = MOST_THREADS * SPAN;
+
+/// Threads beyond which there is nothing to gain.
+pub(super) const MOST_THREADS: usize = 16;
+
+/// Steps from window to window that a stretch goes on over; a longer one costs more than a stretch that begins anew.
+const MAX_STEP: usize = 4;
+
+/// Windows of the trial.
+const N_TRIAL: usize = 256;
+
+/// A stretch adds in another order than a runtime does.
 const TOLERANCE: f32 = 1e-4; // of the largest force of the trial
 
 /// The largest force of the trial counts as at least this, in the model's unit.
@@ -27,186 +37,123 @@ const SMALLEST_SCALE: f32 = 0.1;
 /// Readings of the trial, one scale after the other: at rest, small, and as large as sensors count.
 const TRIAL_SCALES: [f32; 4] = [0.0, 1.0, 50.0, 2000.0];
 
-/// A model that runs stretches where windows overlap, and windows elsewhere.
+/// A model whose windows are run in stretches.
+///
+/// # Invariant
+/// A window has the same force, bit by bit, whichever windows are run with it and on however many threads:
+/// `model_stretches::any_company_and_any_number_of_threads_give_the_same_bits`.
 #[derive(Debug)]
 pub(super) struct Stretches {
-    windowed: Session,
-    stretch: Stretch,
-    tactile: Vec<f32>,
-    pose: Vec<f32>,
+    contract: Contract,
+    label: String,
+    network: Network,
+    n_threads: usize,
 }
 
-/// The network over a stretch.
-#[derive(Debug)]
-pub(super) struct Stretch {
-    runtime: Box<dyn Runtime>,
-    tactile: Vec<f32>,
-    pose: Vec<f32>,
-    /// Forces, and base forces where they are used.
-    outputs: Vec<Vec<f32>>,
+/// A stretch that waits for a thread, and the place of its forces.
+struct Job<'a> {
+    windows: SharedWindows<'a>,
+    force: &'a mut [f32],
+    /// Empty for a model without a base.
+    base: &'a mut [f32],
 }
 
-impl Stretch {
-    /// The network of a model over stretches, if it is the paper's; `None` if it isn't.
+impl Stretches {
+    /// A model in stretches on so many threads, if it is the paper's network; `None` if it isn't.
     ///
     /// # Errors
-    /// Why it can't be used: this runtime doesn't take it, or it gives other forces.
+    /// Why it can't be run so, where one would expect it: it gives other forces then.
     pub(super) fn of(
         windowed: &mut Session,
         graph: &GraphProto,
         terms: &Terms,
-        runtime: RuntimeName,
+        n_threads: usize,
     ) -> Result<Option<Self>, String> {
-        let Some(paper) = paper::find(graph, terms).filter(sequence::fits) else { return Ok(None) };
         let contract = windowed.contract().clone();
-        let bytes = sequence::model(&paper, WINDOWS, contract.has_base);
-        let of_stretch = stretch_terms(terms, &contract);
-        let runtime: Box<dyn Runtime> = match runtime {
-            RuntimeName::OnnxRuntime => Box::new(onnxruntime::open_as_it_is(&bytes, &of_stretch)?),
-            RuntimeName::Rten => Box::new(rten::open(&bytes, &of_stretch)?),
-        };
-        let outputs = vec![Vec::new(); if contract.has_base { 2 } else { 1 }];
-        let mut stretch = Stretch { runtime, tactile: Vec::new(), pose: Vec::new(), outputs };
-        let trial = Trial::new(&contract);
-        let mut alone = Forces::default();
-        windowed.run(trial.windows(), &mut alone).map_err(|error| error.to_string())?;
-        let mut together = sized(trial.windows().n, contract.has_base);
-        let chain: Vec<usize> = (0..trial.windows().n).collect();
-        stretch.run(&contract, trial.windows(), &chain, &mut together)?;
-        differ(&alone, &together)?;
-        Ok(Some(stretch))
-    }
-
-    /// Runs windows that follow one another, by their indices: at most [`WINDOWS`].
-    fn run(
-        &mut self,
-        contract: &Contract,
-        windows: Windows<'_>,
-        chain: &[usize],
-        out: &mut Forces,
-    ) -> Result<(), String> {
-        let window = contract.window;
-        let Some(&first) = chain.first() else { return Ok(()) };
-        for (stretch, values, width) in
-            [(&mut self.tactile, windows.tactile, contract.n_taxels), (&mut self.pose, windows.pose, contract.n_joints)]
-        {
-            let of = |idx: usize| &values[idx * window * width..(idx + 1) * window * width];
-            stretch.clear();
-            stretch.extend_from_slice(of(first));
-            chain[1..].iter().for_each(|idx| stretch.extend_from_slice(&of(*idx)[(window - 1) * width..]));
-            stretch.resize((WINDOWS + window - 1) * width, 0.0);
-        }
-        self.outputs.iter_mut().for_each(Vec::clear);
-        let stretch = Windows { n: 1, tactile: &self.tactile, pose: &self.pose };
-        self.runtime.infer(stretch, &mut self.outputs).map_err(|said| one_line(&said))?;
-        for (values, forces) in self.outputs.iter().zip([&mut out.force, &mut out.base]) {
-            if values.len() != WINDOWS {
-                return Err(format!("a stretch of {WINDOWS} windows gave {} forces", values.len()));
-            }
-            chain.iter().zip(values).for_each(|(idx, value)| forces[*idx] = *value);
-        }
-        Ok(())
-    }
-}
-
-impl Stretches {
-    /// A model and its network over stretches.
-    pub(super) fn new(windowed: Session, stretch: Stretch) -> Self {
-        Stretches { windowed, stretch, tactile: Vec::new(), pose: Vec::new() }
-    }
-
-    /// Runs windows that no stretch holds.
-    fn run_alone(&mut self, windows: Windows<'_>, alone: &[usize], out: &mut Forces) -> Result<(), RegressError> {
-        if alone.is_empty() {
-            return Ok(());
-        }
-        let part = |values: &[f32], into: &mut Vec<f32>| {
-            let len = values.len() / windows.n;
-            into.clear();
-            alone.iter().for_each(|idx| into.extend_from_slice(&values[idx * len..(idx + 1) * len]));
-        };
-        part(windows.tactile, &mut self.tactile);
-        part(windows.pose, &mut self.pose);
-        let mut forces = Forces::default();
-        let windows = Windows { n: alone.len(), tactile: &self.tactile, pose: &self.pose };
-        self.windowed.run(windows, &mut forces)?;
-        for (from, to) in [(forces.force, &mut out.force), (forces.base, &mut out.base)] {
-            alone.iter().zip(from).for_each(|(idx, value)| to[*idx] = value);
-        }
-        Ok(())
+        let found = paper::find(graph, terms);
+        let network = found.and_then(|paper| Network::new(&paper, contract.n_taxels, contract.n_joints));
+        let Some(network) = network else { return Ok(None) };
+        let mut stretches = Stretches { contract, label: windowed.label().to_owned(), network, n_threads };
+        let trial = Trial::new(&stretches.contract);
+        let (mut alone, mut together) = (Forces::default(), Forces::default());
+        let ran = windowed.run(trial.windows(), &mut alone);
+        ran.and_then(|()| stretches.run(trial.windows(), &mut together)).map_err(|error| error.to_string())?;
+        differ(&alone, &together).map(|()| Some(stretches))
     }
 }
 
 impl Regressor for Stretches {
     fn contract(&self) -> &Contract {
-        self.windowed.contract()
+        &self.contract
     }
 
-    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError> {
-        if windows.n < MIN_WINDOWS {
-            return self.windowed.run(windows, out);
-        }
-        let contract = self.windowed.contract();
-        let chains = chains(&windows, contract.n_taxels, contract.n_joints);
-        *out = sized(windows.n, contract.has_base);
-        let mut alone = Vec::new();
-        for chain in &chains {
-            for part in chain.chunks(WINDOWS) {
-                match part.len() >= MIN_WINDOWS {
-                    true => {
-                        let ran = self.stretch.run(self.windowed.contract(), windows, part, out);
-                        ran.map_err(|said| RegressError(format!("model {}: {said}", self.windowed.label())))?;
-                    }
-                    false => alone.extend_from_slice(part),
-                }
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        check(windows, &self.contract).map_err(|said| RegressError(format!("model {}: {said}", self.label)))?;
+        let n = windows.starts.len();
+        // What isn't written to is no force.
+        *out = Forces { force: vec![f32::NAN; n], base: vec![f32::NAN; if self.contract.has_base { n } else { 0 }] };
+        let (mut force, mut base) = (out.force.as_mut_slice(), out.base.as_mut_slice());
+        let jobs = parts(windows.starts).map(|part| {
+            let n = part.len();
+            let windows = SharedWindows { starts: &windows.starts[part], ..windows };
+            Job { windows, force: take(&mut force, n), base: take(&mut base, n) }
+        });
+        self.run_side_by_side(jobs.collect());
+        Ok(())
+    }
+}
+
+impl Stretches {
+    /// Runs every job once.
+    fn run_side_by_side(&self, jobs: Vec<Job<'_>>) {
+        let n_threads = self.n_threads.min(jobs.len());
+        let waiting = Mutex::new(jobs.into_iter());
+        let work = || {
+            let mut outputs = Outputs::default();
+            let next = || waiting.lock().ok().and_then(|mut waiting| waiting.next());
+            while let Some(job) = next() {
+                self.run_stretch(job, &mut outputs);
             }
-        }
-        alone.sort_unstable();
-        self.run_alone(windows, &alone, out)
-    }
-}
-
-/// Room for the forces of so many windows; what isn't written to is no force.
-fn sized(n: usize, has_base: bool) -> Forces {
-    Forces { force: vec![f32::NAN; n], base: vec![f32::NAN; if has_base { n } else { 0 }] }
-}
-
-/// Windows by index, put together where each begins a frame after the one before it.
-fn chains(windows: &Windows<'_>, n_taxels: usize, n_joints: usize) -> Vec<Vec<usize>> {
-    let (tactile_len, pose_len) = (windows.tactile.len() / windows.n, windows.pose.len() / windows.n);
-    let follows = |later: usize, earlier: usize| {
-        let overlap = |values: &[f32], len: usize, width: usize| {
-            let (earlier, later) =
-                (&values[earlier * len..(earlier + 1) * len], &values[later * len..(later + 1) * len]);
-            len == 0 || earlier[width..] == later[..len - width]
         };
-        overlap(windows.tactile, tactile_len, n_taxels) && overlap(windows.pose, pose_len, n_joints)
-    };
-    let mut done = Vec::new();
-    let mut open: std::collections::VecDeque<Vec<usize>> = std::collections::VecDeque::new();
-    for idx in 0..windows.n {
-        let found = open.iter().position(|chain| chain.last().is_some_and(|last| follows(idx, *last)));
-        // Those that waited longest are looked at first: regions come in turn.
-        let mut chain = found.and_then(|found| open.remove(found)).unwrap_or_default();
-        chain.push(idx);
-        open.push_back(chain);
-        if open.len() > MAX_OPEN {
-            done.extend(open.pop_front());
+        std::thread::scope(|scope| {
+            (1..n_threads).for_each(|_| {
+                scope.spawn(work);
+            });
+            work();
+        });
+    }
+
+    fn run_stretch(&self, job: Job<'_>, outputs: &mut Outputs) {
+        let Job { windows: SharedWindows { starts, tactile, pose }, force, base } = job;
+        let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return };
+        let Contract { window, n_taxels, n_joints, .. } = self.contract;
+        let frames = |values: &'_ [f32], width: usize| first * width..((last + window) * width).min(values.len());
+        self.network.run(&tactile[frames(tactile, n_taxels)], &pose[frames(pose, n_joints)], outputs);
+        for (values, forces) in [(&outputs.force, force), (&outputs.base, base)] {
+            let given = starts.iter().map(|start| values.get(start - first).copied().unwrap_or(f32::NAN));
+            forces.iter_mut().zip(given).for_each(|(force, given)| *force = given);
         }
     }
-    done.extend(open);
-    done
 }
 
-/// The tensors of the graph over stretches.
-fn stretch_terms(terms: &Terms, contract: &Contract) -> Terms {
-    let mut of_stretch = Terms { contract: contract.clone(), ..terms.clone() };
-    of_stretch.tensors.tactile = sequence::TACTILE.to_owned();
-    of_stretch.tensors.pose = terms.tensors.pose.as_ref().map(|_| sequence::POSE.to_owned());
-    of_stretch.tensors.force = sequence::FORCE.to_owned();
-    of_stretch.tensors.base = contract.has_base.then(|| sequence::BASE.to_owned());
-    of_stretch.tensors.residual = None;
-    of_stretch
+/// Windows by their index, those together that follow one another closely.
+fn parts(starts: &[usize]) -> impl Iterator<Item = Range<usize>> {
+    let mut from = 0;
+    std::iter::from_fn(move || {
+        let first = *starts.get(from)?;
+        let goes_on = |pair: &&[usize]| pair[1] - pair[0] <= MAX_STEP && pair[1] - first < SPAN;
+        let part = from..from + 1 + starts[from..].windows(2).take_while(goes_on).count();
+        from = part.end;
+        Some(part)
+    })
+}
+
+/// Takes up to `n` from the front of a slice.
+fn take<'a>(rest: &mut &'a mut [f32], n: usize) -> &'a mut [f32] {
+    let all = std::mem::take(rest);
+    let (taken, left) = all.split_at_mut(n.min(all.len()));
+    *rest = left;
+    taken
 }
 
 /// Whether forces are the same but for rounding; how far apart they are, where they aren't.
@@ -217,7 +164,7 @@ fn differ(windows: &Forces, whole: &Forces) -> Result<(), String> {
     for (expected, got) in windows.iter().zip(&whole) {
         let distance = (expected - got).abs();
         if distance.is_nan() || distance > TOLERANCE * scale {
-            return Err(format!("over a stretch it gives {got} where a window alone gives {expected}"));
+            return Err(format!("in stretches it gives {got} where a window alone gives {expected}"));
         }
     }
     Ok(())
@@ -225,6 +172,7 @@ fn differ(windows: &Forces, whole: &Forces) -> Result<(), String> {
 
 /// Overlapping windows of made-up frames, the same at every start.
 struct Trial {
+    starts: Vec<usize>,
     tactile: Vec<f32>,
     pose: Vec<f32>,
 }
@@ -232,28 +180,21 @@ struct Trial {
 impl Trial {
     fn new(contract: &Contract) -> Self {
         let mut random = super::probe::Lcg::new();
-        let n_frames = MIN_WINDOWS + contract.window - 1;
+        let n_frames = N_TRIAL + contract.window - 1;
         let scale = |frame: usize| TRIAL_SCALES[frame * TRIAL_SCALES.len() / n_frames];
         let ranges = contract.pose_range.as_deref().unwrap_or_default();
         let range = |joint: usize| ranges.get(joint).map_or((-0.5, 0.5), |range| (range.min as f32, range.max as f32));
-        let frames = |width: usize, value: &mut dyn FnMut(usize, usize) -> f32| -> Vec<f32> {
-            let all: Vec<f32> = (0..n_frames)
-                .flat_map(|frame| (0..width).map(move |at| (frame, at)))
-                .map(|(frame, at)| value(frame, at))
-                .collect();
-            let of_window = |first: usize| all[first * width..(first + contract.window) * width].iter().copied();
-            (0..MIN_WINDOWS).flat_map(of_window).collect()
-        };
-        let tactile = frames(contract.n_taxels, &mut |frame, _| scale(frame) * random.next_unit());
-        let pose = frames(contract.n_joints, &mut |_, joint| {
-            let (min, max) = range(joint);
+        let tactile = (0..n_frames * contract.n_taxels).map(|at| scale(at / contract.n_taxels) * random.next_unit());
+        let tactile = tactile.collect();
+        let pose = (0..n_frames * contract.n_joints).map(|at| {
+            let (min, max) = range(at % contract.n_joints);
             min + (max - min) * random.next_unit()
         });
-        Trial { tactile, pose }
+        Trial { starts: (0..N_TRIAL).collect(), tactile, pose: pose.collect() }
     }
 
-    fn windows(&self) -> Windows<'_> {
-        Windows { n: MIN_WINDOWS, tactile: &self.tactile, pose: &self.pose }
+    fn windows(&self) -> SharedWindows<'_> {
+        SharedWindows { starts: &self.starts, tactile: &self.tactile, pose: &self.pose }
     }
 }
 
@@ -262,13 +203,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn windows_of_several_regions_are_told_apart_and_put_together() {
-        // Two regions in turn, windows of three frames of one taxel; the second one has a gap.
-        let (a, b) = ([1.0, 2.0, 3.0, 4.0, 5.0], [9.0, 8.0, 7.0, 0.5, 0.6, 0.7]);
-        let tactile: Vec<f32> = [&a[0..3], &b[0..3], &a[1..4], &b[3..6], &a[2..5]].concat();
-        let windows = Windows { n: 5, tactile: &tactile, pose: &[] };
-        let mut found = chains(&windows, 1, 0);
-        found.sort();
-        assert_eq!(found, [vec![0, 2, 4], vec![1], vec![3]]);
+    fn windows_go_together_by_where_they_begin() {
+        let parts = |starts: &[usize]| parts(starts).collect::<Vec<_>>();
+        assert!(parts(&[]).is_empty());
+        assert_eq!(parts(&[5, 5 + SPAN]), [0..1, 1..2]);
+        assert_eq!(parts(&[5, 6, 6 + MAX_STEP, 7 + 2 * MAX_STEP]), [0..3, 3..4]);
+        let all: Vec<usize> = (0..2 * SPAN + 1).collect();
+        assert_eq!(parts(&all), [0..SPAN, SPAN..2 * SPAN, 2 * SPAN..2 * SPAN + 1]);
     }
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use crate::fusion::{
-    Contract, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError, Tick, Windows,
+    Contract, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError, SharedWindows, Tick,
 };
 use crate::units::Stamp;
 
@@ -50,16 +50,15 @@ impl Regressor for Tap {
         &self.contract
     }
 
-    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError> {
-        let (tactile_len, pose_len) = (windows.tactile.len() / windows.n, windows.pose.len() / windows.n);
-        for idx in 0..windows.n {
-            let tactile = windows.tactile[idx * tactile_len..(idx + 1) * tactile_len].to_vec();
-            let pose = windows.pose[idx * pose_len..(idx + 1) * pose_len].to_vec();
-            let sent = self.windows.send((tactile, pose));
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        let Contract { window, n_taxels, n_joints, .. } = self.contract;
+        for &start in windows.starts {
+            let of_window = |values: &[f32], width: usize| values[start * width..(start + window) * width].to_vec();
+            let sent = self.windows.send((of_window(windows.tactile, n_taxels), of_window(windows.pose, n_joints)));
             sent.map_err(|_| RegressError("the collector of model input is gone".to_owned()))?;
         }
         out.force.clear();
-        out.force.resize(windows.n, 0.0);
+        out.force.resize(windows.starts.len(), 0.0);
         out.base.clear();
         Ok(())
     }

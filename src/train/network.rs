@@ -16,7 +16,6 @@ mod conv;
 mod flex;
 pub(super) mod lstm;
 mod lstm_op;
-mod matrix;
 mod tactile;
 mod tactile_op;
 

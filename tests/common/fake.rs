@@ -39,13 +39,13 @@ impl Regressor for Sum {
         &self.contract
     }
 
-    fn run(&mut self, windows: Windows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         out.force.clear();
         out.base.clear();
         let (t, p, l) = (self.contract.n_taxels, self.contract.n_joints, self.contract.window);
-        for n in 0..windows.n {
-            let tactile = &windows.tactile[n * l * t..(n + 1) * l * t];
-            let pose = &windows.pose[n * l * p..(n + 1) * l * p];
+        for &start in windows.starts {
+            let tactile = &windows.tactile[start * t..(start + l) * t];
+            let pose = &windows.pose[start * p..(start + l) * p];
             let base = tactile[(l - 1) * t..].iter().sum::<f32>() + 1e-3 * tactile[..t].iter().sum::<f32>();
             out.force.push(base - pose[(l - 1) * p..].iter().sum::<f32>());
             if self.contract.has_base {

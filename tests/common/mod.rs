@@ -26,3 +26,16 @@ pub fn onnx_runtime_is_here() -> bool {
         }
     }
 }
+
+/// Runs windows that share nothing.
+pub fn run_windows(
+    model: &mut tactile_pose_fusion::model::Model,
+    windows: tactile_pose_fusion::fusion::Windows<'_>,
+) -> Result<tactile_pose_fusion::fusion::Forces, tactile_pose_fusion::fusion::RegressError> {
+    let window = model.regressor.contract().window;
+    let starts: Vec<usize> = (0..windows.n).map(|idx| idx * window).collect();
+    let shared =
+        tactile_pose_fusion::fusion::SharedWindows { starts: &starts, tactile: windows.tactile, pose: windows.pose };
+    let mut forces = tactile_pose_fusion::fusion::Forces::default();
+    model.regressor.run(shared, &mut forces).map(|()| forces)
+}

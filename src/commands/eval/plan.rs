@@ -94,7 +94,7 @@ impl<'a> Plan<'a> {
         let (mut cores, mut planned, mut series) = (Vec::new(), Vec::new(), Vec::new());
         for path in paths {
             let mut cfg = cfg.clone();
-            ask_for_stretches(&mut cfg);
+            ask_for_stretches(&mut cfg, 1); // bags are what runs side by side
             args.backend.apply(&mut cfg);
             if let Some(path) = path {
                 replace_model(&mut cfg, path)?;

@@ -101,7 +101,7 @@ impl<'a> Loader<'a> {
     fn load_core(&mut self) -> Result<Core, Failure> {
         let is_first = !std::mem::replace(&mut self.has_said, true);
         let mut cfg = self.cfg.clone();
-        ask_for_stretches(&mut cfg);
+        ask_for_stretches(&mut cfg, 1);
         self.args.models.apply(&mut cfg)?;
         let models = if is_first {
             let several = if self.n_bags > 1 { ", where they hold none" } else { "" };

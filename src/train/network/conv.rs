@@ -6,7 +6,7 @@
 use std::array::from_fn;
 
 use super::super::architecture::{N_FEATURES, TAPS};
-use super::matrix::{Matrix, add_column_sums, add_product};
+use crate::kernels::matrix::{Matrix, add_column_sums, add_product};
 
 /// Sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,7 +5,8 @@
 
 use macerator::AutoArch;
 
-use super::matrix::{Matrix, add_column_sums, add_product, multiply};
+use crate::kernels::matrix::{Matrix, add_column_sums, add_product, multiply};
+use crate::kernels::nonlinear::{sigmoid, tanh_of};
 
 /// Sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -202,58 +203,9 @@ fn back_through_row(
     }
 }
 
-/// Logistic function.
-#[inline(always)]
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + exp(-x))
-}
-
-/// Hyperbolic tangent to 2e-7 absolute.
-#[inline(always)]
-fn tanh_of(x: f32) -> f32 {
-    2.0 / (1.0 + exp(-2.0 * x)) - 1.0
-}
-
-/// Exponential to 2e-7 relative, without branches or calls so that loops over it become vector code.
-///
-/// Cody and Waite's reduction by ln 2 in two parts, then the Taylor series on `[-ln2/2, ln2/2]` to its 7th power.
-#[inline(always)]
-fn exp(x: f32) -> f32 {
-    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits
-    const LN2_HIGH: f32 = 0.693_359_4; // 355/512: exact in few bits, so its multiples are exact
-    const LN2_LOW: f32 = -2.121_944_4e-4;
-    let x = x.clamp(-87.0, 87.0);
-    let shifted = x * std::f32::consts::LOG2_E + ROUND;
-    let power = shifted - ROUND;
-    let r = (x - power * LN2_HIGH) - power * LN2_LOW;
-    let series = 1.0 / 5040.0;
-    let series = series * r + 1.0 / 720.0;
-    let series = series * r + 1.0 / 120.0;
-    let series = series * r + 1.0 / 24.0;
-    let series = series * r + 1.0 / 6.0;
-    let series = series * r + 0.5;
-    let series = (series * r + 1.0) * r + 1.0;
-    series * f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_nonlinearities_match_float64() {
-        for step in -4000..=4000 {
-            let x = step as f32 * 0.01;
-            let wide = f64::from(x);
-            assert!((f64::from(sigmoid(x)) - 1.0 / (1.0 + (-wide).exp())).abs() < 2e-7, "sigmoid at {x}");
-            assert!((f64::from(tanh_of(x)) - wide.tanh()).abs() < 3e-7, "tanh at {x}");
-        }
-    }
-
-    #[test]
-    fn nan_stays_nan() {
-        assert!(sigmoid(f32::NAN).is_nan() && tanh_of(f32::NAN).is_nan());
-    }
 
     /// Numbers about zero that look random.
     fn numbers(n: usize, seed: u32) -> Vec<f32> {

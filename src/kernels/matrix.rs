@@ -8,7 +8,7 @@ use macerator::{AutoArch, Scalar, Simd, Vector, WithSimd};
 
 /// A row-major matrix, or its transpose.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Matrix<'a> {
+pub(crate) struct Matrix<'a> {
     data: &'a [f32],
     rows: usize,
     columns: usize,
@@ -17,12 +17,21 @@ pub(super) struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    pub(super) fn new(data: &'a [f32], rows: usize, columns: usize) -> Self {
+    pub(crate) fn new(data: &'a [f32], rows: usize, columns: usize) -> Self {
         assert_eq!(data.len(), rows * columns, "a matrix of {rows} x {columns}");
         Matrix { data, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
-    pub(super) fn transposed(self) -> Self {
+    /// Rows that lie `row_stride` numbers apart.
+    pub(crate) fn strided(data: &'a [f32], rows: usize, columns: usize, row_stride: usize) -> Self {
+        assert!(
+            rows == 0 || (rows - 1) * row_stride + columns <= data.len(),
+            "{rows} rows of {columns} in {row_stride}"
+        );
+        Matrix { data, rows, columns, row_stride, column_stride: 1 }
+    }
+
+    pub(crate) fn transposed(self) -> Self {
         Matrix {
             rows: self.columns,
             columns: self.rows,
@@ -33,20 +42,21 @@ impl<'a> Matrix<'a> {
     }
 
     /// Its values, row-major.
-    pub(super) fn to_rows(self) -> Vec<f32> {
+    pub(crate) fn to_rows(self) -> Vec<f32> {
         let at = |row: usize, column: usize| self.data[row * self.row_stride + column * self.column_stride];
         (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| at(row, column))).collect()
     }
 }
 
 /// `out = a b`, `out` row-major.
-pub(super) fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
+#[cfg(any(test, feature = "train"))]
+pub(crate) fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     out.fill(0.0);
     add_product(out, a, b);
 }
 
 /// `out += a b`, `out` row-major. Fastest where `b` is row-major: its transpose is copied first.
-pub(super) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
+pub(crate) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     assert_eq!(a.columns, b.rows, "the inner axes of a product");
     assert_eq!(out.len(), a.rows * b.columns, "a product of {} x {}", a.rows, b.columns);
     if b.column_stride == 1 {
@@ -57,7 +67,8 @@ pub(super) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
 }
 
 /// `out += column sums of rows`: the gradient of a bias.
-pub(super) fn add_column_sums(out: &mut [f32], rows: &[f32]) {
+#[cfg(feature = "train")]
+pub(crate) fn add_column_sums(out: &mut [f32], rows: &[f32]) {
     for row in rows.chunks_exact(out.len()) {
         out.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
     }

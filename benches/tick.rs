@@ -1,0 +1,100 @@
+//! The tail of a live tick: joint angles and one frame of taxels in, the estimates of five regions out, on one thread.
+//!
+//! Criterion tells means; a controller waits for the slowest. Ticks come one after the other, and at 100 Hz as they do
+//! live, where the caches are cold and the core may have slept. Pin it to one core: `taskset -c 0 cargo bench --bench tick`.
+#![allow(clippy::print_stdout)] // the table is the result
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use common::bags::at;
+use common::fake::{config, region};
+use tactile_pose_fusion::fusion::*;
+use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
+
+const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
+const JOINTS: [&str; 4] = ["dip", "pip", "mcp_flex", "mcp_abd"];
+const N_TAXELS: usize = 6;
+const N_BACK_TO_BACK: i64 = 10_000;
+const N_PACED: i64 = 2_000;
+const PERIOD: Duration = Duration::from_millis(10);
+
+/// Five fingertips that share the model of synthetic glove 1.
+fn hand(backend: BackendChoice) -> Fusion {
+    let mut spec = ModelSpec::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("models/glove1_pose_aware.onnx"));
+    spec.backend = backend;
+    let regions = FINGERS.iter().enumerate().map(|(idx, finger)| {
+        let taxels: Vec<usize> = (N_TAXELS * idx..N_TAXELS * (idx + 1)).collect();
+        let joints: Vec<String> = JOINTS.iter().map(|joint| format!("{finger}_{joint}")).collect();
+        region(finger, &taxels, &joints.iter().map(String::as_str).collect::<Vec<_>>())
+    });
+    let cfg = config(N_TAXELS * FINGERS.len(), regions.collect());
+    common::fake::fusion(cfg, vec![load(&spec).unwrap().regressor])
+}
+
+/// Seconds of each of `n` ticks, sorted.
+fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> Vec<f64> {
+    let names: Vec<String> =
+        FINGERS.iter().flat_map(|finger| JOINTS.iter().map(move |joint| format!("{finger}_{joint}"))).collect();
+    let begin = Instant::now();
+    let mut seconds: Vec<f64> = (first..first + n)
+        .map(|k| {
+            let stamp = at(k * 10);
+            let positions: Vec<f64> = (0..names.len()).map(|joint| (k as f64 * 0.01 + joint as f64).sin()).collect();
+            let values: Vec<f32> =
+                (0..N_TAXELS * FINGERS.len()).map(|taxel| ((k * 31 + taxel as i64 * 17) % 97) as f32).collect();
+            if let Some(period) = period {
+                let due = begin + period * (k - first) as u32;
+                std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            }
+            let source = JointSourceIdx(0);
+            let joints = JointSample { source, stamp, names: &names, positions: &positions, received: stamp };
+            let taxels = TactileBlock {
+                source: TactileSourceIdx(0),
+                stamp,
+                rows: 1,
+                row_period_ns: 0,
+                sequence: None,
+                values: &values,
+                received: stamp,
+            };
+            let began = Instant::now();
+            fusion.handle(Event::Joints(joints));
+            fusion.handle(Event::Tactile(taxels));
+            let tick = fusion.poll().unwrap().expect("a frame has its joints and is run");
+            let taken = began.elapsed().as_secs_f64();
+            assert!(k < 63 || tick.estimates.iter().all(|estimate| estimate.force.is_some()));
+            taken
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    seconds
+}
+
+fn main() {
+    println!("| five regions, one tick | ticks | p50 us | p99 us | p99.9 us | max us |\n|---|---|---|---|---|---|");
+    let mut backends = vec![("RTen", BackendChoice::Rten)];
+    if common::onnx_runtime_is_here() {
+        backends.push(("ONNX Runtime", BackendChoice::OnnxRuntime));
+    }
+    for (name, backend) in backends {
+        let mut fusion = hand(backend);
+        let mut first = 0;
+        for (how, n, period) in
+            [("", 200, None), ("one after the other", N_BACK_TO_BACK, None), ("at 100 Hz", N_PACED, Some(PERIOD))]
+        {
+            let seconds = ticks(&mut fusion, first, n, period);
+            first += n;
+            if how.is_empty() {
+                continue; // to warm up
+            }
+            // Nearest rank.
+            let us = |share: f64| seconds[((share * n as f64).ceil() as usize).max(1) - 1] * 1e6;
+            let [p50, p99, p999, max] = [0.5, 0.99, 0.999, 1.0].map(us);
+            println!("| {name}, {how} | {n} | {p50:.0} | {p99:.0} | {p999:.0} | {max:.0} |");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Runs the stages of a replay: in turn, or each on a thread of its own with bounded queues between them.
+
+use std::num::NonZero;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Condvar, Mutex, PoisonError};
+
+use super::super::Failure;
+use super::super::progress::Progress;
+use super::stages::{Core, Fused, Read, Reading, Writing};
+use crate::bag::BagError;
+
+/// Parts of the input that wait for the core: what comes in while the models are at work on thousands of frames.
+const QUEUED: usize = 64;
+
+/// Parts that wait to be written.
+const QUEUED_FUSED: usize = 4;
+
+/// Bytes of messages that are read and not yet done with, however large the messages are; one that is larger waits until
+/// it is alone.
+const BYTES_IN_FLIGHT: usize = 24 << 20;
+
+/// Reads, fuses and writes to the end, and gives back the stages that know what came of it. With more than one job the
+/// stages overlap; what is written is the same.
+pub(super) fn run(
+    mut reading: Reading,
+    core: &mut Core<'_>,
+    mut writing: Writing,
+    jobs: NonZero<usize>,
+    progress: &mut Progress,
+) -> Result<(Reading, Writing), Failure> {
+    if jobs.get() > 1 {
+        return overlapped(reading, core, writing, progress);
+    }
+    while let Some(Read { portion, bytes_read }) = reading.next()? {
+        progress.set(bytes_read);
+        writing.write(&core.take(portion)?)?;
+    }
+    writing.write(&core.end()?)?;
+    Ok((reading, writing))
+}
+
+fn overlapped(
+    reading: Reading,
+    core: &mut Core<'_>,
+    writing: Writing,
+    progress: &mut Progress,
+) -> Result<(Reading, Writing), Failure> {
+    let in_flight = InFlight::default();
+    let (to_core, from_reading) = sync_channel(QUEUED);
+    let (to_writing, from_core) = sync_channel(QUEUED_FUSED);
+    std::thread::scope(|scope| {
+        let reading = scope.spawn(|| read(reading, to_core, &in_flight));
+        let writing = scope.spawn(|| write(writing, from_core));
+        let fused = fuse(core, from_reading, to_writing, progress);
+        // A thread ends when the other end of its queue is gone, and by now it is.
+        let reading = reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let writing = writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        // What could not be written came before what could not be fused.
+        let writing = writing?;
+        fused?;
+        Ok((reading, writing))
+    })
+}
+
+type Sent<'f> = Result<(Read, Held<'f>), BagError>;
+
+fn read<'f>(mut reading: Reading, to_core: SyncSender<Sent<'f>>, in_flight: &'f InFlight) -> Reading {
+    while let Some(read) = reading.next().transpose() {
+        let failed = read.is_err();
+        let sent = read.map(|read| {
+            let held = in_flight.hold(read.portion.n_bytes());
+            (read, held)
+        });
+        if to_core.send(sent).is_err() || failed {
+            break;
+        }
+    }
+    reading
+}
+
+fn fuse<'f>(
+    core: &mut Core<'_>,
+    from_reading: Receiver<Sent<'f>>,
+    to_writing: SyncSender<(Fused, Option<Held<'f>>)>,
+    progress: &mut Progress,
+) -> Result<(), Failure> {
+    for sent in from_reading {
+        let (Read { portion, bytes_read }, held) = sent?;
+        progress.set(bytes_read);
+        if to_writing.send((core.take(portion)?, Some(held))).is_err() {
+            return Ok(()); // whoever writes says why
+        }
+    }
+    let _ = to_writing.send((core.end()?, None));
+    Ok(())
+}
+
+fn write(mut writing: Writing, from_core: Receiver<(Fused, Option<Held<'_>>)>) -> Result<Writing, BagError> {
+    for (fused, _held) in from_core {
+        writing.write(&fused)?;
+    }
+    Ok(writing)
+}
+
+/// Counts the bytes that are on their way.
+#[derive(Default)]
+struct InFlight {
+    bytes: Mutex<usize>,
+    fewer: Condvar,
+}
+
+/// Bytes on their way, until it is dropped.
+struct Held<'f> {
+    of: &'f InFlight,
+    bytes: usize,
+}
+
+impl InFlight {
+    /// Waits until there is room for so many.
+    fn hold(&self, bytes: usize) -> Held<'_> {
+        let held = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
+        let full = |held: &mut usize| *held > 0 && held.saturating_add(bytes) > BYTES_IN_FLIGHT;
+        *self.fewer.wait_while(held, full).unwrap_or_else(PoisonError::into_inner) += bytes;
+        Held { of: self, bytes }
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        *self.of.bytes.lock().unwrap_or_else(PoisonError::into_inner) -= self.bytes;
+        self.of.fewer.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_in_flight_are_bounded_and_one_large_message_passes_alone() {
+        let in_flight = InFlight::default();
+        let large = in_flight.hold(2 * BYTES_IN_FLIGHT);
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| {
+                let _held = in_flight.hold(1);
+                *in_flight.bytes.lock().unwrap()
+            });
+            drop(large);
+            assert_eq!(waiting.join().unwrap(), 1);
+        });
+        assert_eq!(*in_flight.bytes.lock().unwrap(), 0);
+    }
+}

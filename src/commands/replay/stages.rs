@@ -1,0 +1,253 @@
+//! The stages of a replay: reading, the core, writing.
+//!
+//! Each takes what the one before it gives in the order in which it was given, so it makes no difference to what is
+//! written whether they run in turn or side by side.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use super::super::zero::LoadCheck;
+use super::super::{Failure, interrupt};
+use crate::bag::{BagError, BagReader, BagRecord, BagWriter, EstimateWriter, Input, Inputs, PassThrough, Portion};
+use crate::config::Config;
+use crate::fusion::{Contract, Forces, Fusion, RegressError, Regressor, SharedWindows, Tick};
+use crate::units::Stamp;
+
+/// Bytes of messages at which a portion is closed: a few hundred frames.
+const PORTION_BYTES: usize = 256 << 10;
+
+/// Records at which it is closed, should they be empty.
+const PORTION_RECORDS: usize = 4096;
+
+/// Bytes of the bags behind which it is closed even with nothing in it, so that progress is seen and interrupts are heard.
+const PORTION_SPAN: u64 = 4 << 20;
+
+/// Takes the records out of bags that the other stages need.
+pub(super) struct Reading {
+    pub(super) reader: BagReader,
+    /// `None` for everything.
+    topics: Option<BTreeSet<String>>,
+    /// By channel id.
+    wanted: BTreeMap<usize, bool>,
+    busy: Duration,
+}
+
+/// A part of the input, and how much of all bags lies before its end.
+pub(super) struct Read {
+    pub(super) portion: Portion,
+    pub(super) bytes_read: u64,
+}
+
+/// Fuses.
+pub(super) struct Core<'c> {
+    pub(super) cfg: &'c Config,
+    pub(super) fusion: Fusion,
+    pub(super) inputs: Inputs,
+    /// What is left to check about the baseline.
+    pub(super) check: Option<LoadCheck>,
+    /// First and last stamp of a frame.
+    pub(super) span: Option<(Stamp, Stamp)>,
+    pub(super) busy: Duration,
+    /// What of that is inference.
+    pub(super) inference: InferenceTime,
+}
+
+/// A part of the input with what came of it.
+#[derive(Default)]
+pub(super) struct Fused {
+    portion: Portion,
+    /// Each with the number of records that were handled before it was there.
+    ticks: Vec<(usize, Tick)>,
+}
+
+/// Writes estimates, and all that the input holds where that is asked for.
+pub(super) struct Writing {
+    pub(super) writer: BagWriter,
+    pub(super) estimates: EstimateWriter,
+    pub(super) pass_through: Option<PassThrough>,
+    pub(super) busy: Duration,
+}
+
+/// Seconds that each stage was at work; side by side they may add up to more than went by.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(in crate::commands) struct BusySeconds {
+    /// Reading, unpacking.
+    read: f64,
+    /// Decoding, aligning, windows, contacts.
+    fuse: f64,
+    /// The models, by the clock: with more jobs it is shorter.
+    infer: f64,
+    /// Encoding, hashing, packing, writing.
+    write: f64,
+}
+
+/// Time spent in models.
+#[derive(Debug, Clone, Default)]
+pub(super) struct InferenceTime(Arc<AtomicU64>);
+
+/// A model whose time is taken.
+#[derive(Debug)]
+struct Timed {
+    model: Box<dyn Regressor>,
+    time: InferenceTime,
+}
+
+impl InferenceTime {
+    /// A model whose time is counted here.
+    pub(super) fn of(&self, model: Box<dyn Regressor>) -> Box<dyn Regressor> {
+        Box::new(Timed { model, time: self.clone() })
+    }
+
+    fn get(&self) -> Duration {
+        Duration::from_nanos(self.0.load(Ordering::Relaxed))
+    }
+}
+
+impl Regressor for Timed {
+    fn contract(&self) -> &Contract {
+        self.model.contract()
+    }
+
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        let began = Instant::now();
+        let ran = self.model.run(windows, out);
+        self.time.0.fetch_add(began.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        ran
+    }
+}
+
+/// How long each stage was at work.
+pub(super) fn busy_seconds(reading: &Reading, core: &Core<'_>, writing: &Writing) -> BusySeconds {
+    let infer = core.inference.get();
+    BusySeconds {
+        read: reading.busy.as_secs_f64(),
+        fuse: core.busy.saturating_sub(infer).as_secs_f64(),
+        infer: infer.as_secs_f64(),
+        write: writing.busy.as_secs_f64(),
+    }
+}
+
+impl Reading {
+    /// Reads what is on these topics, or everything.
+    pub(super) fn new(reader: BagReader, topics: Option<BTreeSet<String>>) -> Self {
+        Reading { reader, topics, wanted: BTreeMap::new(), busy: Duration::ZERO }
+    }
+
+    /// The next part of the input; `None` at the end.
+    pub(super) fn next(&mut self) -> Result<Option<Read>, BagError> {
+        let began = Instant::now();
+        let read = self.read();
+        self.busy += began.elapsed();
+        read
+    }
+
+    fn read(&mut self) -> Result<Option<Read>, BagError> {
+        let Reading { reader, topics, wanted, .. } = self;
+        let (mut portion, from) = (Portion::default(), reader.bytes_read());
+        while portion.n_bytes() < PORTION_BYTES && portion.len() < PORTION_RECORDS {
+            let Some(record) = reader.next_record()? else {
+                let bytes_read = reader.bytes_read();
+                return Ok((!portion.is_empty()).then_some(Read { portion, bytes_read }));
+            };
+            let needed = match (&record, &*topics) {
+                (_, None) => true,
+                (BagRecord::Message(message), Some(topics)) => {
+                    let channel = message.channel;
+                    *wanted.entry(channel.id).or_insert_with(|| topics.contains(&channel.topic))
+                }
+                (BagRecord::Attachment(_) | BagRecord::Metadata(_), Some(_)) => false,
+            };
+            if needed {
+                portion.push(&record);
+            } else if reader.bytes_read() - from > PORTION_SPAN {
+                break;
+            }
+        }
+        Ok(Some(Read { portion, bytes_read: reader.bytes_read() }))
+    }
+}
+
+impl Core<'_> {
+    /// Takes a part of the input.
+    pub(super) fn take(&mut self, portion: Portion) -> Result<Fused, Failure> {
+        let began = Instant::now();
+        let mut ticks = Vec::new();
+        for (idx, record) in portion.records().enumerate() {
+            interrupt::check()?;
+            let BagRecord::Message(message) = record else { continue };
+            if let Input::Event(event) = self.inputs.decode(&message)? {
+                self.fusion.handle(event);
+                self.drain(idx + 1, &mut ticks)?;
+            }
+        }
+        self.busy += began.elapsed();
+        Ok(Fused { portion, ticks })
+    }
+
+    /// Takes the end of the input.
+    pub(super) fn end(&mut self) -> Result<Fused, Failure> {
+        let began = Instant::now();
+        let mut ticks = Vec::new();
+        self.fusion.handle_end();
+        self.drain(0, &mut ticks)?;
+        self.busy += began.elapsed();
+        self.inputs.check_end(self.fusion.missing_joints())?;
+        self.check_used()?;
+        if let Some(check) = self.check.take() {
+            check.judge(self.cfg)?;
+        }
+        Ok(Fused { portion: Portion::default(), ticks })
+    }
+
+    fn drain(&mut self, n_handled: usize, ticks: &mut Vec<(usize, Tick)>) -> Result<(), Failure> {
+        while let Some(tick) = self.fusion.poll()? {
+            let (first, last) = self.span.get_or_insert((tick.stamp, tick.stamp));
+            (*first, *last) = ((*first).min(tick.stamp), (*last).max(tick.stamp));
+            ticks.push((n_handled, tick.clone()));
+            if let Some(check) = &mut self.check
+                && !check.takes(tick)
+            {
+                check.judge(self.cfg)?;
+                self.check = None;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a run in which a tactile source gave nothing that could be used.
+    fn check_used(&self) -> Result<(), Failure> {
+        let counters = self.fusion.counters();
+        let Some(idle) = counters.tactile.iter().position(|source| source.counts.used == 0) else { return Ok(()) };
+        let (name, counts) = (counters.tactile[idle].name, counters.tactile[idle].counts);
+        let n_taxels = self.cfg.fusion.tactile_sources[idle].n_taxels;
+        Err(Failure(format!(
+            "tactile source {name}: none of its {} rows could be used, {} had another length than tactile.{name}.n_taxels = {n_taxels}; correct it",
+            counts.rows, counts.wrong_length
+        )))
+    }
+}
+
+impl Writing {
+    /// Writes a part of the input, where it is copied, and what came of it: as they would have stood had each record been
+    /// written before the next one was read.
+    pub(super) fn write(&mut self, fused: &Fused) -> Result<(), BagError> {
+        let began = Instant::now();
+        let Writing { writer, estimates, pass_through, busy } = self;
+        let mut ticks = fused.ticks.iter().peekable();
+        if let Some(pass_through) = pass_through {
+            for (idx, record) in fused.portion.records().enumerate() {
+                while let Some((_, tick)) = ticks.next_if(|(n_handled, _)| *n_handled <= idx) {
+                    estimates.write(writer, tick)?;
+                }
+                pass_through.copy(&record, writer)?;
+            }
+        }
+        ticks.try_for_each(|(_, tick)| estimates.write(writer, tick))?;
+        *busy += began.elapsed();
+        Ok(())
+    }
+}

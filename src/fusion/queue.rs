@@ -1,0 +1,130 @@
+//! Windows that wait for their model. Frames that they share are kept once.
+
+use std::collections::VecDeque;
+
+use super::features::NewestWindow;
+use super::regressor::{Forces, RegressError, Regressor, SharedWindows};
+use crate::units::Newton;
+
+/// Windows of one model that wait to be run, region by region in the order of their frames.
+#[derive(Debug)]
+pub(super) struct ModelQueue {
+    pub(super) regressor: Box<dyn Regressor>,
+    lanes: Vec<Lane>,
+    starts: Vec<usize>,
+    tactile: Vec<f32>,
+    pose: Vec<f32>,
+    forces: Forces,
+}
+
+/// The frames of one region, and the windows in them that wait.
+#[derive(Debug, Default)]
+struct Lane {
+    /// Frames before the first one that is still kept.
+    n_gone: usize,
+    n_frames: usize,
+    tactile: Vec<f32>,
+    pose: Vec<f32>,
+    /// The first frame of each window, counted from the begin of the lane.
+    starts: VecDeque<usize>,
+    /// Windows of the next run.
+    n_due: usize,
+    /// Place of the next force to hand out.
+    next_force: usize,
+}
+
+impl ModelQueue {
+    pub(super) fn new(regressor: Box<dyn Regressor>) -> Self {
+        let (starts, tactile, pose, forces) = (Vec::new(), Vec::new(), Vec::new(), Forces::default());
+        ModelQueue { regressor, lanes: Vec::new(), starts, tactile, pose, forces }
+    }
+
+    /// A lane for one more region.
+    pub(super) fn add_lane(&mut self) -> usize {
+        self.lanes.push(Lane::default());
+        self.lanes.len() - 1
+    }
+
+    /// Queues the newest window of a lane's region.
+    pub(super) fn push(&mut self, lane: usize, newest: NewestWindow<'_>) {
+        let window = self.regressor.contract().window;
+        self.lanes[lane].push(newest, window);
+    }
+
+    /// Says that the next run takes one more window of a lane.
+    pub(super) fn make_due(&mut self, lane: usize) {
+        self.lanes[lane].n_due += 1;
+    }
+
+    /// Runs what is due and forgets it; [`ModelQueue::pop`] gives the forces one by one.
+    pub(super) fn run(&mut self) -> Result<(), RegressError> {
+        let ModelQueue { regressor, lanes, starts, tactile, pose, forces } = self;
+        let window = regressor.contract().window;
+        starts.clear();
+        tactile.clear();
+        pose.clear();
+        forces.force.clear();
+        forces.base.clear();
+        let mut n_frames = 0;
+        for lane in lanes {
+            lane.next_force = starts.len();
+            let Some((first, last)) = lane.n_due.checked_sub(1).and_then(|last| lane.due(last)) else { continue };
+            let frames = first..last + window;
+            tactile.extend_from_slice(lane.frames(&lane.tactile, frames.clone()));
+            pose.extend_from_slice(lane.frames(&lane.pose, frames.clone()));
+            starts.extend(lane.starts.drain(..lane.n_due).map(|start| n_frames + start - first));
+            n_frames += frames.len();
+            lane.n_due = 0;
+            lane.forget(window);
+        }
+        if starts.is_empty() {
+            return Ok(());
+        }
+        regressor.run(SharedWindows { starts, tactile, pose }, forces)
+    }
+
+    /// The force and the base force of the next window of a lane, of those that were run.
+    pub(super) fn pop(&mut self, lane: usize) -> Option<(Newton, Option<Newton>)> {
+        let unit = self.regressor.contract().unit;
+        let idx = self.lanes[lane].next_force;
+        self.lanes[lane].next_force += 1;
+        let force = unit.to_newton(*self.forces.force.get(idx)?);
+        Some((force, self.forces.base.get(idx).map(|&base| unit.to_newton(base))))
+    }
+}
+
+impl Lane {
+    fn push(&mut self, newest: NewestWindow<'_>, window: usize) {
+        let n_known = window - newest.n_new.min(window);
+        let new = |values| {
+            let values: &[f32] = values;
+            &values[values.len() / window * n_known..]
+        };
+        self.tactile.extend_from_slice(new(newest.tactile));
+        self.pose.extend_from_slice(new(newest.pose));
+        self.n_frames += window - n_known;
+        self.starts.push_back(self.n_gone + self.n_frames - window);
+    }
+
+    /// First frames of the first window that waits, and of the one at `last`.
+    fn due(&self, last: usize) -> Option<(usize, usize)> {
+        Some((*self.starts.front()?, *self.starts.get(last)?))
+    }
+
+    fn frames<'v>(&self, values: &'v [f32], frames: std::ops::Range<usize>) -> &'v [f32] {
+        let width = values.len() / self.n_frames;
+        &values[(frames.start - self.n_gone) * width..(frames.end - self.n_gone) * width]
+    }
+
+    /// Lets go of the frames that no window holds any more, those that wait and the next one.
+    fn forget(&mut self, window: usize) {
+        let newest = self.n_gone + self.n_frames - window;
+        let n = self.starts.front().map_or(newest, |&start| start) - self.n_gone;
+        for values in [&mut self.tactile, &mut self.pose] {
+            let width = values.len() / self.n_frames;
+            values.drain(..n * width);
+        }
+        self.n_gone += n;
+        self.n_frames -= n;
+    }
+}
