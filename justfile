@@ -54,6 +54,12 @@ latency model:
     cargo build --release --bins --examples
     tests/ros/isolated target/ros-venv/bin/python tests/ros/latency.py target/release {{model}}
 
+# The live node for MINUTES: 1 kHz, five regions, peers that come, hang and are killed; memory, latency and loss in target/soak
+soak minutes="20" model="models/glove1_pose_aware.onnx":
+    scripts/ros-venv
+    cargo build --release --bins
+    tests/ros/isolated target/ros-venv/bin/python tests/ros/soak.py run target/release {{model}} --minutes {{minutes}}
+
 # Formatting and lints, as CI sees them
 lint:
     cargo fmt --check

@@ -162,6 +162,20 @@ fn two_hundred_restarts_of_a_peer_leave_memory_flat() {
 }
 
 #[test]
+fn half_a_minute_among_peers_that_hang_and_die_loses_nothing_and_grows_nothing() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let binaries = Path::new(env!("CARGO_BIN_EXE_tpf")).parent().unwrap().to_str().unwrap();
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
+    // The short form of `just soak`: frames at 100 Hz, because this is no release build and the machine is busy.
+    let args = ["run", binaries, model, "--minutes", "0.5", "--clock", "grid", "--backend", "rten", "--reliable"];
+    let output = peer_command(&python, "soak.py", &args, folder.path()).output().unwrap();
+    let (said, failed) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{said}{failed}");
+    assert!(said.contains("Steady: nothing grew, drifted or was lost."), "{said}");
+}
+
+#[test]
 fn sigterm_under_load_ends_the_node_at_once() {
     let Some(scene) = Scene::set("") else { return };
     let _feeder = scene.feed(&["both", "60", "1000"]);
