@@ -80,9 +80,14 @@ bench repetitions="3":
 train-fixture:
     python3 tests/python/train_reference.py > tests/data/train_reference.json
 
-# API documentation
+# The book (needs mdbook: cargo install mdbook) and the API documentation
 docs:
+    mdbook build docs --dest-dir ../target/book
     cargo doc --no-deps --open
+
+# Write the generated pages of the book anew
+docs-update:
+    TPF_UPDATE_DOCS=1 cargo test --test docs
 
 # What CI runs
 ci:
