@@ -25,6 +25,9 @@ const SPAN_NS: i64 = 2 * NANOS_PER_SEC;
 /// A region that was not heard of for so long is stale, s.
 const SILENT_S: f64 = 0.5;
 
+/// Diagnostics that are older than this are no longer true, s.
+const LATE_S: f64 = 2.5;
+
 /// Shows force, contact, flags, rates and latency of a running node, live.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "tpf monitor\ntpf monitor --node /left/tactile_pose_fusion --seconds 5 --plain")]
@@ -66,7 +69,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         while let Some(heard) = next {
             match heard.cdr {
                 Ok(cdr) if heard.topic == heard_contacts => watched.handle_contacts(&cdr, heard.received),
-                Ok(cdr) => watched.handle_diagnostics(&cdr),
+                Ok(cdr) => watched.handle_diagnostics(&cdr, heard.received),
                 Err(text) => watched.unreadable = Some(text),
             }
             next = listener.poll();
@@ -118,6 +121,8 @@ struct Watched {
     /// When arrays came and how old they were then, s.
     arrivals: VecDeque<(Stamp, f64)>,
     diagnostics: Vec<Health>,
+    /// When they came.
+    diagnosed: Stamp,
     unreadable: Option<String>,
 }
 
@@ -129,6 +134,7 @@ impl Watched {
             regions: BTreeMap::new(),
             arrivals: VecDeque::new(),
             diagnostics: Vec::new(),
+            diagnosed: Stamp(0),
             unreadable: None,
         }
     }
@@ -164,13 +170,13 @@ impl Watched {
         }
     }
 
-    fn handle_diagnostics(&mut self, cdr: &[u8]) {
+    fn handle_diagnostics(&mut self, cdr: &[u8], received: Stamp) {
         let node = format!("{}: ", self.node.trim_start_matches('/'));
         let of_node = |health: &Health| health.name.starts_with(&node);
         if let Some(all) = read_diagnostics(cdr) {
             let ours: Vec<Health> = all.into_iter().filter(of_node).collect();
             if !ours.is_empty() {
-                self.diagnostics = ours;
+                (self.diagnostics, self.diagnosed) = (ours, received);
             }
         }
     }
@@ -191,6 +197,12 @@ impl Watched {
 
     fn is_silent(&self, region: &Region, now: Stamp) -> bool {
         now.nanos_since(region.received) as f64 > SILENT_S * NANOS_PER_SEC as f64
+    }
+
+    /// How long ago the node last said how it is, where that is too long; it does so once a second.
+    fn diagnostics_late_s(&self, now: Stamp) -> Option<f64> {
+        let age_s = now.nanos_since(self.diagnosed) as f64 / NANOS_PER_SEC as f64;
+        (!self.diagnostics.is_empty() && age_s > LATE_S).then_some(age_s)
     }
 
     /// One line about the stream of contacts.
@@ -223,6 +235,9 @@ impl Watched {
         let mut text = format!("{}\n", self.headline(now));
         if !self.regions.is_empty() {
             text += &format!("{table}\n");
+        }
+        if let Some(age_s) = self.diagnostics_late_s(now) {
+            text += &format!("the node said this {age_s:.0} s ago:\n");
         }
         for health in &self.diagnostics {
             text += &format!("{} {}: {}\n", health.level, health.name, health.message);

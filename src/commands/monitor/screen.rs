@@ -95,9 +95,14 @@ fn draw(frame: &mut Frame<'_>, watched: &Watched, now: Stamp) {
     ];
     frame.render_widget(Table::new(rows, widths).header(header), table);
     let mut lines: Vec<Line<'_>> = Vec::new();
+    let late_s = watched.diagnostics_late_s(now);
+    if let Some(age_s) = late_s {
+        lines.push(Line::from(format!("the node said this {age_s:.0} s ago, and nothing since:")).red());
+    }
     for health in &watched.diagnostics {
         let text = format!("{:<5} {}: {}", health.level, health.name, health.message);
         lines.push(match health.level {
+            _ if late_s.is_some() => Line::from(text).dim(),
             "OK" => Line::from(text).green(),
             "WARN" => Line::from(text).yellow(),
             _ => Line::from(text).red(),
