@@ -31,11 +31,10 @@ deny:
     scripts/cargo-deny check licenses bans sources
     scripts/cargo-deny check advisories
 
-# Test the live node against a real ROS 2, in a network namespace of its own
-ros-test distro="kilted":
+# Test the live node against real ROS 2, in a network namespace of its own
+ros-test *distros="kilted jazzy":
     scripts/tmux
-    scripts/ros-venv {{distro}}
-    TPF_REQUIRE_ROS=1 tests/ros/test {{distro}}
+    for distro in {{distros}}; do scripts/ros-venv "$distro" && TPF_REQUIRE_ROS=1 tests/ros/test "$distro" || exit 1; done
 
 # Test the live node on Zenoh, against Zenoh's own Python binding
 zenoh-test:
@@ -65,7 +64,7 @@ soak minutes="20" model="models/glove1_pose_aware.onnx":
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
-    cargo clippy --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
+    cargo clippy --no-default-features --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
 
 # Benchmarks: ticks and their tail, replay, training; then replay beside the same work in Python, with a profile of it
 bench repetitions="3":

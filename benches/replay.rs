@@ -15,7 +15,6 @@ use common::bags::{Bag, at};
 use common::fake::{config, region};
 use common::onnx::LinearModel;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
 
 const JOINTS: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
@@ -63,19 +62,8 @@ fn tick(c: &mut Criterion) {
             let mut k = 0;
             let mut step = move || {
                 let (stamp, positions, values) = (at(k * 10), angles(k), taxels(k));
-                let source = JointSourceIdx(0);
-                let sample = JointSample { source, stamp, names: &names, positions: &positions, received: stamp };
-                fusion.handle(Event::Joints(sample));
-                let block = TactileBlock {
-                    source: TactileSourceIdx(0),
-                    stamp,
-                    rows: 1,
-                    row_period_ns: 0,
-                    sequence: None,
-                    values: &values,
-                    received: stamp,
-                };
-                fusion.handle(Event::Tactile(block));
+                fusion.handle(common::fake::joints(stamp, &names, &positions));
+                fusion.handle(common::fake::tactile(stamp, &values));
                 k += 1;
                 black_box(fusion.poll().unwrap().map(|tick| tick.estimates.len()))
             };

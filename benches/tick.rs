@@ -11,12 +11,14 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use common::bags::at;
-use common::fake::{config, region};
+use common::fake::{config, joints, region, tactile};
 use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
 
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
 const JOINTS: [&str; 4] = ["dip", "pip", "mcp_flex", "mcp_abd"];
+/// The model names its joints, so every fingertip is given the angles of this finger; a joint state has those of all.
+const TRAINED: &str = "index";
 const N_TAXELS: usize = 6;
 const N_BACK_TO_BACK: i64 = 10_000;
 const N_PACED: i64 = 2_000;
@@ -28,7 +30,7 @@ fn hand(backend: BackendChoice) -> Fusion {
     spec.backend = backend;
     let regions = FINGERS.iter().enumerate().map(|(idx, finger)| {
         let taxels: Vec<usize> = (N_TAXELS * idx..N_TAXELS * (idx + 1)).collect();
-        let joints: Vec<String> = JOINTS.iter().map(|joint| format!("{finger}_{joint}")).collect();
+        let joints: Vec<String> = JOINTS.iter().map(|joint| format!("{TRAINED}_{joint}")).collect();
         region(finger, &taxels, &joints.iter().map(String::as_str).collect::<Vec<_>>())
     });
     let cfg = config(N_TAXELS * FINGERS.len(), regions.collect());
@@ -50,20 +52,9 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
                 let due = begin + period * (k - first) as u32;
                 std::thread::sleep(due.saturating_duration_since(Instant::now()));
             }
-            let source = JointSourceIdx(0);
-            let joints = JointSample { source, stamp, names: &names, positions: &positions, received: stamp };
-            let taxels = TactileBlock {
-                source: TactileSourceIdx(0),
-                stamp,
-                rows: 1,
-                row_period_ns: 0,
-                sequence: None,
-                values: &values,
-                received: stamp,
-            };
             let began = Instant::now();
-            fusion.handle(Event::Joints(joints));
-            fusion.handle(Event::Tactile(taxels));
+            fusion.handle(joints(stamp, &names, &positions));
+            fusion.handle(tactile(stamp, &values));
             let tick = fusion.poll().unwrap().expect("a frame has its joints and is run");
             let taken = began.elapsed().as_secs_f64();
             assert!(k < 63 || tick.estimates.iter().all(|estimate| estimate.force.is_some()));

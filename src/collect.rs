@@ -2,13 +2,13 @@
 //! tell meanwhile, and whether that is good enough to train on. Pure: time is an argument.
 
 mod checks;
-mod marks;
+mod done;
 mod quality;
 mod senses;
 mod session;
 
 pub use checks::{Preflight, Problem};
-pub use marks::{Mark, Marks};
+pub use done::done;
 pub use quality::{ItemQuality, StageQuality};
 pub use senses::{Layout, Senses, Spread, Stream, Window};
 pub use session::{Command, Happened, Session, State};

@@ -26,6 +26,8 @@ mod setup;
 mod simulate;
 mod split;
 mod summary;
+#[cfg(feature = "ros")]
+mod terminal;
 #[cfg(feature = "train")]
 mod train;
 mod zero;
@@ -65,6 +67,10 @@ enum Command {
     #[cfg(feature = "train")]
     Train(train::Args),
 }
+
+/// How much of a live recording may be lost when the process is killed.
+#[cfg(feature = "ros")]
+const FLUSH_EVERY: std::time::Duration = std::time::Duration::from_secs(1);
 
 /// How a command ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

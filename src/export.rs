@@ -7,7 +7,8 @@ mod rows;
 mod stats;
 
 use crate::columns::{Cells, ColumnsError};
-use crate::recording::{Annotations, EstimateTrack, Samples};
+use crate::protocol::Annotations;
+use crate::recording::{EstimateTrack, Samples};
 use crate::units::{GramForce, Stamp};
 
 pub use episode::{Episode, Layout};

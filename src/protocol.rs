@@ -3,12 +3,14 @@
 //! It is data, a YAML file; the paper's is built in. `tpf collect` leads a person through a [`Plan`] of it, and the
 //! synthetic users of `tpf simulate` go through the same.
 
+mod annotations;
 mod file;
 mod plan;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+pub use annotations::{Annotation, Annotations};
 pub use file::{MAX_BYTES, ProtocolError};
 pub use plan::{Action, Plan, Setting, Step, Trial};
 
@@ -32,6 +34,7 @@ pub struct Protocol {
     pub checks: Checks,
     substages: Vec<Substage>,
     wording: BTreeMap<Name, String>,
+    source: Arc<str>,
 }
 
 /// How hard a person taps, N: from and to.
@@ -110,15 +113,17 @@ enum Settings {
 }
 
 impl Protocol {
-    /// The text of the paper's protocol.
-    pub const PAPER: &str = include_str!("../params/protocol.yaml");
-
     /// The protocol of the paper.
     ///
     /// # Source
     /// Pose-aware tactile gloves, Sec. IV.
     pub fn paper() -> Self {
-        Self::parse(Self::PAPER).expect("the protocol that is built in is tested")
+        Self::parse(include_str!("../params/protocol.yaml")).expect("the protocol that is built in is tested")
+    }
+
+    /// The text of the file that it was read from.
+    pub fn source(&self) -> &str {
+        &self.source
     }
 
     /// Every substage with its stage, in the order of a session.

@@ -15,9 +15,10 @@ use crate::bag::{BagError, BagMessage, BagReader, BagRecord, Input, InputError, 
 use crate::config::TruthSource;
 use crate::eval::TruthError;
 use crate::fusion::{Event, Fusion, FusionError, Tick};
+use crate::protocol::Annotations;
 use crate::units::Stamp;
 
-pub use annotations::{Annotation, Annotations};
+pub use annotations::{stage_spans, zero_load};
 pub use estimates::EstimateTrack;
 pub use notes::{Notes, SESSION_NOTES};
 pub use pose_quality::{PoseDegrader, PoseQuality, PoseQualityError};
@@ -114,7 +115,7 @@ pub fn read<E: From<RecordingError>>(
                 }
             }
             Input::Truth { source, stamp, force } => labels.truth[source].handle_reading(stamp, force),
-            Input::Stage(stage) => labels.annotations.handle(stage),
+            Input::Stage(stage) => labels.annotations.handle(stage.into()),
             Input::None => on_other(&message)?,
         }
     }

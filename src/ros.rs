@@ -32,6 +32,7 @@ mod player;
 mod services;
 
 pub use calibrator::{Calibrator, Purpose, Sample};
+pub use clock::system_now;
 pub use engine::Record;
 pub use entities::Names;
 pub use interfaces::{DIAGNOSTICS_TYPE, Health, read_diagnostics};

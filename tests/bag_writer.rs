@@ -92,6 +92,24 @@ fn dropped_writer_leaves_nothing_behind() {
 }
 
 #[test]
+fn recording_that_is_to_be_kept_stays_when_it_is_not_finished() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["bag", "bag.mcap"] {
+        let mut writer = start(&folder.path().join(name), WriteOptions::default());
+        let unfinished = writer.keep_unfinished();
+        writer.flush().unwrap();
+        drop(writer);
+        assert!(!folder.path().join(name).exists(), "it is not complete");
+        // What the README tells to do with it.
+        let renamed = folder.path().join("renamed.mcap");
+        fs::rename(unfinished, &renamed).unwrap();
+        let mut reader = BagReader::open(&[renamed]).unwrap();
+        let n = std::iter::from_fn(|| reader.next_message().unwrap().map(|_| ())).count();
+        assert_eq!(n, 1000, "{name}");
+    }
+}
+
+#[test]
 fn existing_output_is_refused_and_left_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let (file, bag) = (folder.path().join("a.mcap"), folder.path().join("bag"));

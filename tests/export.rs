@@ -2,12 +2,12 @@
 
 mod common;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::bags::{Bag, at, decoded, stamp_of};
+use common::files;
 use common::onnx::LinearModel;
 use common::scored;
 use common::skip::python;
@@ -35,25 +35,6 @@ fn column<'v>(table: &'v Value, name: &str) -> &'v [Value] {
 
 fn stamps(table: &Value, name: &str) -> Vec<i64> {
     column(table, name).iter().map(|stamp| stamp.as_i64().unwrap()).collect()
-}
-
-/// Every file below a folder, by its path.
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![folder.to_path_buf()];
-    while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next).unwrap() {
-            let path = entry.unwrap().path();
-            match path.is_dir() {
-                true => folders.push(path),
-                false => {
-                    let bytes = fs::read(&path).unwrap();
-                    found.insert(path.strip_prefix(folder).unwrap().to_path_buf(), bytes);
-                }
-            }
-        }
-    }
-    found
 }
 
 /// What is in a folder, hidden files too.
@@ -339,6 +320,18 @@ fn what_cannot_work_is_one_line_and_leaves_nothing() {
 }
 
 #[test]
+fn a_zero_that_looks_loaded_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    with_holes(path);
+    let at_rest = export(path, &["holes.mcap"], &["--csv", "rest.csv", "--calibrate-first", "2"]).ok();
+    assert!(!at_rest.stderr.contains("loaded"), "{at_rest:?}");
+    let loaded = export(path, &["holes.mcap"], &["--csv", "loaded.csv", "--calibrate-first", "4"]).ok();
+    let said = "holes.mcap: its zero is not to be believed: region index: calibration looks loaded";
+    assert!(loaded.stderr.contains(said), "{loaded:?}");
+}
+
+#[test]
 fn a_bag_with_estimates_needs_no_model() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
@@ -360,31 +353,4 @@ fn a_bag_that_was_cut_off_is_exported_as_far_as_it_goes_and_leaves_with_3() {
     assert_eq!(run.code, 3, "{run:?}");
     assert!(!run.json()["bags"][0]["losses"].as_array().unwrap().is_empty());
     assert!(path.join("dataset/meta/info.json").exists());
-}
-
-#[test]
-fn the_recipe_for_old_bags_runs_as_it_is_written() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let page = fs::read_to_string(root.join("docs/src/how-to/old-bags.md")).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    for shipped in ["params", "models"] {
-        fs::create_dir(folder.path().join(shipped)).unwrap();
-        for (name, bytes) in files(&root.join(shipped)) {
-            fs::write(folder.path().join(shipped).join(name), bytes).unwrap();
-        }
-    }
-    let binary = Path::new(env!("CARGO_BIN_EXE_tpf")).parent().unwrap();
-    let mut commands = 0;
-    for block in page.split("```sh\n").skip(1) {
-        for line in block.split("```").next().unwrap().lines() {
-            let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap());
-            let run = Command::new("sh").args(["-c", line]).current_dir(folder.path()).env("PATH", path).output();
-            let run = run.unwrap();
-            assert!(run.status.success(), "{line}: {}", String::from_utf8_lossy(&run.stderr));
-            commands += 1;
-        }
-    }
-    assert!(commands >= 5, "the page has lost its commands");
-    let (first, second) = (files(&folder.path().join("dataset")), files(&folder.path().join("dataset_of_old_bags")));
-    assert!(first == second, "the page says that both are the same");
 }

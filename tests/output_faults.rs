@@ -9,6 +9,9 @@ use std::process::Command;
 
 use common::scored;
 use common::tpf::{Run, tpf};
+use tactile_pose_fusion::bag::{BagReader, BagWriter, WriteOptions};
+use tactile_pose_fusion::msg::TaxelArray;
+use tactile_pose_fusion::units::Stamp;
 
 /// A small disk, gone when dropped.
 struct Disk(PathBuf);
@@ -109,4 +112,28 @@ fn outputs_on_a_full_disk_are_one_line_and_leave_nothing() {
         assert!(line.contains("full") || line.contains("No space left"), "{command:?}: {line}");
         assert_eq!(disk.files(), [disk.0.join("full")], "{command:?}");
     }
+}
+
+#[test]
+fn a_recording_that_fills_its_disk_is_kept_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(disk) = Disk::mount(folder.path(), "size=256k") else {
+        common::skipped("mounting a small disk is not permitted here");
+        return;
+    };
+    let mut writer = BagWriter::create(&disk.0.join("live.mcap"), WriteOptions::default()).unwrap();
+    let channel = writer.add_topic::<TaxelArray>("/glove/taxels").unwrap();
+    let unfinished = writer.keep_unfinished();
+    let noise = |k: i64| (0..500).map(|byte: i64| (k * 7919 + byte * 104_729) as u8 ^ (k * byte) as u8).collect();
+    let record = |k: i64| {
+        let data: Vec<u8> = noise(k);
+        let stamp = Stamp(k * 10_000_000);
+        writer.write(channel, 0, stamp, stamp, &data).and_then(|()| writer.flush())
+    };
+    let (n, error) = (0..10_000).map(record).enumerate().find_map(|(n, wrote)| Some((n, wrote.err()?))).unwrap();
+    assert!(error.to_string().contains("full"), "{error}");
+    drop(writer);
+    let mut reader = BagReader::open(&[unfinished]).unwrap();
+    let kept = std::iter::from_fn(|| reader.next_message().unwrap().map(|_| ())).count();
+    assert!(n > 50 && kept >= n - 1, "{kept} of {n} messages were kept");
 }

@@ -94,7 +94,8 @@ struct Written {
 
 /// Writes a bag under a temporary name in the folder of the output, and renames it when it is finished.
 ///
-/// The same calls write the same bytes. Dropped without [`finish`](Self::finish), it leaves nothing behind.
+/// The same calls write the same bytes. Dropped without [`finish`](Self::finish), it leaves nothing behind, unless
+/// [`keep_unfinished`](Self::keep_unfinished) was called.
 pub struct BagWriter {
     // In front of `output`, so that the file is closed before it is removed.
     recording: Recording,
@@ -114,6 +115,13 @@ impl BagWriter {
         let (output, file) = Output::create(out, &options)?;
         let recording = Recording::start(file, out, options.compression)?;
         Ok(BagWriter { recording, output, channels: Vec::new(), ros_distro: options.ros_distro, span: None })
+    }
+
+    /// From now on what was written stays on the disk whatever happens, because what is recorded live can't be had again.
+    ///
+    /// Returns the file, under its temporary name: without [`finish`](Self::finish) it is a bag that was cut off.
+    pub fn keep_unfinished(&mut self) -> PathBuf {
+        self.output.keep_unfinished()
     }
 
     /// Add a topic of a type that has a wire struct, best effort as all that this package publishes.

@@ -1,8 +1,7 @@
 //! What is looked at before a session begins, so that an afternoon isn't lost to a broken line or a wrong name.
 
-use super::marks::Mark;
 use super::senses::{Layout, Stream, Window};
-use crate::protocol::{CheckMovement, Checks, Protocol};
+use crate::protocol::{Annotation, CheckMovement, Checks, Protocol};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// Substage in the annotations while checks go on.
@@ -40,7 +39,7 @@ pub struct Preflight {
     settling: bool,
     all: Window,
     problems: Vec<Problem>,
-    marks: Vec<Mark>,
+    annotations: Vec<Annotation>,
 }
 
 impl Preflight {
@@ -55,7 +54,7 @@ impl Preflight {
             settling: true,
             all: Window::default(),
             problems: Vec::new(),
-            marks: Vec::new(),
+            annotations: Vec::new(),
         }
     }
 
@@ -91,12 +90,12 @@ impl Preflight {
         // Nobody needs to move for a driver that isn't running.
         if self.at == 1 && !self.problems.is_empty() {
             self.at = self.checks.movements.len() + 1;
-            self.marks.push(Mark::outside(now));
+            self.annotations.push(Annotation::outside(now));
             return false;
         }
         if self.at > self.checks.movements.len() {
             self.problems.extend(dead_taxels(&self.all, &self.layout));
-            self.marks.push(Mark::outside(now));
+            self.annotations.push(Annotation::outside(now));
             return false;
         }
         self.begin(now);
@@ -124,8 +123,8 @@ impl Preflight {
     }
 
     /// The next annotation to be published.
-    pub fn poll(&mut self) -> Option<Mark> {
-        (!self.marks.is_empty()).then(|| self.marks.remove(0))
+    pub fn poll(&mut self) -> Option<Annotation> {
+        (!self.annotations.is_empty()).then(|| self.annotations.remove(0))
     }
 
     /// What is wrong, as far as is known.
@@ -141,8 +140,13 @@ impl Preflight {
     fn begin(&mut self, now: Stamp) {
         self.began = Some(now);
         let pose = self.at.checked_sub(1).map_or("still", |movement| &*self.checks.movements[movement].pose);
-        let mark = Mark { substage: SUBSTAGE.to_owned(), pose: pose.to_owned(), zero_load: true, ..Mark::outside(now) };
-        self.marks.push(mark);
+        let annotation = Annotation {
+            substage: SUBSTAGE.to_owned(),
+            pose: pose.to_owned(),
+            zero_load: true,
+            ..Annotation::outside(now)
+        };
+        self.annotations.push(annotation);
     }
 
     fn seconds(&self) -> f64 {

@@ -24,10 +24,12 @@ pub struct ItemQuality {
 }
 
 /// How a stage went.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct StageQuality {
-    levels: Option<ForceLevels>,
-    zero: VecDeque<f64>,
+    levels: ForceLevels,
+    /// Readings without load, the last ones, and the middle one of them, N.
+    at_rest: VecDeque<f64>,
+    zero: f64,
     items: BTreeMap<usize, ItemQuality>,
     doing: Option<Doing>,
 }
@@ -46,7 +48,13 @@ struct Doing {
 impl StageQuality {
     /// A stage of which nothing has been done.
     pub fn new(levels: &ForceLevels) -> Self {
-        StageQuality { levels: Some(levels.clone()), ..StageQuality::default() }
+        StageQuality {
+            levels: levels.clone(),
+            at_rest: VecDeque::new(),
+            zero: 0.0,
+            items: BTreeMap::new(),
+            doing: None,
+        }
     }
 
     /// An item begins; what came of it before is forgotten.
@@ -57,17 +65,20 @@ impl StageQuality {
 
     /// The force sensor reads this, in a step at zero load or not.
     pub fn handle_force(&mut self, force: Newton, zero_load: bool) {
-        let over_zero = force.0 - self.zero();
+        let over_zero = force.0 - self.zero;
         let Some(doing) = &mut self.doing else { return };
         if zero_load {
             doing.most_in_air = doing.most_in_air.max(over_zero);
             doing.n_air += 1;
             // What is touched by mistake must not become the zero.
-            if over_zero.abs() < TOUCH || self.zero.is_empty() {
-                self.zero.push_back(force.0);
-                if self.zero.len() > ZERO_READINGS {
-                    self.zero.pop_front();
+            if over_zero.abs() < TOUCH || self.at_rest.is_empty() {
+                self.at_rest.push_back(force.0);
+                if self.at_rest.len() > ZERO_READINGS {
+                    self.at_rest.pop_front();
                 }
+                let mut sorted: Vec<f64> = self.at_rest.iter().copied().collect();
+                sorted.sort_by(f64::total_cmp);
+                self.zero = sorted[sorted.len() / 2];
             }
             return;
         }
@@ -86,7 +97,7 @@ impl StageQuality {
     /// The item is over; how it went.
     pub fn handle_end(&mut self, trial: &Trial) -> Option<&ItemQuality> {
         let doing = self.doing.take()?;
-        let levels = self.levels.as_ref()?;
+        let levels = &self.levels;
         let mut problems = Vec::new();
         if doing.n_air > 0 && doing.most_in_air >= TOUCH {
             problems.push(format!("{:.2} N while nothing was to be touched", doing.most_in_air));
@@ -132,9 +143,7 @@ impl StageQuality {
 
     /// What the force sensor reads without load, as far as is known, N.
     pub fn zero(&self) -> f64 {
-        let mut sorted: Vec<f64> = self.zero.iter().copied().collect();
-        sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+        self.zero
     }
 }
 

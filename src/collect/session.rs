@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::marks::Mark;
-use crate::protocol::{Plan, Protocol, Step, Trial};
+use crate::protocol::{Annotation, Plan, Protocol, Step, Trial};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// What the person says.
@@ -23,7 +22,7 @@ pub enum Command {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Happened {
     /// An annotation is to be published and recorded.
-    Marked(Mark),
+    Marked(Annotation),
     /// An item begins.
     Began(usize),
     /// An item was done from beginning to end.
@@ -262,7 +261,7 @@ impl Session {
 
     fn mark_step(&mut self, item: usize, step: usize, from: Stamp) {
         let (trial, step) = (self.trial(item), &self.steps[item][step]);
-        let mark = Mark {
+        let annotation = Annotation {
             from,
             stage: trial.stage,
             substage: trial.substage.to_string(),
@@ -271,7 +270,7 @@ impl Session {
             zero_load: step.zero_load,
         };
         self.marked.push(from);
-        self.happened.push_back(Happened::Marked(mark));
+        self.happened.push_back(Happened::Marked(annotation));
     }
 
     fn end(&mut self, item: usize, now: Stamp) {
@@ -287,7 +286,7 @@ impl Session {
         let next = self.first_open();
         let same_stage = next.is_some_and(|next| self.trial(next).stage == stage);
         if letting_go || !same_stage {
-            self.happened.push_back(Happened::Marked(Mark::outside(now)));
+            self.happened.push_back(Happened::Marked(Annotation::outside(now)));
         }
         if same_stage {
             let wait_s = if letting_go { self.protocol.let_go_s } else { 0.0 };
@@ -307,13 +306,13 @@ impl Session {
         if let State::Doing { item, .. } = self.state {
             let stamps = std::mem::take(&mut self.marked);
             self.forget(item, &stamps);
-            self.happened.push_back(Happened::Marked(Mark::outside(now)));
+            self.happened.push_back(Happened::Marked(Annotation::outside(now)));
         }
     }
 
     fn forget(&mut self, item: usize, stamps: &[Stamp]) {
         self.done.remove(&item);
-        stamps.iter().for_each(|stamp| self.happened.push_back(Happened::Marked(Mark::outside(*stamp))));
+        stamps.iter().for_each(|stamp| self.happened.push_back(Happened::Marked(Annotation::outside(*stamp))));
         self.happened.push_back(Happened::Undid(item));
     }
 }
@@ -325,8 +324,9 @@ fn after(stamp: Stamp, seconds: f64) -> Stamp {
 
 #[cfg(test)]
 mod tests {
-    use super::super::marks::Marks;
+    use super::super::done::done;
     use super::*;
+    use crate::protocol::Annotations;
 
     fn session() -> Session {
         let protocol = Protocol::paper();
@@ -348,18 +348,18 @@ mod tests {
         all
     }
 
-    fn marks(happened: &[Happened]) -> Marks {
-        let mut marks = Marks::default();
+    fn annotated(happened: &[Happened]) -> Annotations {
+        let mut annotations = Annotations::default();
         for happened in happened {
-            if let Happened::Marked(mark) = happened {
-                marks.handle(mark.clone());
+            if let Happened::Marked(annotation) = happened {
+                annotations.handle(annotation.clone());
             }
         }
-        marks
+        annotations
     }
 
     #[test]
-    fn a_session_asks_for_every_item_once_and_marks_say_that_all_were_done() {
+    fn a_session_asks_for_every_item_once_and_annotations_say_that_all_were_done() {
         let mut session = session();
         let mut all = Vec::new();
         for stage in 0..3 {
@@ -376,7 +376,7 @@ mod tests {
         assert_eq!(stages, [&Happened::StageOver(1), &Happened::StageOver(2), &Happened::StageOver(3)]);
         assert_eq!(all.last(), Some(&Happened::Over));
         assert_eq!(*session.state(), State::Over);
-        let (done, broken) = marks(&all).done(session.protocol(), session.plan());
+        let (done, broken) = done(&annotated(&all), session.protocol(), session.plan());
         assert_eq!((done.len(), broken), (n_items, vec![]));
     }
 
@@ -387,13 +387,13 @@ mod tests {
         let mut all = go(&mut session, 0.0, 300.0);
         session.handle_command(Command::Go, at(300.0));
         all.extend(go(&mut session, 300.0, 600.0));
-        let marks: Vec<Mark> = marks(&all).all().cloned().collect();
+        let annotations = annotated(&all);
         let let_go_ns = (session.protocol().let_go_s * 1e9) as i64;
         let mut n_touches = 0;
-        for pair in marks.windows(2).filter(|pair| pair[0].stage == 2 && !pair[0].zero_load) {
+        for pair in annotations.all().windows(2).filter(|pair| pair[0].stage == 2 && !pair[0].zero_load) {
             n_touches += 1;
             assert_eq!(pair[1].stage, 0, "{pair:?}");
-            let after = marks.iter().find(|mark| mark.from > pair[1].from);
+            let after = annotations.all().iter().find(|annotation| annotation.from > pair[1].from);
             assert!(after.is_none_or(|after| after.from.nanos_since(pair[1].from) >= let_go_ns), "{pair:?}");
         }
         assert!(n_touches > 5);
@@ -409,15 +409,15 @@ mod tests {
         session.handle_command(Command::Repeat, at(lead_s + 5.0));
         all.extend(std::iter::from_fn(|| session.poll()));
         assert!(session.is_done(0) && !session.is_done(1));
-        let (done, broken) = marks(&all).done(session.protocol(), session.plan());
-        assert_eq!((done, broken), (BTreeSet::from([0]), vec![]));
+        let (whole, broken) = done(&annotated(&all), session.protocol(), session.plan());
+        assert_eq!((whole, broken), (BTreeSet::from([0]), vec![]));
         all.extend(go(&mut session, lead_s + 5.0, 2.0 * lead_s + 8.0));
         assert!(session.is_done(1), "it was done again");
         session.handle_command(Command::Pause, at(2.0 * lead_s + 8.0));
         assert_eq!(*session.state(), State::Waiting);
         all.extend(std::iter::from_fn(|| session.poll()));
-        let (done, broken) = marks(&all).done(session.protocol(), session.plan());
-        assert_eq!((done, broken), (BTreeSet::from([0, 1]), vec![]));
+        let (whole, broken) = done(&annotated(&all), session.protocol(), session.plan());
+        assert_eq!((whole, broken), (BTreeSet::from([0, 1]), vec![]));
     }
 
     #[test]
@@ -438,8 +438,7 @@ mod tests {
         let lead_s = session.protocol().lead_s;
         session.handle_command(Command::Go, at(0.0));
         let all = go(&mut session, 0.0, lead_s + 5.0);
-        let marks = marks(&all);
-        let (done, broken) = marks.done(session.protocol(), session.plan());
+        let (done, broken) = done(&annotated(&all), session.protocol(), session.plan());
         assert_eq!(done, BTreeSet::from([0, 1]));
         assert_eq!(broken.len(), 1, "the third item was begun");
         let again = Session::new(session.protocol().clone(), session.plan().clone(), done);

@@ -5,12 +5,15 @@ mod screen;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
-use super::live::{RosArguments, now};
+use ratatui::crossterm::event::KeyCode;
+
+use super::live::RosArguments;
+use super::terminal::Terminal;
 use super::{Failure, Outcome, interrupt, print};
 use crate::config::{DEFAULT_NODE, NodeName};
 use crate::fusion::Flags;
 use crate::msg::{ContactArray, ContactState, WireType, from_cdr};
-use crate::ros::{DIAGNOSTICS_TYPE, Delivery, Health, TopicType, read_diagnostics};
+use crate::ros::{DIAGNOSTICS_TYPE, Delivery, Health, TopicType, read_diagnostics, system_now};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// The node that monitors, unless it is given another name.
@@ -61,10 +64,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     listening.hear("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
     let listener = listening.start()?;
     let mut watched = Watched::new(&contacts, node.to_string());
-    let mut screen = screen::Screen::open(args.plain)?;
-    let limit = args.seconds.or((!screen.is_live()).then_some(5.0)).map(Duration::from_secs_f64);
+    let mut terminal = Terminal::open(args.plain)?;
+    let limit = args.seconds.or(terminal.is_none().then_some(5.0)).map(Duration::from_secs_f64);
     let started = Instant::now();
-    let ended = loop {
+    while !interrupt::happened() && limit.is_none_or(|limit| started.elapsed() < limit) {
         let mut next = listener.next(FRAME);
         while let Some(heard) = next {
             match heard.cdr {
@@ -74,23 +77,17 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             }
             next = listener.poll();
         }
-        if let Err(error) = screen.show(&watched, now()) {
-            break Err(error);
+        if let Some(terminal) = &mut terminal {
+            terminal.draw(|frame| screen::draw(frame, &watched, system_now()))?;
+            if matches!(terminal.key()?, Some(KeyCode::Char('q') | KeyCode::Esc)) {
+                break;
+            }
         }
-        match screen.wants_to_quit() {
-            Ok(false) => {}
-            Ok(true) => break Ok(()),
-            Err(error) => break Err(error),
-        }
-        if interrupt::happened() || limit.is_some_and(|limit| started.elapsed() >= limit) {
-            break Ok(());
-        }
-    };
-    screen.close();
+    }
+    drop(terminal);
     listener.leave();
-    ended?;
     if args.plain || args.seconds.is_some() || watched.regions.is_empty() {
-        print(&watched.text(now()))?;
+        print(&watched.text(system_now()))?;
     }
     match watched.regions.is_empty() {
         true => Err(Failure(format!(
@@ -255,17 +252,8 @@ fn number(value: f64) -> String {
 
 /// The names of the flags that are set.
 fn flags(state: &ContactState, is_silent: bool) -> String {
-    const NAMES: [(Flags, &str); 7] = [
-        (Flags::WARMUP, "WARMUP"),
-        (Flags::UNCALIBRATED, "UNCALIBRATED"),
-        (Flags::STALE_POSE, "STALE_POSE"),
-        (Flags::STALE_TACTILE, "STALE_TACTILE"),
-        (Flags::POSE_OUT_OF_RANGE, "POSE_OUT_OF_RANGE"),
-        (Flags::FAULTY_TAXEL, "FAULTY_TAXEL"),
-        (Flags::NON_FINITE, "NON_FINITE"),
-    ];
     let set = Flags::from_bits(state.flags);
-    let names = NAMES.iter().filter(|(flag, _)| set.contains(*flag)).map(|(_, name)| *name);
+    let names = Flags::names().filter(|(flag, _)| set.contains(*flag)).map(|(_, name)| name);
     names.chain(is_silent.then_some("SILENT")).collect::<Vec<_>>().join(" ")
 }
 

@@ -21,12 +21,14 @@ pub(super) struct ModelSummary {
     file: String,
     sha256: String,
     backend: Option<BackendInfo>,
+    /// What else runs it, among others.
+    notes: Vec<String>,
 }
 
 impl ModelSummary {
     pub(super) fn new(name: &str, info: &ModelInfo) -> Self {
         let (file, sha256) = (super::setup::shown(&info.path), info.sha256.clone());
-        ModelSummary { name: name.to_owned(), file, sha256, backend: info.backend.clone() }
+        ModelSummary { name: name.to_owned(), file, sha256, backend: info.backend.clone(), notes: info.notes.clone() }
     }
 }
 

@@ -35,6 +35,9 @@ pub(super) enum ZeroFrom {
     Annotations { seconds: Vec<f64> },
     /// The first seconds.
     First { seconds: Vec<f64> },
+    /// Live topics.
+    #[cfg(feature = "ros")]
+    Live { frames: u32 },
 }
 
 /// Baselines of all tactile sources, and what is left to check about them.
@@ -102,6 +105,8 @@ impl std::fmt::Display for ZeroFrom {
             ZeroFrom::File { file } => write!(f, "calibration {file}"),
             ZeroFrom::Annotations { seconds } => write!(f, "annotated zero-load stretches, {}", spans(seconds)),
             ZeroFrom::First { seconds } => write!(f, "the first {}", spans(seconds)),
+            #[cfg(feature = "ros")]
+            ZeroFrom::Live { frames } => write!(f, "{frames} live frames"),
         }
     }
 }

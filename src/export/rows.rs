@@ -3,7 +3,8 @@
 use super::{ExportError, Session};
 use crate::columns::{Cells, Kind};
 use crate::fusion::{FusionConfig, RegionConfig};
-use crate::recording::{Annotation, EstimateTrack};
+use crate::protocol::Annotation;
+use crate::recording::EstimateTrack;
 use crate::units::{Newton, nanos};
 
 const COLUMNS: [(&str, Kind); 15] = [

@@ -193,6 +193,7 @@ impl Protocol {
             checks: checks(&file.checks)?,
             substages,
             wording,
+            source: text.into(),
         })
     }
 }

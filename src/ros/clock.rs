@@ -42,7 +42,7 @@ impl Clock {
 }
 
 /// The system's time.
-pub(super) fn system_now() -> Stamp {
+pub fn system_now() -> Stamp {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Stamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
 }

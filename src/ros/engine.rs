@@ -4,7 +4,7 @@ mod report;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::mpsc::SyncSender;
+use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Duration;
 
 use futures::StreamExt;
@@ -219,11 +219,17 @@ impl Running {
         // Without a core nothing handles it, and replay must not either.
         if let Some(recorder) = self.engine.recorder.as_ref().filter(|_| self.core.is_some()) {
             let record = Record::Input { input, received: self.received, cdr: cdr.clone() };
-            if recorder.try_send(record).is_err() {
+            if let Err(error) = recorder.try_send(record) {
                 self.unrecorded += 1;
                 if self.unrecorded == 1 {
-                    let text =
-                        "the recorder can't keep up: from here on the recording lacks messages and won't replay alike";
+                    let text = match error {
+                        TrySendError::Full(_) => {
+                            "the recorder can't keep up: from here on the recording lacks messages and won't replay alike"
+                        }
+                        TrySendError::Disconnected(_) => {
+                            "the recording has ended because it can't be written; what is on the disk is kept, and the node goes on"
+                        }
+                    };
                     self.engine.outbox.log(Severity::Error, text);
                 }
             }

@@ -1,5 +1,7 @@
 //! A node that hears topics as bytes, and publishes messages now and then: what a tool beside the live node is made of.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
@@ -65,6 +67,7 @@ pub struct Listener {
     graph: Graph,
     publishers: Vec<Publisher>,
     heard: Receiver<Heard>,
+    missed: Arc<AtomicU64>,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
@@ -117,11 +120,12 @@ impl Listening {
         let Listening { graph, subscriptions, publishers, .. } = self;
         let (sender, heard) = sync_channel(CAPACITY);
         let (stop, stopped) = oneshot::channel();
-        let runtime = runtime()?;
-        let work = move || runtime.block_on(listen(&subscriptions, &sender, stopped));
+        let missed = Arc::new(AtomicU64::new(0));
+        let (runtime, counter) = (runtime()?, Arc::clone(&missed));
+        let work = move || runtime.block_on(listen(&subscriptions, &sender, &counter, stopped));
         let thread = std::thread::Builder::new().name("listen".into()).spawn(work);
         let thread = thread.map_err(|source| NodeError::System { what: "thread", source })?;
-        Ok(Listener { graph, publishers, heard, stop: Some(stop), thread: Some(thread) })
+        Ok(Listener { graph, publishers, heard, missed, stop: Some(stop), thread: Some(thread) })
     }
 }
 
@@ -134,6 +138,11 @@ impl Listener {
     /// What has come already.
     pub fn poll(&self) -> Option<Heard> {
         self.heard.try_recv().ok()
+    }
+
+    /// Messages that came and were dropped, because whoever listens was too far behind.
+    pub fn missed(&self) -> u64 {
+        self.missed.load(Ordering::Relaxed)
     }
 
     /// Publishes a message; whether it went to everyone who is to have it.
@@ -170,7 +179,12 @@ impl Delivery {
     }
 }
 
-async fn listen(subscriptions: &[Subscription], sender: &SyncSender<Heard>, stopped: oneshot::Receiver<()>) {
+async fn listen(
+    subscriptions: &[Subscription],
+    sender: &SyncSender<Heard>,
+    missed: &AtomicU64,
+    stopped: oneshot::Receiver<()>,
+) {
     let streams = subscriptions
         .iter()
         .enumerate()
@@ -186,8 +200,9 @@ async fn listen(subscriptions: &[Subscription], sender: &SyncSender<Heard>, stop
                     Ok(arrival) => Heard { topic, cdr: Ok(arrival.cdr), received: arrival.received },
                     Err(fault) => Heard { topic, cdr: Err(fault.text), received: super::clock::system_now() },
                 };
-                // Whoever listens is far behind then; the oldest are the better ones to keep, gaps are counted by stamps.
-                let _ = sender.try_send(heard);
+                if sender.try_send(heard).is_err() {
+                    missed.fetch_add(1, Ordering::Relaxed);
+                }
             }
         }
     }

@@ -9,6 +9,9 @@ pub mod scored;
 pub mod skip;
 pub mod tpf;
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
 pub use skip::{python, shared, skipped, without_onnx_runtime};
 
 /// Whether the tests of ONNX Runtime can run. Where it is not found, says so on stderr, or fails when
@@ -38,4 +41,23 @@ pub fn run_windows(
         tactile_pose_fusion::fusion::SharedWindows { starts: &starts, tactile: windows.tactile, pose: windows.pose };
     let mut forces = tactile_pose_fusion::fusion::Forces::default();
     model.regressor.run(shared, &mut forces).map(|()| forces)
+}
+
+/// Every file below a folder, by its path.
+pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false => {
+                    let bytes = std::fs::read(&path).unwrap();
+                    found.insert(path.strip_prefix(folder).unwrap().to_path_buf(), bytes);
+                }
+            }
+        }
+    }
+    found
 }

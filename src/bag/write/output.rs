@@ -10,7 +10,7 @@ use super::{BagError, WriteOptions};
 use crate::bag::layout::{self, METADATA_FILE};
 use crate::files::{temporary_folder_in, temporary_in};
 
-/// A bag that has no name yet; dropped, it is gone.
+/// A bag that has no name yet; dropped, it is gone unless it is to be kept.
 pub(super) struct Output {
     out: PathBuf,
     /// The folder of `out`.
@@ -62,6 +62,20 @@ impl Output {
     /// Name of the MCAP file itself.
     pub(super) fn file_name(&self) -> &str {
         &self.file_name
+    }
+
+    /// From now on what is dropped without a name stays where it is: at the path that is returned.
+    pub(super) fn keep_unfinished(&mut self) -> PathBuf {
+        match &mut self.place {
+            Place::File(temp) => {
+                temp.disable_cleanup(true);
+                temp.to_path_buf()
+            }
+            Place::Folder(temp) => {
+                temp.disable_cleanup(true);
+                temp.path().join(&self.file_name)
+            }
+        }
     }
 
     /// Give the complete bag its name. Returns that, and what a person should know.

@@ -1,14 +1,13 @@
 //! A calibration from live topics, as `~/calibrate` of the node makes it, without a node.
 
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::super::live::RosArguments;
 use super::super::progress::Progress;
 use super::super::setup::{load_models, shown};
+use super::super::zero::{self, Zero, ZeroFrom};
 use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{Args, verdict};
-use crate::calibration::Calibration;
 use crate::config::Config;
 use crate::fusion::Fusion;
 use crate::ros::definitions::Definitions;
@@ -27,7 +26,7 @@ pub(super) struct LiveArgs {
     #[arg(long, conflicts_with_all = ["bags", "calibrate_first"])]
     pub(super) live: bool,
     /// With --live: for so long instead of `calibration.duration_s` of the parameters
-    #[arg(long, value_name = "S", requires = "live", value_parser = super::super::zero::seconds)]
+    #[arg(long, value_name = "S", requires = "live", value_parser = zero::seconds)]
     seconds: Option<f64>,
     #[command(flatten)]
     ros: RosArguments,
@@ -96,15 +95,10 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let Some(baselines) = baselines else {
         return Err(Failure(format!("not calibrated: {}", result.message)));
     };
-    let text = |value: &Option<String>| value.clone().unwrap_or_default();
-    let sources: BTreeMap<_, _> =
-        cfg.fusion.tactile_sources.iter().map(|source| source.name.clone()).zip(baselines).collect();
-    let recorded = format!("calibrated live from {} frames", result.frames);
-    let mut calibration = Calibration::new(&text(&cfg.glove), &text(&cfg.user), recorded, sources);
-    let hashes = cfg.models.iter().zip(&models.infos).map(|(model, info)| (model.name.clone(), info.sha256.clone()));
-    calibration.models = hashes.collect();
+    let taken = Zero { from: ZeroFrom::Live { frames: result.frames }, baselines, check: None };
+    let calibration = taken.to_calibration(&cfg, &models.infos);
     calibration.save(&args.output)?;
-    let mut told = format!("{}: zero from {} live frames\n", shown(&args.output), result.frames);
+    let mut told = format!("{}: zero from {}\n", shown(&args.output), taken.from);
     told += &verdict(&calibration);
     let spans: Vec<String> = result
         .joints

@@ -15,7 +15,7 @@ use crate::characterize::SessionFrames;
 use crate::config::Config;
 use crate::eval::{TareCurve, ZeroLoad};
 use crate::fusion::{FrameClock, FusionConfig, RegionConfig};
-use crate::recording::{Labels, Listener, Notes, RowCollector, Rows, TruthTrack, aligned, read};
+use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, TruthTrack, aligned, read};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// Frames a second where neither parameters nor stamps say it; the paper's.
@@ -205,7 +205,7 @@ impl Loader<'_> {
         let at = |seconds: f64| start.offset((seconds * NANOS_PER_SEC as f64) as i64);
         AirTime {
             stretches: match self.in_air {
-                None => labels.annotations.zero_load(end),
+                None => recording::zero_load(&labels.annotations, end),
                 Some(InAir::All) => vec![ZeroLoad { from: start, to: end }],
                 Some(InAir::Span(from, to)) => vec![ZeroLoad { from: at(from), to: at(to) }],
             },

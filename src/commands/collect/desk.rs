@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use super::super::Failure;
 use super::super::live::Place;
-use super::folder::stage;
 use crate::bag::{BEST_EFFORT_QOS, BagMetadata, BagWriter, NewChannel, OutChannel};
-use crate::collect::{Layout, Mark, Senses};
+use crate::collect::{Layout, Senses};
 use crate::config::Config;
 use crate::fusion::Event;
 use crate::msg::binding::{SampleBinding, TruthBinding};
 use crate::msg::{Stage, Text, WireType, to_cdr, type_hash};
+use crate::protocol::Annotation;
 use crate::recording::SESSION_NOTES;
 use crate::ros::definitions::Definitions;
 use crate::ros::{Delivery, Heard, Listener, Names, SpokenTopic, TopicType, input_bindings};
@@ -111,6 +111,7 @@ impl Desk {
             })?);
         }
         let stage = bag.add_topic::<Stage>(&self.cfg.stage_topic)?;
+        bag.keep_unfinished(); // --resume finds it
         self.recording = Some(Recording { bag, inputs, stage, last: Stamp(0) });
         Ok(())
     }
@@ -124,27 +125,29 @@ impl Desk {
     }
 
     /// Tells the graph what is asked for from now on, and records it.
-    pub(super) fn tell(&mut self, mark: &Mark, now: Stamp) -> Result<(), Failure> {
-        let message = stage(mark);
+    pub(super) fn tell(&mut self, annotation: Annotation, now: Stamp) -> Result<(), Failure> {
+        let from = annotation.from;
+        let message = Stage::from(annotation);
         self.listener.say(self.stage, &message);
         let Some(recording) = &mut self.recording else { return Ok(()) };
         let at = now.max(recording.last);
         recording.last = at;
-        Ok(recording.bag.write(recording.stage, 0, at, mark.from, &to_cdr(&message))?)
+        Ok(recording.bag.write(recording.stage, 0, at, from, &to_cdr(&message))?)
     }
 
-    /// Takes what comes until there is nothing left, and waits for it at most so long.
-    pub(super) fn listen(
-        &mut self,
-        wait: Duration,
-        on_force: &mut dyn FnMut(usize, Stamp, Newton),
-    ) -> Result<(), Failure> {
+    /// Takes what comes until there is nothing left, and waits for it at most so long. Force sensors count from 0.
+    pub(super) fn listen(&mut self, wait: Duration, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
         let mut next = self.listener.next(wait);
         while let Some(heard) = next {
             self.handle(heard, on_force)?;
             next = self.listener.poll();
         }
         Ok(())
+    }
+
+    /// Messages that came while the recording was too far behind to take them.
+    pub(super) fn missed(&self) -> u64 {
+        self.listener.missed()
     }
 
     /// Ends the recording, and leaves the graph.
@@ -157,7 +160,7 @@ impl Desk {
         Ok(finished?)
     }
 
-    fn handle(&mut self, heard: Heard, on_force: &mut dyn FnMut(usize, Stamp, Newton)) -> Result<(), Failure> {
+    fn handle(&mut self, heard: Heard, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
         let Heard { topic, cdr, received } = heard;
         let input = &mut self.inputs[topic.0];
         let mut unreadable = |text: String| {
@@ -187,11 +190,10 @@ impl Desk {
                 Err(error) => unreadable(error.to_string()),
             },
             Reading::Truth(sensor, binding) => match binding.decode(&cdr, received) {
-                Ok((stamp, reading)) => {
-                    let source = &self.cfg.truth_sources[*sensor];
-                    let force = Newton::from(source.force(reading));
+                Ok((_, reading)) => {
+                    let force = Newton::from(self.cfg.truth_sources[*sensor].force(reading));
                     self.senses.handle_force(*sensor, force, received);
-                    on_force(*sensor, stamp.offset(source.stamp_offset_ns), force);
+                    on_force(*sensor, force);
                 }
                 Err(error) => unreadable(error.to_string()),
             },

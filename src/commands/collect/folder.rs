@@ -7,13 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use super::super::{Failure, say};
 use crate::bag::{BagMetadata, BagReader, BagRecord, BagWriter, Finished, PassThrough, WriteOptions};
-use crate::collect::{Mark, Marks};
 use crate::config::Config;
 use crate::files;
-use crate::msg::{Header, Stage, WireType, canonical_type_name, from_cdr, to_cdr};
-use crate::protocol::{Plan, Protocol};
+use crate::msg::{Stage, WireType, canonical_type_name, from_cdr, to_cdr};
+use crate::protocol::{Annotation, Annotations, Plan, Protocol};
 use crate::recording::SESSION_NOTES;
-use crate::units::Stamp;
 
 const FORMAT: &str = "tactile_pose_fusion/collection/1";
 const NOTES: &str = "collection.yaml";
@@ -69,16 +67,22 @@ impl About {
 }
 
 impl Folder {
-    /// A new collection.
-    pub(super) fn create(path: &Path, about: About, protocol_text: &str, protocol: Protocol) -> Result<Self, Failure> {
-        if path.exists() {
-            let hint = if path.join(NOTES).exists() { "go on with it by --resume, or choose" } else { "choose" };
-            return Err(Failure(format!("{}: already exists; {hint} another name", path.display())));
+    /// Refuses a path at which there is something.
+    pub(super) fn check_new(path: &Path) -> Result<(), Failure> {
+        if !path.exists() {
+            return Ok(());
         }
+        let hint = if path.join(NOTES).exists() { "go on with it by --resume, or choose" } else { "choose" };
+        Err(Failure(format!("{}: already exists; {hint} another name", path.display())))
+    }
+
+    /// A new collection.
+    pub(super) fn create(path: &Path, about: About, protocol: Protocol) -> Result<Self, Failure> {
+        Self::check_new(path)?;
         let failed = |error: std::io::Error| Failure(format!("{}: cannot make the folder: {error}", path.display()));
         std::fs::create_dir_all(path.join(PARTS)).map_err(failed)?;
         let folder = Folder { path: path.to_path_buf(), about, protocol };
-        folder.put(PROTOCOL, protocol_text)?;
+        folder.put(PROTOCOL, folder.protocol.source())?;
         let notes = serde_saphyr::to_string(&folder.about).map_err(|error| Failure(error.to_string()))?;
         folder.put(NOTES, &notes)?;
         Ok(folder)
@@ -149,20 +153,20 @@ impl Folder {
     }
 
     /// The annotations that have been recorded.
-    pub(super) fn marks(&self, parts: &[PathBuf], stage_topic: &str) -> Result<Marks, Failure> {
-        let mut marks = Marks::default();
+    pub(super) fn annotations(&self, parts: &[PathBuf], stage_topic: &str) -> Result<Annotations, Failure> {
+        let mut annotations = Annotations::default();
         if parts.is_empty() {
-            return Ok(marks);
+            return Ok(annotations);
         }
         let mut reader = BagReader::open(parts)?;
         while let Some(message) = reader.next_message()? {
             if message.channel.topic == stage_topic
                 && let Ok(stage) = from_cdr::<Stage>(message.data)
             {
-                marks.handle(mark(stage));
+                annotations.handle(stage.into());
             }
         }
-        Ok(marks)
+        Ok(annotations)
     }
 
     /// Begins the next part.
@@ -174,11 +178,15 @@ impl Folder {
 
     /// Makes one bag of all parts, with the annotations that hold; then the parts are no longer needed.
     pub(super) fn complete(&self, parts: &[PathBuf], stage_topic: &str) -> Result<Finished, Failure> {
-        let marks = self.marks(parts, stage_topic)?;
-        let mut marks = marks.all().peekable();
+        let annotations = self.annotations(parts, stage_topic)?;
+        let mut annotations = annotations.all().iter().peekable();
         let mut reader = BagReader::open(parts)?;
         let mut bag = BagWriter::create(&bag(&self.path), WriteOptions::default())?;
         let stage_channel = bag.add_topic::<Stage>(stage_topic)?;
+        let annotate = |bag: &mut BagWriter, annotation: &Annotation| {
+            let from = annotation.from;
+            bag.write(stage_channel, 0, from, from, &to_cdr(&Stage::from(annotation.clone())))
+        };
         let mut pass_through = PassThrough::default();
         let mut notes: BTreeMap<String, String> = BTreeMap::new();
         while let Some(record) = reader.next_record()? {
@@ -192,16 +200,16 @@ impl Folder {
                     if is_stage {
                         continue;
                     }
-                    while let Some(mark) = marks.next_if(|mark| mark.from <= message.log_time) {
-                        bag.write(stage_channel, 0, mark.from, mark.from, &to_cdr(&stage(mark)))?;
+                    while let Some(annotation) = annotations.next_if(|next| next.from <= message.log_time) {
+                        annotate(&mut bag, annotation)?;
                     }
                     pass_through.copy(&record, &mut bag)?;
                 }
                 _ => pass_through.copy(&record, &mut bag)?,
             }
         }
-        for mark in marks {
-            bag.write(stage_channel, 0, mark.from, mark.from, &to_cdr(&stage(mark)))?;
+        for annotation in annotations {
+            annotate(&mut bag, annotation)?;
         }
         bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &notes })?;
         reader.losses().iter().for_each(|loss| say(&loss.to_string()));
@@ -223,27 +231,4 @@ impl Folder {
 fn bag(folder: &Path) -> PathBuf {
     let name = folder.file_name().map_or_else(|| "session".into(), |name| name.to_string_lossy().into_owned());
     folder.join(format!("{name}.mcap"))
-}
-
-/// An annotation as it is published.
-pub(super) fn stage(mark: &Mark) -> Stage {
-    Stage {
-        header: Header { stamp: mark.from.into(), frame_id: String::new() },
-        stage: mark.stage,
-        substage: mark.substage.clone(),
-        pose: mark.pose.clone(),
-        repetition: mark.repetition,
-        zero_load: mark.zero_load,
-    }
-}
-
-fn mark(stage: Stage) -> Mark {
-    Mark {
-        from: Stamp::from(stage.header.stamp),
-        stage: stage.stage,
-        substage: stage.substage,
-        pose: stage.pose,
-        repetition: stage.repetition,
-        zero_load: stage.zero_load,
-    }
 }

@@ -1,16 +1,13 @@
 //! A collection on a terminal, and line by line where there is none.
 
-use std::io::IsTerminal;
-use std::time::Duration;
-
-use ratatui::DefaultTerminal;
 use ratatui::Frame;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event::KeyCode;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style, Stylize};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Gauge, Paragraph, Wrap};
 
+use super::super::terminal::Terminal;
 use super::super::{Failure, say};
 use super::view::{Mood, Row, View};
 
@@ -30,7 +27,7 @@ pub(super) enum Key {
 
 /// Where a collection is shown.
 pub(super) enum Screen {
-    Terminal(Box<DefaultTerminal>),
+    Terminal(Terminal),
     /// A line for each prompt that is new.
     Lines(String),
 }
@@ -38,10 +35,7 @@ pub(super) enum Screen {
 impl Screen {
     /// The terminal, unless there is none or lines are asked for.
     pub(super) fn open(lines: bool) -> Result<Self, Failure> {
-        if lines || !std::io::stdout().is_terminal() {
-            return Ok(Screen::Lines(String::new()));
-        }
-        Ok(Screen::Terminal(Box::new(ratatui::try_init()?)))
+        Ok(Terminal::open(lines)?.map_or(Screen::Lines(String::new()), Screen::Terminal))
     }
 
     /// Whether a person can press keys.
@@ -51,9 +45,7 @@ impl Screen {
 
     pub(super) fn show(&mut self, view: &View) -> Result<(), Failure> {
         match self {
-            Screen::Terminal(terminal) => {
-                terminal.draw(|frame| draw(frame, view))?;
-            }
+            Screen::Terminal(terminal) => terminal.draw(|frame| draw(frame, view))?,
             Screen::Lines(last) => {
                 let line = match view.mood {
                     Mood::Waiting | Mood::Wrong => view.prompt.clone(),
@@ -70,30 +62,16 @@ impl Screen {
 
     /// The key that was pressed, if there is one.
     pub(super) fn key(&mut self) -> Result<Option<Key>, Failure> {
-        if !self.has_keys() || !event::poll(Duration::ZERO)? {
-            return Ok(None);
-        }
-        let Event::Key(key) = event::read()? else { return Ok(None) };
-        if key.kind != KeyEventKind::Press {
-            return Ok(None);
-        }
-        Ok(match key.code {
-            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Some(Key::Quit),
-            KeyCode::Char(' ' | 'p') | KeyCode::Enter => Some(Key::Go),
-            KeyCode::Char('r') => Some(Key::Repeat),
-            KeyCode::Char('s') => Some(Key::Skip),
-            KeyCode::Char('f') => Some(Key::Again),
-            KeyCode::Char('c') => Some(Key::Anyway),
-            KeyCode::Char('q') => Some(Key::Quit),
+        let Screen::Terminal(terminal) = self else { return Ok(None) };
+        Ok(match terminal.key()? {
+            Some(KeyCode::Char(' ' | 'p') | KeyCode::Enter) => Some(Key::Go),
+            Some(KeyCode::Char('r')) => Some(Key::Repeat),
+            Some(KeyCode::Char('s')) => Some(Key::Skip),
+            Some(KeyCode::Char('f')) => Some(Key::Again),
+            Some(KeyCode::Char('c')) => Some(Key::Anyway),
+            Some(KeyCode::Char('q')) => Some(Key::Quit),
             _ => None,
         })
-    }
-
-    /// Gives the terminal back.
-    pub(super) fn close(self) {
-        if let Screen::Terminal(_) = self {
-            ratatui::restore();
-        }
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::super::sessions::{Stopped, session_name};
 use super::super::setup::input_topics;
 use super::super::zero::{ZeroArgs, ZeroFrom};
-use super::super::{Failure, interrupt};
+use super::super::{Failure, interrupt, say};
 use super::labels::{Labelled, NeedsTruth};
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
@@ -59,7 +59,8 @@ pub(in crate::commands) fn run_models(
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
-    let zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
+    let mut zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
+    let zero_cfg = cfg.clone();
     let offset_ns = cfg.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
     let mut columns: Vec<Vec<EstimateTrack>> =
         cores.iter().map(|core| vec![EstimateTrack::default(); core.cfg.fusion.regions.len()]).collect();
@@ -71,8 +72,14 @@ pub(in crate::commands) fn run_models(
         kept.push((core.cfg, core.infos, core.quality));
     }
     let mut told = 0;
+    let mut check = zero.check.take();
+    // The first model judges it, as in replay, by the frames that are scored.
+    let judge = kept.iter().position(|(.., quality)| *quality == PoseQuality::default());
     let listener = Listener::<Stopped> {
         on_tick: &mut |core_idx, tick| {
+            if let Some(check) = check.as_mut().filter(|_| judge == Some(core_idx)) {
+                check.takes(tick);
+            }
             for estimate in &tick.estimates {
                 columns[core_idx][estimate.region].handle_estimate(tick.stamp, estimate);
             }
@@ -88,6 +95,10 @@ pub(in crate::commands) fn run_models(
     };
     let mut unused = Labels::new(&[]);
     read(&mut reader, &mut inputs, &mut unused, &mut fusions, listener).map_err(|stopped| stopped.of_bag(bag))?;
+    if let Some(Err(failure)) = check.map(|check| check.judge(&zero_cfg)) {
+        // Scores and datasets of other sessions don't depend on it, so it is said and not refused.
+        say(&format!("{}: its zero is not to be believed: {failure}", bag.display()));
+    }
     let as_recorded = fusions.iter().zip(&kept).filter(|(_, (.., quality))| *quality == PoseQuality::default());
     for (fusion, _) in as_recorded {
         inputs.check_end(fusion.missing_joints()).map_err(|error| in_bag(&error))?;

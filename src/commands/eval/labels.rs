@@ -12,7 +12,8 @@ use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, Timing, ZeroLoadCheck};
 use crate::fusion::ContactThresholds;
-use crate::recording::{Annotations, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, read};
+use crate::protocol::Annotations;
+use crate::recording::{self, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, read};
 use crate::units::{GramForce, Stamp};
 
 /// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
@@ -140,8 +141,8 @@ impl Labelled {
         }
         let end = tracks.iter().filter_map(|track| Some(track.span()?.1)).max().unwrap_or(last);
         let cuts = split.filter(|_| !annotations.is_empty());
-        let cuts = cuts.map(|split| split.cuts(&annotations.stage_spans(end.offset(1))));
-        let zero_load = annotations.zero_load(end);
+        let cuts = cuts.map(|split| split.cuts(&recording::stage_spans(&annotations, end.offset(1))));
+        let zero_load = recording::zero_load(&annotations, end);
         let mut truth = vec![None; names.len()];
         for (idx, track) in there.into_iter().zip(tracks) {
             let tare = track.tare(&zero_load);

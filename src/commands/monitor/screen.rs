@@ -1,64 +1,18 @@
 //! The screen of a monitor.
 
-use std::io::IsTerminal;
-use std::time::Duration;
-
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
+use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout};
 use ratatui::style::Stylize;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Cell, Paragraph, Row, Table, Wrap};
-use ratatui::{DefaultTerminal, Frame};
 
-use super::super::Failure;
 use super::{Watched, flags, number};
 use crate::units::Stamp;
 
 /// Cells of a force bar.
 const BAR: usize = 20;
 
-/// Where a monitor is shown.
-pub(super) enum Screen {
-    Terminal(Box<DefaultTerminal>),
-    Nowhere,
-}
-
-impl Screen {
-    pub(super) fn open(plain: bool) -> Result<Self, Failure> {
-        match plain || !std::io::stdout().is_terminal() {
-            true => Ok(Screen::Nowhere),
-            false => Ok(Screen::Terminal(Box::new(ratatui::try_init()?))),
-        }
-    }
-
-    pub(super) fn is_live(&self) -> bool {
-        matches!(self, Screen::Terminal(_))
-    }
-
-    pub(super) fn show(&mut self, watched: &Watched, now: Stamp) -> Result<(), Failure> {
-        if let Screen::Terminal(terminal) = self {
-            terminal.draw(|frame| draw(frame, watched, now))?;
-        }
-        Ok(())
-    }
-
-    pub(super) fn wants_to_quit(&self) -> Result<bool, Failure> {
-        if !self.is_live() || !event::poll(Duration::ZERO)? {
-            return Ok(false);
-        }
-        let Event::Key(key) = event::read()? else { return Ok(false) };
-        let interrupt = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-        Ok(interrupt || matches!(key.code, KeyCode::Char('q') | KeyCode::Esc))
-    }
-
-    pub(super) fn close(self) {
-        if self.is_live() {
-            ratatui::restore();
-        }
-    }
-}
-
-fn draw(frame: &mut Frame<'_>, watched: &Watched, now: Stamp) {
+pub(super) fn draw(frame: &mut Frame<'_>, watched: &Watched, now: Stamp) {
     let n_regions = watched.regions.len() as u16;
     let [head, table, notes, keys] = Layout::vertical([
         Constraint::Length(2),

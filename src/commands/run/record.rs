@@ -1,10 +1,11 @@
 //! The recording of a live run: inputs in the order in which they were handled, and the estimates that they gave.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
-use super::super::Failure;
+use super::super::{FLUSH_EVERY, Failure};
 use crate::bag::{BEST_EFFORT_QOS, BagError, BagWriter, Finished, NewChannel, OutChannel, WriteOptions};
 use crate::config::Config;
 use crate::msg::{ContactArray, Slot, WrenchStamped, type_hash};
@@ -17,6 +18,8 @@ const CAPACITY: usize = 65_536;
 /// A recording under way, on a thread of its own.
 pub(super) struct Recording {
     thread: JoinHandle<Result<Finished, BagError>>,
+    /// Where it is until it is complete.
+    unfinished: PathBuf,
 }
 
 struct Channels {
@@ -48,23 +51,28 @@ pub(super) fn start(
     let wrenches = names.estimates.wrenches.iter().map(|topic| bag.add_topic::<WrenchStamped>(topic));
     let wrenches = wrenches.collect::<Result<_, _>>()?;
     let contacts = bag.add_topic::<ContactArray>(&names.estimates.contacts)?;
+    let unfinished = bag.keep_unfinished();
     let (sender, receiver) = sync_channel(CAPACITY);
     let channels = Channels { inputs, wrenches, contacts };
     let thread = std::thread::Builder::new().name("record".into()).spawn(move || write(bag, &channels, &receiver))?;
-    Ok((sender, Recording { thread }))
+    Ok((sender, Recording { thread, unfinished }))
 }
 
 impl Recording {
     /// Completes it, once everyone who sends is gone.
     pub(super) fn finish(self) -> Result<Finished, Failure> {
-        match self.thread.join() {
-            Ok(finished) => Ok(finished?),
-            Err(_) => Err(Failure("the recording ended early; it is lost".to_owned())),
-        }
+        let why = match self.thread.join() {
+            Ok(Ok(finished)) => return Ok(finished),
+            Ok(Err(error)) => error.to_string(),
+            Err(_) => "the recording ended early".to_owned(),
+        };
+        let unfinished = self.unfinished.display();
+        Err(Failure(format!("{why}; what was recorded until then is in {unfinished}: rename it to end in .mcap")))
     }
 }
 
 fn write(mut bag: BagWriter, channels: &Channels, records: &Receiver<Record>) -> Result<Finished, BagError> {
+    let mut flushed = Instant::now();
     while let Ok(record) = records.recv() {
         let (channel, received, cdr) = match record {
             Record::Input { input, received, cdr } => (channels.inputs[input], received, cdr),
@@ -72,6 +80,10 @@ fn write(mut bag: BagWriter, channels: &Channels, records: &Receiver<Record>) ->
             Record::Output { slot: Slot::Contacts, received, cdr } => (channels.contacts, received, cdr),
         };
         bag.write(channel, 0, received, received, &cdr)?;
+        if flushed.elapsed() >= FLUSH_EVERY {
+            flushed = Instant::now();
+            bag.flush()?;
+        }
     }
     bag.finish()
 }

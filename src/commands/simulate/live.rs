@@ -4,12 +4,12 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use super::super::live::{RosArguments, now};
+use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{JOINTS, Message, STAGE, TAXELS, TRUTH, message};
 use crate::msg::{JointState, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
-use crate::ros::{Delivery, Listener, TopicType};
+use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::{Fault, LiveSession, Prompt, SYNTHETIC_TOPIC, SessionSpec};
 
 /// The node that the synthetic glove is, unless it is given another name.
@@ -59,7 +59,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
         None => Protocol::paper(),
     };
     let place = live.ros.place(NODE)?;
-    let (start, started) = (now(), Instant::now());
+    let (start, started) = (system_now(), Instant::now());
     let spec = SessionSpec {
         glove: args.glove,
         user: live.user,

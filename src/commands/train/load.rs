@@ -9,7 +9,7 @@ use super::super::{Failure, interrupt, say};
 use crate::bag::{BagReader, Inputs};
 use crate::config::Config;
 use crate::eval::Split;
-use crate::recording::{Labels, Listener, Notes, RowCollector, Rows, aligned, read};
+use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, aligned, read};
 use crate::train::{Session, SessionFrames};
 use crate::units::Stamp;
 
@@ -107,9 +107,9 @@ impl<'c> Loader<'c> {
         let track = &labels.truth[0];
         let end = track.span().map_or(Stamp(i64::MIN), |(_, last)| last);
         let tare = track
-            .tare(&labels.annotations.zero_load(end))
+            .tare(&recording::zero_load(&labels.annotations, end))
             .map_err(|error| Failure(format!("truth {}: {error}", track.name())))?;
-        let cuts = self.split.cuts(&labels.annotations.stage_spans(end.offset(1)));
+        let cuts = self.split.cuts(&recording::stage_spans(&labels.annotations, end.offset(1)));
         let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing.max_gap);
         let mut frames = SessionFrames { name, n_taxels, n_joints, ..SessionFrames::default() };
         let (mut epoch, mut last, mut n_without_truth) = (0, None, 0);
