@@ -100,10 +100,11 @@ fn every_page_is_in_the_summary_and_every_link_leads_somewhere() {
     let summary = fs::read_to_string(book().join("SUMMARY.md")).unwrap();
     let listed: BTreeSet<PathBuf> = links(&summary).into_iter().map(PathBuf::from).collect();
     assert_eq!(listed, pages());
-    for page in pages() {
-        let text = fs::read_to_string(book().join(&page)).unwrap();
+    let beside = ["README.md", "ARCHITECTURE.md", "SECURITY.md", "models/README.md"].map(|name| root().join(name));
+    for page in pages().into_iter().map(|page| book().join(page)).chain(beside) {
+        let text = fs::read_to_string(&page).unwrap();
         for link in links(&text) {
-            let target = book().join(&page).parent().unwrap().join(&link);
+            let target = page.parent().unwrap().join(&link);
             assert!(target.exists(), "{}: {link} leads nowhere", page.display());
         }
     }
@@ -155,7 +156,7 @@ fn every_command_that_is_shown_is_one_that_tpf_takes() {
 }
 
 /// Runs what a page shows, in a folder with what the repository has.
-fn run_page(page: &str) {
+fn run_page(page: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for shown in ["params", "models", "docs"] {
         std::os::unix::fs::symlink(root().join(shown), folder.path().join(shown)).unwrap();
@@ -174,11 +175,19 @@ fn run_page(page: &str) {
         assert!(ran.status.success(), "{page}: {line}: {}", String::from_utf8_lossy(&ran.stderr));
     }
     assert!(n_run > 3, "{page}: {n_run} commands were run");
+    folder
 }
 
 #[test]
 fn the_gates_page_runs_as_it_is_written() {
     run_page("how-to/ci-gates.md");
+}
+
+#[test]
+fn the_recipe_for_old_bags_runs_as_it_is_written() {
+    let folder = run_page("how-to/old-bags.md");
+    let [first, second] = ["dataset", "dataset_of_old_bags"].map(|name| common::files(&folder.path().join(name)));
+    assert!(!first.is_empty() && first == second, "the page says that both are the same");
 }
 
 #[test]
