@@ -6,6 +6,7 @@
 mod common;
 mod node_common;
 
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -13,7 +14,11 @@ use std::time::{Duration, Instant};
 
 use common::bags::write_session;
 use node_common::{Feeder, Heard, Listener, Live, memory_mb, peer, peer_command, signal, write_setup};
-use tactile_pose_fusion::msg::ContactState;
+use tactile_pose_fusion::config::NodeName;
+use tactile_pose_fusion::msg::{ContactState, Text, WireType};
+use tactile_pose_fusion::ros::environment::Environment;
+use tactile_pose_fusion::ros::security::Enclave;
+use tactile_pose_fusion::ros::{Delivery, Listening, TopicType};
 
 const STALE_TACTILE: u32 = ContactState::STALE_TACTILE;
 const STALE_POSE: u32 = ContactState::STALE_POSE;
@@ -159,6 +164,43 @@ fn two_hundred_restarts_of_a_peer_leave_memory_flat() {
     scene.listener.drain();
     scene.wait_for_estimates();
     scene.live.stop();
+}
+
+#[test]
+fn who_joins_late_costs_nothing_for_what_was_published_before() {
+    const N_BEFORE: usize = 300_000;
+    const N_READERS: usize = 10;
+    if !common::skip::isolated() {
+        return;
+    }
+    let environment = Environment::from_vars(|_| None, &Enclave::default()).unwrap();
+    let join = |name: &str| Listening::join(&NodeName::parse(name).unwrap(), &environment, &[]).unwrap();
+    let text = TopicType::Known(Text::TYPE_NAME);
+    let mut talker = join("/talker");
+    let topic = talker.speak("/long_lived", text, Delivery::Data).unwrap();
+    let talker = talker.start().unwrap();
+    let message = Text { data: "force".to_owned() };
+    (0..N_BEFORE).for_each(|_| {
+        talker.say(topic, &message);
+    });
+    let before = memory_mb(std::process::id());
+    let mut reader = join("/readers");
+    (0..N_READERS).for_each(|_| {
+        reader.hear("/long_lived", text, Delivery::Data).unwrap();
+    });
+    let reader = reader.start().unwrap();
+    let mut heard = BTreeSet::new();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while heard.len() < N_READERS {
+        assert!(Instant::now() < deadline, "{heard:?} of {N_READERS} readers heard something");
+        talker.say(topic, &message);
+        heard.extend(reader.next(Duration::from_millis(20)).map(|heard| heard.topic));
+    }
+    let after = memory_mb(std::process::id());
+    // A set of the numbers of all messages is some 4 MB a reader.
+    assert!(after - before < 15.0, "{before} MB, then {after} MB with {N_READERS} readers");
+    reader.leave();
+    talker.leave();
 }
 
 #[test]

@@ -12,6 +12,7 @@ use ros2_client::action::{ActionServerQosPolicies, FeedbackMessage};
 #[cfg(feature = "security")]
 use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
 use ros2_client::dds::rustdds::{DomainParticipantBuilder, RTPSEntity, Topic};
+use ros2_client::qos::{Durability, Reliability};
 use ros2_client::{
     ActionServer, ActionTypeName, Context, Message, MessageTypeName, Name, Node, NodeName as WireNodeName, NodeOptions,
     QosProfile, ReadResult, RmwRequestId, Server, ServiceMapping, ServiceTypeName,
@@ -88,8 +89,9 @@ impl Participant {
         ty: TopicType<'_>,
         qos: &QosProfile,
     ) -> Result<Publisher, NodeError> {
-        let handle = self.topic(topic, ty, qos)?;
-        let publisher = self.node.create_publisher::<CdrBytes>(&handle, Some(qos.clone()));
+        let qos = offered(qos);
+        let handle = self.topic(topic, ty, &qos)?;
+        let publisher = self.node.create_publisher::<CdrBytes>(&handle, Some(qos));
         Ok(Box::new(publisher.map_err(|error| create(topic, &error))?))
     }
 
@@ -154,6 +156,17 @@ impl Participant {
         let (package, kind) = ends(ty.name());
         let created = self.node.create_topic(&wire(topic)?, MessageTypeName::new(package, kind), qos);
         created.map_err(|error| create(topic, &error))
+    }
+}
+
+/// What a publisher offers. For each subscriber that joins a volatile topic RustDDS 0.15.1 notes every message that was
+/// published before, one by one: after hours that is many megabytes a subscriber, and a pause of everything while it does
+/// so. A topic that offers its last messages to who comes late is spared that, and a best effort subscriber is sent none of
+/// them. A reliable one would be, so those stay volatile.
+fn offered(qos: &QosProfile) -> QosProfile {
+    match (qos.reliability, qos.durability) {
+        (Reliability::BestEffort, Durability::Volatile) => qos.clone().durability(Durability::TransientLocal),
+        _ => qos.clone(),
     }
 }
 
