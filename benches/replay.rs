@@ -63,19 +63,8 @@ fn tick(c: &mut Criterion) {
             let mut k = 0;
             let mut step = move || {
                 let (stamp, positions, values) = (at(k * 10), angles(k), taxels(k));
-                let source = JointSourceIdx(0);
-                let sample = JointSample { source, stamp, names: &names, positions: &positions, received: stamp };
-                fusion.handle(Event::Joints(sample));
-                let block = TactileBlock {
-                    source: TactileSourceIdx(0),
-                    stamp,
-                    rows: 1,
-                    row_period_ns: 0,
-                    sequence: None,
-                    values: &values,
-                    received: stamp,
-                };
-                fusion.handle(Event::Tactile(block));
+                fusion.handle(common::fake::joints(stamp, &names, &positions));
+                fusion.handle(common::fake::tactile(stamp, &values));
                 k += 1;
                 black_box(fusion.poll().unwrap().map(|tick| tick.estimates.len()))
             };

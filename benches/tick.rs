@@ -1,4 +1,5 @@
-//! The tail of a live tick: joint angles and one frame of taxels in, the estimates of five regions out, on one thread.
+//! The tail of a live tick: joint angles and one frame of taxels in, the estimates of five regions out, on one thread, by our
+//! own code and by the runtimes that it is held against.
 //!
 //! Criterion tells means; a controller waits for the slowest. Ticks come one after the other, and at 100 Hz as they do
 //! live, where the caches are cold and the core may have slept. Pin it to one core: `taskset -c 0 cargo bench --bench tick`.
@@ -11,24 +12,26 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use common::bags::at;
-use common::fake::{config, region};
+use common::fake::{config, joints, region, tactile};
 use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
 
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
 const JOINTS: [&str; 4] = ["dip", "pip", "mcp_flex", "mcp_abd"];
+/// The model names its joints, so every fingertip is given the angles of this finger; a joint state has those of all.
+const TRAINED: &str = "index";
 const N_TAXELS: usize = 6;
 const N_BACK_TO_BACK: i64 = 10_000;
 const N_PACED: i64 = 2_000;
 const PERIOD: Duration = Duration::from_millis(10);
 
 /// Five fingertips that share the model of synthetic glove 1.
-fn hand(backend: BackendChoice) -> Fusion {
-    let mut spec = ModelSpec::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("models/glove1_pose_aware.onnx"));
-    spec.backend = backend;
+fn hand(backend: BackendChoice, only_runtime: bool) -> Fusion {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/glove1_pose_aware.onnx");
+    let spec = ModelSpec { backend, only_runtime, ..ModelSpec::new(path) };
     let regions = FINGERS.iter().enumerate().map(|(idx, finger)| {
         let taxels: Vec<usize> = (N_TAXELS * idx..N_TAXELS * (idx + 1)).collect();
-        let joints: Vec<String> = JOINTS.iter().map(|joint| format!("{finger}_{joint}")).collect();
+        let joints: Vec<String> = JOINTS.iter().map(|joint| format!("{TRAINED}_{joint}")).collect();
         region(finger, &taxels, &joints.iter().map(String::as_str).collect::<Vec<_>>())
     });
     let cfg = config(N_TAXELS * FINGERS.len(), regions.collect());
@@ -50,20 +53,9 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
                 let due = begin + period * (k - first) as u32;
                 std::thread::sleep(due.saturating_duration_since(Instant::now()));
             }
-            let source = JointSourceIdx(0);
-            let joints = JointSample { source, stamp, names: &names, positions: &positions, received: stamp };
-            let taxels = TactileBlock {
-                source: TactileSourceIdx(0),
-                stamp,
-                rows: 1,
-                row_period_ns: 0,
-                sequence: None,
-                values: &values,
-                received: stamp,
-            };
             let began = Instant::now();
-            fusion.handle(Event::Joints(joints));
-            fusion.handle(Event::Tactile(taxels));
+            fusion.handle(joints(stamp, &names, &positions));
+            fusion.handle(tactile(stamp, &values));
             let tick = fusion.poll().unwrap().expect("a frame has its joints and is run");
             let taken = began.elapsed().as_secs_f64();
             assert!(k < 63 || tick.estimates.iter().all(|estimate| estimate.force.is_some()));
@@ -76,12 +68,12 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
 
 fn main() {
     println!("| five regions, one tick | ticks | p50 us | p99 us | p99.9 us | max us |\n|---|---|---|---|---|---|");
-    let mut backends = vec![("RTen", BackendChoice::Rten)];
+    let mut ways = vec![("our own code", BackendChoice::Rten, false), ("RTen", BackendChoice::Rten, true)];
     if common::onnx_runtime_is_here() {
-        backends.push(("ONNX Runtime", BackendChoice::OnnxRuntime));
+        ways.push(("ONNX Runtime", BackendChoice::OnnxRuntime, true));
     }
-    for (name, backend) in backends {
-        let mut fusion = hand(backend);
+    for (name, backend, only_runtime) in ways {
+        let mut fusion = hand(backend, only_runtime);
         let mut first = 0;
         for (how, n, period) in
             [("", 200, None), ("one after the other", N_BACK_TO_BACK, None), ("at 100 Hz", N_PACED, Some(PERIOD))]

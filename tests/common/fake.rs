@@ -133,24 +133,28 @@ impl Sample {
 
     pub fn event(&self) -> Event<'_> {
         match self {
-            Sample::Tactile { at_ns, values } => Event::Tactile(TactileBlock {
-                source: TactileSourceIdx(0),
-                stamp: Stamp(*at_ns),
-                rows: 1,
-                row_period_ns: 0,
-                sequence: None,
-                values,
-                received: Stamp(*at_ns),
-            }),
-            Sample::Joints { at_ns, names, positions } => Event::Joints(JointSample {
-                source: JointSourceIdx(0),
-                stamp: Stamp(*at_ns),
-                names,
-                positions,
-                received: Stamp(*at_ns),
-            }),
+            Sample::Tactile { at_ns, values } => tactile(Stamp(*at_ns), values),
+            Sample::Joints { at_ns, names, positions } => joints(Stamp(*at_ns), names, positions),
         }
     }
+}
+
+/// One frame of the glove, which comes at once.
+pub fn tactile(stamp: Stamp, values: &[f32]) -> Event<'_> {
+    Event::Tactile(TactileBlock {
+        source: TactileSourceIdx(0),
+        stamp,
+        rows: 1,
+        row_period_ns: 0,
+        sequence: None,
+        values,
+        received: stamp,
+    })
+}
+
+/// One joint state of the hand, which comes at once.
+pub fn joints<'a>(stamp: Stamp, names: &'a [String], positions: &'a [f64]) -> Event<'a> {
+    Event::Joints(JointSample { source: JointSourceIdx(0), stamp, names, positions, received: stamp })
 }
 
 /// Every estimate of a run, each with the stamp of its frame.
