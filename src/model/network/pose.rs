@@ -8,7 +8,7 @@ use super::dense::{Dense, repeat};
 use super::frames::Frames;
 use super::{sized, vectorized};
 use crate::kernels::matrix::{Matrix, add_product};
-use crate::kernels::nonlinear::{gelu, sigmoid, tanh_of};
+use crate::kernels::nonlinear::{self, gelu, next_cell};
 use crate::model::paper::{self, Cells};
 
 /// The branch, gates in ONNX's order: input, output, forget, cell.
@@ -208,16 +208,15 @@ fn of_windows<'f>(frames: &'f Frames, frame: usize, windows: &Range<usize>, widt
     &frames.from(frame, windows.end * width)[windows.start * width..]
 }
 
-/// One step of an LSTM: gates through their nonlinearities, cells one step on, and the new states to the begin of each
-/// `stride` of `states`.
-fn advance(hidden: usize, gates: &mut [f32], cells: &mut [f32], states: &mut [f32], stride: usize) {
+/// One step of an LSTM: cells one step on, and the new states to the begin of each `stride` of `states`.
+fn advance(hidden: usize, gates: &[f32], cells: &mut [f32], states: &mut [f32], stride: usize) {
     AutoArch::new().dispatch(Step { hidden, gates, cells, states, stride });
 }
 
 /// A closure would not be compiled with the machine's vector instructions: it is too large to be inlined by itself.
 struct Step<'a> {
     hidden: usize,
-    gates: &'a mut [f32],
+    gates: &'a [f32],
     cells: &'a mut [f32],
     states: &'a mut [f32],
     stride: usize,
@@ -229,22 +228,16 @@ impl WithSimd for Step<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self) {
         let Step { hidden, gates, cells, states, stride } = self;
-        let of_windows = gates.chunks_exact_mut(4 * hidden).zip(cells.chunks_exact_mut(hidden));
+        let of_windows = gates.chunks_exact(4 * hidden).zip(cells.chunks_exact_mut(hidden));
         for ((gates, cells), states) in of_windows.zip(states.chunks_mut(stride)) {
-            for gate in &mut gates[..3 * hidden] {
-                *gate = sigmoid(*gate);
-            }
-            for gate in &mut gates[3 * hidden..] {
-                *gate = tanh_of(*gate);
-            }
             let (input_gates, rest) = gates.split_at(hidden);
             let (output_gates, rest) = rest.split_at(hidden);
             let (forget_gates, candidates) = rest.split_at(hidden);
             for (((cell, i), f), g) in cells.iter_mut().zip(input_gates).zip(forget_gates).zip(candidates) {
-                *cell = f * *cell + i * g;
+                *cell = next_cell(*cell, *f, *i, *g);
             }
             for ((state, o), cell) in states.iter_mut().zip(output_gates).zip(cells) {
-                *state = o * tanh_of(*cell);
+                *state = nonlinear::state(*o, *cell);
             }
         }
     }
