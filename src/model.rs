@@ -1,23 +1,26 @@
 //! The tensor contract, and the two runtimes that keep it.
 //!
 //! A model file passes through one door: it is read once, its graph, weights and metadata are checked, a runtime opens
-//! it, and trial runs confirm what a file can't promise. What comes out is a [`Regressor`] and all that is known of it.
+//! it, and trial runs confirm what a file can't promise. What comes out is a [`Regressor`] and all that is known of it:
+//! the runtime, or our own code where it gives the same.
 
 use std::fs::File;
 use std::io::Read;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
 use self::contract::Terms;
+use self::direct::Direct;
 use self::error::one_line;
 use self::metadata::Metadata;
 use self::onnx::{Message, ModelProto};
 use self::session::{Runtime, Session};
-use self::stretches::Stretches;
 use crate::fusion::{ForceUnit, Regressor};
 
 mod contract;
+mod direct;
 mod error;
 mod info;
 pub mod metadata;
@@ -28,7 +31,6 @@ mod paper;
 mod probe;
 mod rten;
 mod session;
-mod stretches;
 mod weights;
 
 pub use error::ModelError;
@@ -37,13 +39,7 @@ pub use info::{BackendInfo, Batch, Dim, ModelInfo, Origin, RuntimeName, TensorIn
 /// The largest file that is read. The paper's network has half a MiB.
 const MAX_FILE_MIB: u64 = 64;
 
-/// Windows of one call from which on [`ModelSpec::stretch_threads`] can gain anything.
-pub const FEWEST_FOR_STRETCHES: usize = stretches::MIN_WINDOWS;
-
-/// Threads beyond which [`ModelSpec::stretch_threads`] gains nothing: one a stretch of the largest call that is of use.
-pub const MOST_STRETCH_THREADS: usize = stretches::MOST_THREADS;
-
-/// Windows of one call where they are run one by one: more of them gain nothing.
+/// Windows of one call where a runtime runs them: more of them gain nothing.
 const WINDOWS_AT_ONCE: usize = 32;
 
 /// Which runtime to take.
@@ -98,10 +94,11 @@ pub struct ModelSpec {
     pub rate_hz: Option<f64>,
     /// Names of the tensors.
     pub names: TensorNames,
-    /// On how many threads many overlapping windows may be run at once: the paper's network then shares what they have in
-    /// common, and the forces are the same on any number of threads. With 0, the default, none is started and windows
-    /// are run one by one. It takes a moment more to load.
-    pub stretch_threads: usize,
+    /// On how many threads many overlapping windows may be run at once where our own code does it: with 1, the default,
+    /// none is started. The forces are the same on any number.
+    pub threads: NonZero<usize>,
+    /// Whether the runtime runs every model. By default it runs those that our own code can't.
+    pub only_runtime: bool,
 }
 
 impl ModelSpec {
@@ -113,7 +110,8 @@ impl ModelSpec {
             unit: None,
             rate_hz: None,
             names: TensorNames::default(),
-            stretch_threads: 0,
+            threads: NonZero::<usize>::MIN,
+            only_runtime: false,
         }
     }
 }
@@ -141,18 +139,16 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     info.contract = session.contract().clone();
     info.backend = Some(backend);
     let graph = opened.graph.filter(|_| opened.terms.batch == Batch::Dynamic);
-    let stretches =
-        graph.map_or(Ok(None), |graph| Stretches::of(&mut session, &graph, &opened.terms, spec.stretch_threads));
-    let regressor: Box<dyn Regressor> = match stretches {
-        Ok(Some(stretches)) => {
-            info.batch_hint = stretches::WINDOWS_AT_ONCE;
-            info.notes
-                .push("many windows at once are run by our own code, which gives what this runtime gives".to_owned());
-            Box::new(stretches)
+    let direct = graph.map_or(Ok(None), |graph| Direct::of(&mut session, &graph, &opened.terms, spec.threads.get()));
+    let regressor: Box<dyn Regressor> = match direct {
+        Ok(Some(direct)) => {
+            info.batch_hint = direct::WINDOWS_AT_ONCE;
+            info.notes.push("our own code runs it, and gives what this runtime gives".to_owned());
+            Box::new(direct)
         }
         Ok(None) => Box::new(session),
         Err(reason) => {
-            info.notes.push(format!("it runs window by window: {reason}"));
+            info.notes.push(format!("the runtime runs it: {reason}"));
             Box::new(session)
         }
     };
@@ -213,7 +209,7 @@ fn open(spec: &ModelSpec) -> Result<Opened, ModelError> {
         batch_hint: WINDOWS_AT_ONCE,
         notes: terms.notes.clone(),
     };
-    let graph = model.graph.filter(|_| spec.stretch_threads > 0);
+    let graph = model.graph.filter(|_| !spec.only_runtime);
     Ok(Opened { bytes, graph, terms, info })
 }
 

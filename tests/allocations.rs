@@ -1,9 +1,10 @@
-//! What the core does not do while it runs live: ask for memory.
+//! What the core and the model do not do while they run live: ask for memory.
 
 mod common;
 
 use common::fake::*;
 use tactile_pose_fusion::fusion::*;
+use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
 
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
 
@@ -51,4 +52,42 @@ fn a_tick_of_the_core_asks_for_no_memory_once_it_is_warm() {
         assert_eq!((used.count_total, used.bytes_total), (0, 0), "batch {batch}");
         assert!(n_ticks > 5 * 2000, "{n_ticks} estimates");
     }
+}
+
+#[test]
+fn a_tick_of_five_regions_with_their_model_asks_for_no_memory_once_it_is_warm() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
+    let model = load(&ModelSpec { backend: BackendChoice::Rten, ..ModelSpec::new(path) }).unwrap();
+    let names = model.info.contract.joints.clone().unwrap();
+    let joints: Vec<&str> = names.iter().map(String::as_str).collect();
+    let n_taxels = model.info.contract.n_taxels;
+    let regions = FINGERS
+        .iter()
+        .enumerate()
+        .map(|(idx, name)| region(name, &(n_taxels * idx..n_taxels * (idx + 1)).collect::<Vec<_>>(), &joints));
+    let mut core = fusion(config(n_taxels * FINGERS.len(), regions.collect()), vec![model.regressor]);
+    let second = |from_s: usize| -> Vec<Sample> {
+        let samples = (100 * from_s..100 * (from_s + 1)).flat_map(|k| {
+            let angle = |idx: usize| 0.5 + 0.5 * (0.01 * k as f64 + idx as f64).sin();
+            let angles: Vec<(&str, f64)> = joints.iter().enumerate().map(|(idx, name)| (*name, angle(idx))).collect();
+            let taxels: Vec<f32> =
+                (0..n_taxels * FINGERS.len()).map(|taxel| ((k * 31 + taxel * 17) % 97) as f32).collect();
+            [Sample::tactile(10.0 * k as f64, &taxels), Sample::joints(10.0 * k as f64 + 3.0, &angles)]
+        });
+        samples.collect()
+    };
+    let mut n_estimates = 0;
+    let mut play = |samples: &[Sample]| {
+        for sample in samples {
+            core.handle(sample.event());
+            while let Some(tick) = core.poll().unwrap() {
+                n_estimates += tick.estimates.iter().filter(|estimate| estimate.force.is_some()).count();
+            }
+        }
+    };
+    (0..12).for_each(|from_s| play(&second(from_s)));
+    let samples: Vec<Vec<Sample>> = (12..15).map(second).collect();
+    let used = allocation_counter::measure(|| samples.iter().for_each(|samples| play(samples)));
+    assert_eq!((used.count_total, used.bytes_total), (0, 0));
+    assert!(n_estimates > 5 * 1400, "{n_estimates} estimates");
 }

@@ -1,4 +1,4 @@
-//! Both runtimes give what PyTorch gave, one by one and in batches.
+//! Both runtimes and our own code give what PyTorch gave, one by one and in batches.
 
 mod common;
 
@@ -33,8 +33,9 @@ fn fixture() -> Option<Fixture> {
     Some(Fixture { path, n: force.len(), tactile: values("tactile"), pose: values("pose"), force, base })
 }
 
+/// A model in a runtime, even where our own code can run it.
 fn spec(path: &Path, backend: BackendChoice) -> ModelSpec {
-    ModelSpec { backend, ..ModelSpec::new(path) }
+    ModelSpec { backend, only_runtime: true, ..ModelSpec::new(path) }
 }
 
 /// A model in ONNX Runtime. Without a library the test is skipped, unless `TPF_REQUIRE_ORT=1` forbids that.
@@ -109,6 +110,16 @@ fn rten_gives_what_pytorch_gave() {
 fn onnxruntime_gives_what_pytorch_gave() {
     let Some(fixture) = fixture() else { return };
     let Some(mut model) = in_onnxruntime(&fixture.path) else { return };
+    assert_matches_pytorch(&mut model, &fixture);
+    assert_large_batches_are_cut(&mut model, &fixture);
+}
+
+#[test]
+fn our_own_code_gives_what_pytorch_gave() {
+    let Some(fixture) = fixture() else { return };
+    let mut model =
+        model::load(&ModelSpec { only_runtime: false, ..spec(&fixture.path, BackendChoice::Rten) }).unwrap();
+    assert!(model.info.notes.iter().any(|note| note.starts_with("our own code runs it")), "{:?}", model.info.notes);
     assert_matches_pytorch(&mut model, &fixture);
     assert_large_batches_are_cut(&mut model, &fixture);
 }

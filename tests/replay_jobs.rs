@@ -1,4 +1,5 @@
-//! A replay on several cores: what it writes and says is what one core writes and says.
+//! A replay on several cores, and in batches of any size: what it writes and says is what one core writes and says, frame by
+//! frame as the live node.
 
 mod common;
 
@@ -58,6 +59,22 @@ fn any_number_of_jobs_writes_the_same_bytes() {
         for jobs in ["2", "5"] {
             assert!(written(jobs) == one, "{jobs} jobs, {merge:?}");
         }
+    }
+}
+
+#[test]
+fn with_the_papers_network_any_batch_writes_the_same_bytes() {
+    let folder = session(1400);
+    let folder = folder.path();
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
+    let written = |more: &[&str]| {
+        let output = format!("out{}.mcap", more.concat());
+        replay(folder, "2", &output, &[&["--model", model], more].concat()).ok();
+        fs::read(folder.join(output)).unwrap()
+    };
+    let by_default = written(&[]);
+    for batch in ["1", "2", "32", "1000"] {
+        assert!(written(&["--batch", batch]) == by_default, "batches of {batch}");
     }
 }
 

@@ -8,15 +8,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::progress::Progress;
-use super::setup::{
-    ModelArgs, ParamArgs, ask_for_stretches, batch_hint, input_topics, load_models, shown, without_unused_joints,
-};
+use super::setup::{ModelArgs, ParamArgs, batch_hint, input_topics, load_models, shown, without_unused_joints};
 use super::summary::{ModelSummary, Summary};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions};
 use crate::fusion::Fusion;
-use crate::model::{FEWEST_FOR_STRETCHES, MOST_STRETCH_THREADS};
 use crate::msg::EstimateTopics;
 pub(super) use stages::BusySeconds;
 use stages::{Core, InferenceTime, Reading, Writing, busy_seconds};
@@ -63,9 +60,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let mut cfg = args.params.load()?;
     let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZero::<usize>::MIN);
-    if args.batch.is_none_or(|batch| batch >= FEWEST_FOR_STRETCHES) {
-        ask_for_stretches(&mut cfg, jobs.get().min(MOST_STRETCH_THREADS));
-    }
+    cfg.models.iter_mut().for_each(|model| model.spec.threads = jobs);
     args.models.apply(&mut cfg)?;
     let mut reader = BagReader::open(&args.bags)?;
     let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;

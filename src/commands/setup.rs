@@ -147,11 +147,6 @@ pub(super) fn without_unused_joints(cfg: &mut Config, models: &[ModelInfo]) {
     }
 }
 
-/// Asks of the models that they run many windows at once, as fast as they can on so many threads.
-pub(super) fn ask_for_stretches(cfg: &mut Config, n_threads: usize) {
-    cfg.models.iter_mut().for_each(|model| model.spec.stretch_threads = n_threads);
-}
-
 /// Frames of one inference call with which models run fastest.
 pub(super) fn batch_hint(models: &[ModelInfo]) -> usize {
     models.iter().map(|info| info.batch_hint).max().unwrap_or(1)

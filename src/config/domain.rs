@@ -225,10 +225,7 @@ fn model(reader: &Reader<'_>, name: &str) -> Result<ModelConfig, ConfigError> {
         force_base: tensor("outputs.force_base")?,
         force_residual: tensor("outputs.force_residual")?,
     };
-    Ok(ModelConfig {
-        name: name.to_owned(),
-        spec: ModelSpec { path, backend, unit, rate_hz, names, stretch_threads: 0 },
-    })
+    Ok(ModelConfig { name: name.to_owned(), spec: ModelSpec { backend, unit, rate_hz, names, ..ModelSpec::new(path) } })
 }
 
 /// The folder that a relative path in the file is meant from; none for paths from elsewhere.

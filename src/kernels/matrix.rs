@@ -119,12 +119,13 @@ impl Product<'_> {
             self.tile::<S, 6, V>(row, from);
             row += 6;
         }
-        while row + 2 <= self.a.rows {
-            self.tile::<S, 2, V>(row, from);
-            row += 2;
-        }
-        if row < self.a.rows {
-            self.tile::<S, 1, V>(row, from);
+        match self.a.rows - row {
+            5 => self.tile::<S, 5, V>(row, from),
+            4 => self.tile::<S, 4, V>(row, from),
+            3 => self.tile::<S, 3, V>(row, from),
+            2 => self.tile::<S, 2, V>(row, from),
+            1 => self.tile::<S, 1, V>(row, from),
+            _ => {}
         }
     }
 

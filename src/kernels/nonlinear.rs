@@ -1,15 +1,36 @@
 //! Nonlinearities without branches or calls, so that loops over them become vector code.
 
 /// Logistic function.
+#[cfg(any(test, feature = "train"))]
 #[inline(always)]
 pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// Hyperbolic tangent to 2e-7 absolute.
+#[cfg(any(test, feature = "train"))]
 #[inline(always)]
 pub(crate) fn tanh_of(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
+}
+
+/// What bounds exponents of which three are multiplied: beyond it a sigmoid is 0 or 1 to 1e-12.
+const BOUND: f32 = 28.0; // exp(28)^3 is 3e36, of 3.4e38 that fit
+
+/// `sigmoid(forget) * cell + sigmoid(input) * tanh(candidate)`: the next cell of an LSTM, with a single division.
+#[inline(always)]
+pub(crate) fn next_cell(cell: f32, forget: f32, input: f32, candidate: f32) -> f32 {
+    let (forget, input) = (1.0 + exp_within(-forget, BOUND), 1.0 + exp_within(-input, BOUND));
+    let candidate = exp_within(-2.0 * candidate, BOUND);
+    let both = input * (1.0 + candidate);
+    (cell * both + (1.0 - candidate) * forget) / (forget * both)
+}
+
+/// `sigmoid(output) * tanh(cell)`: the state of an LSTM, with a single division.
+#[inline(always)]
+pub(crate) fn state(output: f32, cell: f32) -> f32 {
+    let cell = exp_within(-2.0 * cell, BOUND);
+    (1.0 - cell) / ((1.0 + exp_within(-output, BOUND)) * (1.0 + cell))
 }
 
 /// Gaussian error linear unit, by the error function to 2e-7 absolute.
@@ -35,10 +56,16 @@ pub(crate) fn gelu(x: f32) -> f32 {
 /// Cody and Waite's reduction by ln 2 in two parts, then the Taylor series on `[-ln2/2, ln2/2]` to its 7th power.
 #[inline(always)]
 pub(crate) fn exp(x: f32) -> f32 {
+    exp_within(x, 87.0) // close to the largest and the smallest number
+}
+
+/// The same of a number between `-bound` and `bound`, or of the closer of these.
+#[inline(always)]
+fn exp_within(x: f32, bound: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits
     const LN2_HIGH: f32 = 0.693_359_4; // 355/512: exact in few bits, so its multiples are exact
     const LN2_LOW: f32 = -2.121_944_4e-4;
-    let x = x.clamp(-87.0, 87.0);
+    let x = x.clamp(-bound, bound);
     let shifted = x * std::f32::consts::LOG2_E + ROUND;
     let power = shifted - ROUND;
     let r = (x - power * LN2_HIGH) - power * LN2_LOW;
@@ -70,7 +97,34 @@ mod tests {
     }
 
     #[test]
+    fn the_steps_of_an_lstm_match_float64() {
+        let wide = |x: f32| f64::from(x);
+        let logistic = |x: f32| 1.0 / (1.0 + (-wide(x)).exp());
+        let numbers = [-1e6, -90.0, -40.0, -7.3, -0.8, -1e-3, 0.0, 1e-3, 0.4, 3.1, 28.5, 90.0, 1e6];
+        for cell in [-64.0, -2.1, -0.03, 0.0, 0.7, 64.0] {
+            for gate in numbers {
+                let expected = logistic(gate) * wide(cell).tanh();
+                assert!((wide(state(gate, cell)) - expected).abs() < 4e-7, "state of {gate} and {cell}");
+                for (input, candidate) in numbers.iter().flat_map(|a| numbers.map(|b| (*a, b))) {
+                    let got = wide(next_cell(cell, gate, input, candidate));
+                    let expected = logistic(gate) * wide(cell) + logistic(input) * wide(candidate).tanh();
+                    // A few roundings of the cell, and those of the hyperbolic tangent by itself.
+                    let tolerance = 4e-7 * (1.0 + wide(cell).abs());
+                    assert!((got - expected).abs() < tolerance, "{cell} {gate} {input} {candidate}: {got} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn nan_stays_nan() {
+        assert!(
+            [next_cell(f32::NAN, 0.0, 0.0, 0.0), next_cell(0.0, f32::NAN, 0.0, 0.0)].iter().all(|cell| cell.is_nan())
+        );
+        assert!(
+            [next_cell(0.0, 0.0, f32::NAN, 0.0), next_cell(0.0, 0.0, 0.0, f32::NAN)].iter().all(|cell| cell.is_nan())
+        );
+        assert!(state(f32::NAN, 0.0).is_nan() && state(0.0, f32::NAN).is_nan());
         assert!(sigmoid(f32::NAN).is_nan() && tanh_of(f32::NAN).is_nan() && gelu(f32::NAN).is_nan());
     }
 }

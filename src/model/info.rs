@@ -20,7 +20,7 @@ pub struct ModelInfo {
     pub sha256: String,
     /// Length of the file, bytes.
     pub size_bytes: u64,
-    /// What runs it; absent when it was only inspected.
+    /// The runtime that runs it, or that our own code was held against; absent when it was only inspected.
     pub backend: Option<BackendInfo>,
     /// What it promises. Where it was only inspected, `has_base` is what the file says, untried.
     #[serde(serialize_with = "contract")]

@@ -1,20 +1,26 @@
-//! The paper's network, computed here over frames that windows share.
+//! The paper's network, computed here over frames that windows share, in one call or from call to call.
 //!
 //! What depends on a frame alone is computed once a frame: encoding of the pose, input projections of the first LSTM
 //! layer, taps of the convolutions, and the interior of the convolutions, which is the same in every window that has it.
 //! What a window has of its own is computed once a window: the few frames of every convolution that see its zero padding,
-//! and the recurrences, which start anew in it. Those run over many windows at once: window `i` at its frame `k` reads
-//! frame `i + k`.
+//! and the recurrences, which start anew in it. Those run over many windows at once.
 //!
-//! A window's force comes out the same, bit by bit, whichever windows are beside it.
+//! Windows come in two ways. In a stretch, window `i` at its frame `k` reads frame `i + k`. In lanes that share nothing,
+//! it reads frame `k` of lane `i`, and when the same lanes come again a frame later, only that frame is computed. Frames of
+//! lanes lie side by side, so that both ways what windows read at one of their frames is one block of rows.
+//!
+//! A window's force comes out the same, bit by bit, whichever way it comes and whichever windows are beside it.
 
 mod dense;
+mod frames;
+pub(super) mod lanes;
 mod pose;
 mod touch;
 
 use macerator::AutoArch;
 
 use super::paper::{self, DILATIONS, Paper};
+use crate::fusion::Forces;
 use dense::Decoder;
 use pose::Pose;
 use touch::Touch;
@@ -43,12 +49,20 @@ enum Head {
     Residual { base: Decoder, residual: Decoder },
 }
 
-/// Forces of consecutive windows, one each.
+/// What depends on frames alone, of the frames that came last.
 #[derive(Debug, Default)]
-pub(super) struct Outputs {
-    pub(super) force: Vec<f32>,
-    /// Empty where the network has no base.
-    pub(super) base: Vec<f32>,
+pub(super) struct Known {
+    touch: touch::Known,
+    pose: pose::Known,
+}
+
+/// What is computed anew for every window.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    touch: touch::Scratch,
+    pose: pose::Scratch,
+    fused: Vec<f32>,
+    hidden: Vec<f32>,
 }
 
 impl Network {
@@ -71,44 +85,78 @@ impl Network {
         })
     }
 
-    /// Runs all windows of some frames, each a frame after the one before it.
+    /// Forgets all frames; those that follow are `n_frames`, each of so many lanes, and then one at a time.
+    pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
+        self.touch.begin(&mut known.touch, n_lanes, n_frames);
+        self.pose.iter().for_each(|branch| branch.begin(&mut known.pose, n_lanes, n_frames));
+    }
+
+    /// Takes in new frames, and runs the first `n` windows of those that are known: one a lane, or in a single lane each a
+    /// frame after the one before it.
     ///
     /// # Shapes
-    /// `tactile`: `[frames, taxels]`, `pose`: `[frames, joints]`, with at least as many frames as a window has.
-    pub(super) fn run(&self, tactile: &[f32], pose: &[f32], out: &mut Outputs) {
-        let n_frames = tactile.len() / self.n_taxels;
-        let n_windows = (n_frames + 1).saturating_sub(self.window);
-        debug_assert_eq!((tactile.len(), pose.len()), (n_frames * self.n_taxels, n_frames * self.n_joints));
-        let touch = self.touch.run(tactile, self.window, n_windows);
-        let pose = self.pose.as_ref().map(|branch| branch.run(pose, self.window, n_windows, BLOCK));
-        out.force.clear();
-        out.base.clear();
-        match (&self.head, pose) {
-            (Head::Residual { base, residual }, Some(pose)) => {
-                out.base = base.run(&touch);
-                let residual = residual.run(&fused(&touch, &pose, n_windows, true));
-                out.force.extend(out.base.iter().zip(residual).map(|(base, residual)| base - residual));
+    /// `tactile`: `[frames, lanes, taxels]`, `pose`: `[frames, lanes, joints]`; `out.base` stays empty where the network
+    /// has no base.
+    pub(super) fn run(
+        &self,
+        known: &mut Known,
+        (tactile, pose): (&[f32], &[f32]),
+        n: usize,
+        scratch: &mut Scratch,
+        out: &mut Forces,
+    ) {
+        let Scratch { touch, pose: posed, fused: rows, hidden } = scratch;
+        self.touch.run(&mut known.touch, tactile, self.window, n, touch);
+        let touch = touch.highest.as_slice();
+        let posed = match &self.pose {
+            Some(branch) => {
+                branch.run(&mut known.pose, pose, self.window, n, BLOCK, posed);
+                Some(posed.last.as_slice())
             }
-            (Head::Fused(decoder), Some(pose)) => out.force = decoder.run(&fused(&touch, &pose, n_windows, false)),
+            None => None,
+        };
+        out.base.clear();
+        match (&self.head, posed) {
+            (Head::Residual { base, residual }, Some(pose)) => {
+                base.run(touch, n, hidden, &mut out.base);
+                fuse(touch, pose, n, true, rows);
+                residual.run(rows, n, hidden, &mut out.force);
+                out.force.iter_mut().zip(&out.base).for_each(|(force, base)| *force = base - *force);
+            }
+            (Head::Fused(decoder), Some(pose)) => {
+                fuse(touch, pose, n, false, rows);
+                decoder.run(rows, n, hidden, &mut out.force);
+            }
             (Head::Touch(decoder) | Head::Fused(decoder) | Head::Residual { base: decoder, .. }, _) => {
-                out.force = decoder.run(&touch);
+                decoder.run(touch, n, hidden, &mut out.force);
             }
         }
     }
 }
 
-/// Touch and pose of each window side by side, and their product where it is asked for.
-fn fused(touch: &[f32], pose: &[f32], n_windows: usize, with_product: bool) -> Vec<f32> {
-    let width = touch.len() / n_windows.max(1);
-    let mut rows = Vec::with_capacity((if with_product { 3 } else { 2 }) * touch.len());
-    for (touch, pose) in touch.chunks_exact(width.max(1)).zip(pose.chunks_exact(width.max(1))) {
+/// Touch and pose of each of `n` windows side by side, and their product where it is asked for.
+fn fuse(touch: &[f32], pose: &[f32], n: usize, with_product: bool, rows: &mut Vec<f32>) {
+    let width = (touch.len() / n.max(1)).max(1);
+    rows.clear();
+    for (touch, pose) in touch.chunks_exact(width).zip(pose.chunks_exact(width)) {
         rows.extend_from_slice(touch);
         rows.extend_from_slice(pose);
         if with_product {
             rows.extend(touch.iter().zip(pose).map(|(touch, pose)| touch * pose));
         }
     }
-    rows
+}
+
+/// A buffer at the size that is needed; what it holds is not said.
+fn sized(buffer: &mut Vec<f32>, n: usize) -> &mut [f32] {
+    buffer.resize(n, 0.0);
+    buffer
+}
+
+/// The rectifier; what is not a number stays so, which `f32::max` would hide.
+#[inline(always)]
+fn rectified(value: f32) -> f32 {
+    if value < 0.0 { 0.0 } else { value }
 }
 
 /// Runs a loop with all vector instructions that the machine has.

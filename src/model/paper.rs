@@ -1,7 +1,7 @@
 //! The paper's network found again in a graph, whoever exported it: its weights, and what they are for.
 //!
 //! Only the order and the shapes of nodes are looked at. Whether what was found computes the same is not decided here:
-//! it is tried (`stretches`).
+//! it is tried (`direct`).
 
 use std::collections::BTreeMap;
 

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
 
 use super::super::setup::{
-    Models, ask_for_stretches, batch_hint, load_models, load_models_quietly, replace_model, shown,
-    without_unused_joints,
+    Models, batch_hint, load_models, load_models_quietly, replace_model, shown, without_unused_joints,
 };
 use super::super::zero::ZeroArgs;
 use super::super::{Failure, say};
@@ -94,7 +93,6 @@ impl<'a> Plan<'a> {
         let (mut cores, mut planned, mut series) = (Vec::new(), Vec::new(), Vec::new());
         for path in paths {
             let mut cfg = cfg.clone();
-            ask_for_stretches(&mut cfg, 1); // bags are what runs side by side
             args.backend.apply(&mut cfg);
             if let Some(path) = path {
                 replace_model(&mut cfg, path)?;

@@ -5,9 +5,7 @@ use std::sync::atomic::AtomicU64;
 
 use super::super::eval::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models};
 use super::super::sessions::session_name;
-use super::super::setup::{
-    ask_for_stretches, batch_hint, input_topics, load_models, load_models_quietly, without_unused_joints,
-};
+use super::super::setup::{batch_hint, input_topics, load_models, load_models_quietly, without_unused_joints};
 use super::super::zero::ZeroFrom;
 use super::super::{Failure, interrupt, say};
 use super::Args;
@@ -101,7 +99,6 @@ impl<'a> Loader<'a> {
     fn load_core(&mut self) -> Result<Core, Failure> {
         let is_first = !std::mem::replace(&mut self.has_said, true);
         let mut cfg = self.cfg.clone();
-        ask_for_stretches(&mut cfg, 1);
         self.args.models.apply(&mut cfg)?;
         let models = if is_first {
             let several = if self.n_bags > 1 { ", where they hold none" } else { "" };

@@ -1,5 +1,6 @@
 //! Linear maps of many rows.
 
+use super::{rectified, sized};
 use crate::kernels::matrix::{Matrix, add_product};
 use crate::model::paper;
 
@@ -32,13 +33,17 @@ impl Dense {
         Dense { weight: weight.to_vec(), bias: bias.to_vec() }
     }
 
+    /// Outputs of a row.
+    pub(super) fn width(&self) -> usize {
+        self.bias.len()
+    }
+
     /// `[N, inputs]` to `[N, outputs]`.
-    pub(super) fn run(&self, rows: &[f32]) -> Vec<f32> {
-        let n_in = self.weight.len() / self.bias.len();
-        let n = rows.len() / n_in;
-        let mut out = self.bias.repeat(n);
-        add_product(&mut out, Matrix::new(rows, n, n_in), Matrix::new(&self.weight, n_in, self.bias.len()));
-        out
+    pub(super) fn run(&self, rows: &[f32], out: &mut [f32]) {
+        let (n_in, n_out) = (self.weight.len() / self.bias.len(), self.bias.len());
+        repeat(&self.bias, out);
+        let rows = Matrix::new(rows, out.len() / n_out, n_in);
+        add_product(out, rows, Matrix::new(&self.weight, n_in, n_out));
     }
 }
 
@@ -49,13 +54,19 @@ impl Decoder {
         Decoder { hidden: Dense::of_rows(&hidden.weight, &hidden.bias), weight: last.weight.clone(), bias }
     }
 
-    /// `[N, inputs]` to `[N]`.
-    pub(super) fn run(&self, rows: &[f32]) -> Vec<f32> {
-        let hidden = self.hidden.run(rows);
-        let decoded = hidden.chunks_exact(self.weight.len()).map(|hidden| {
-            let terms = hidden.iter().zip(&self.weight).map(|(hidden, weight)| hidden.max(0.0) * weight);
+    /// `[N, inputs]` to `[N]`; `hidden` is what lies between.
+    pub(super) fn run(&self, rows: &[f32], n: usize, hidden: &mut Vec<f32>, out: &mut Vec<f32>) {
+        let hidden = sized(hidden, n * self.weight.len());
+        self.hidden.run(rows, hidden);
+        out.clear();
+        out.extend(hidden.chunks_exact(self.weight.len()).map(|hidden| {
+            let terms = hidden.iter().zip(&self.weight).map(|(hidden, weight)| rectified(*hidden) * weight);
             self.bias + terms.sum::<f32>()
-        });
-        decoded.collect()
+        }));
     }
+}
+
+/// Fills rows with the same numbers.
+pub(super) fn repeat(row: &[f32], rows: &mut [f32]) {
+    rows.chunks_exact_mut(row.len()).for_each(|place| place.copy_from_slice(row));
 }

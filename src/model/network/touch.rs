@@ -1,6 +1,8 @@
 //! The tactile branch: four convolutions over time and the maximum over each window.
 
-use super::vectorized;
+use super::dense::repeat;
+use super::frames::Frames;
+use super::{rectified, sized, vectorized};
 use crate::kernels::matrix::{Matrix, add_product};
 use crate::model::paper::{self, DILATIONS, TAPS};
 
@@ -17,14 +19,28 @@ struct Convolution {
     dilation: usize,
 }
 
-/// A layer of all windows.
-struct Layer {
-    /// `[frames - 2 lead, C]`: the frames that no padding reaches.
-    interior: Vec<f32>,
-    /// Frames that are missing at each end.
-    lead: usize,
-    /// `[N, C]` each: the frames at both ends of every window that its padding reaches, the first ones and the last ones.
-    edges: [Vec<Vec<f32>>; 2],
+/// What depends on frames alone.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    /// Of every layer by tap, for the frames that no padding reaches.
+    products: [[Frames; TAPS]; DILATIONS.len()],
+    /// What the last layer gives, where no padding reaches.
+    interior: Frames,
+}
+
+/// What is computed anew for every window, and what comes out.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    /// New frames, and what the layer makes of them.
+    rows: Vec<f32>,
+    /// The frames at both ends of every window that its padding reaches, the first ones and the last ones: `[frames, N, C]`.
+    edges: [Vec<f32>; 2],
+    /// Those of the layer above.
+    next_edges: [Vec<f32>; 2],
+    /// Of both ends: by the middle tap, and by the one that looks back at frames that the padding had reached.
+    edge_products: [[Vec<f32>; 2]; 2],
+    /// `[N, C]`: what comes out.
+    pub(super) highest: Vec<f32>,
 }
 
 impl Touch {
@@ -40,72 +56,110 @@ impl Touch {
         Touch { layers: layers.collect() }
     }
 
-    /// `[frames, taxels]` to `[N, C]`.
-    pub(super) fn run(&self, tactile: &[f32], window: usize, n_windows: usize) -> Vec<f32> {
-        let mut layer = Layer { interior: tactile.to_vec(), lead: 0, edges: [Vec::new(), Vec::new()] };
-        for convolution in &self.layers {
-            layer = convolution.run(&layer, window, n_windows);
+    /// Forgets all frames; those that follow are `n_frames` at a time, each of so many lanes.
+    pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
+        let (mut lead, mut width) = (0, 0);
+        for (layer, products) in self.layers.iter().zip(&mut known.products) {
+            width = n_lanes * layer.bias.len();
+            products.iter_mut().for_each(|product| product.reset(width, n_frames - 2 * lead));
+            lead += layer.dilation;
         }
-        let width = self.layers.last().map_or(1, |layer| layer.bias.len());
-        let mut highest = largest_in(layer.interior, width, window - 2 * layer.lead);
-        for edge in layer.edges.iter().flatten() {
-            raise(&mut highest, edge);
+        known.interior.reset(width, n_frames - 2 * lead);
+    }
+
+    /// Takes in new frames `[frames, lanes, taxels]`, and runs the first `n` windows of those that are known.
+    pub(super) fn run(&self, known: &mut Known, new: &[f32], window: usize, n: usize, scratch: &mut Scratch) {
+        scratch.rows.clear();
+        scratch.rows.extend_from_slice(new);
+        scratch.edges.iter_mut().for_each(Vec::clear);
+        let (mut lead, mut block) = (0, 0);
+        for (layer, products) in self.layers.iter().zip(&mut known.products) {
+            block = n * layer.bias.len();
+            layer.take_in(products, &scratch.rows);
+            layer.edges(products, lead, window, n, scratch);
+            layer.newest_interior(products, &mut scratch.rows);
+            lead += layer.dilation;
         }
-        highest
+        let width = known.interior.width();
+        known.interior.push(scratch.rows.len() / width).copy_from_slice(&scratch.rows);
+        let highest = sized(&mut scratch.highest, block);
+        highest.copy_from_slice(known.interior.from(0, block));
+        (1..window - 2 * lead).for_each(|frame| raise(highest, known.interior.from(frame, block)));
+        let edges = scratch.edges.iter().flat_map(|edges| edges.chunks_exact(block.max(1)));
+        edges.for_each(|edge| raise(highest, edge));
     }
 }
 
 impl Convolution {
-    fn run(&self, x: &Layer, window: usize, n_windows: usize) -> Layer {
-        let (n_out, dilation) = (self.bias.len(), self.dilation);
-        let products: [Vec<f32>; TAPS] = std::array::from_fn(|tap| self.product(&x.interior, tap));
-        let (known, reached) = (x.edges[0].len(), x.edges[0].len() + dilation);
+    /// Takes in new frames of the layer below.
+    fn take_in(&self, products: &mut [Frames; TAPS], rows: &[f32]) {
+        for (product, tap) in products.iter_mut().zip(&self.taps) {
+            let n_frames = rows.len() / self.n_in() * self.bias.len() / product.width();
+            self.product(rows, tap, product.push(n_frames));
+        }
+    }
+
+    /// What the frames that came last add to the layer's interior.
+    fn newest_interior(&self, products: &[Frames; TAPS], rows: &mut Vec<f32>) {
+        let [first, ..] = products;
+        let n_new = rows.len() / self.n_in() * self.bias.len() / first.width();
+        let n_whole = first.len() - 2 * self.dilation;
+        let n_new = n_new.min(n_whole);
+        let sums = sized(rows, n_new * first.width());
+        repeat(&self.bias, sums);
+        for (tap, product) in products.iter().enumerate() {
+            add(sums, product.from(n_whole - n_new + tap * self.dilation, sums.len()));
+        }
+        rectify(sums);
+    }
+
+    /// The frames at both ends of `n` windows that this layer's padding reaches, from those that the padding of the layers
+    /// below had reached, `lead` at each end.
+    fn edges(&self, products: &[Frames; TAPS], lead: usize, window: usize, n: usize, scratch: &mut Scratch) {
+        let Scratch { edges, next_edges, edge_products, .. } = scratch;
+        let (block, dilation) = (n * self.bias.len(), self.dilation);
         // At the begin of a window only the middle and the first tap ever look back at frames that the padding had
         // reached, at its end the middle and the last.
-        let of_edges = [(0, 0), (1, 2)].map(|(side, other): (usize, usize)| {
-            let both = |edge: &Vec<f32>| [self.product(edge, 1), self.product(edge, other)];
-            x.edges[side].iter().map(both).collect::<Vec<_>>()
-        });
-        let mut edges = [Vec::new(), Vec::new()];
-        for (side, frames) in [(0, 0..reached), (1, window - reached..window)] {
-            for at in frames {
-                let mut sum = self.bias.repeat(n_windows);
+        for ((edge, of_edge), other) in edges.iter().zip(edge_products.iter_mut()).zip([0, 2]) {
+            for (product, tap) in of_edge.iter_mut().zip([1, other]) {
+                self.product(edge, &self.taps[tap], sized(product, lead * block));
+            }
+        }
+        let reached = lead + dilation;
+        for (sums, first) in next_edges.iter_mut().zip([0, window - reached]) {
+            let sums = sized(sums, reached * block);
+            repeat(&self.bias, sums);
+            for (sum, at) in sums.chunks_exact_mut(block.max(1)).zip(first..) {
                 for (tap, product) in products.iter().enumerate() {
                     let Some(from) = (at + tap * dilation).checked_sub(dilation).filter(|from| *from < window) else {
                         continue; // the padding itself: zero
                     };
-                    let part: &[f32] = if from < known {
-                        &of_edges[0][from][usize::from(tap != 1)]
-                    } else if from >= window - known {
-                        &of_edges[1][from - (window - known)][usize::from(tap != 1)]
-                    } else {
-                        &product[(from - x.lead) * n_out..(from - x.lead + n_windows) * n_out]
+                    let of_edge = |side: usize, frame: usize| {
+                        &edge_products[side][usize::from(tap != 1)][frame * block..(frame + 1) * block]
                     };
-                    add(&mut sum, part);
+                    let part = if from < lead {
+                        of_edge(0, from)
+                    } else if from >= window - lead {
+                        of_edge(1, from - (window - lead))
+                    } else {
+                        product.from(from - lead, block)
+                    };
+                    add(sum, part);
                 }
-                rectify(&mut sum);
-                edges[side].push(sum);
             }
+            rectify(sums);
         }
-        let n_frames = x.interior.len() / self.n_in() - 2 * dilation;
-        let mut interior = self.bias.repeat(n_frames);
-        for (tap, product) in products.iter().enumerate() {
-            add(&mut interior, &product[tap * dilation * n_out..(tap * dilation + n_frames) * n_out]);
-        }
-        rectify(&mut interior);
-        Layer { interior, lead: x.lead + dilation, edges }
+        std::mem::swap(edges, next_edges);
     }
 
     fn n_in(&self) -> usize {
         self.taps[0].len() / self.bias.len()
     }
 
-    fn product(&self, rows: &[f32], tap: usize) -> Vec<f32> {
+    fn product(&self, rows: &[f32], tap: &[f32], out: &mut [f32]) {
         let (n_in, n_out) = (self.n_in(), self.bias.len());
-        let n = rows.len() / n_in;
-        let mut product = vec![0.0; n * n_out];
-        add_product(&mut product, Matrix::new(rows, n, n_in), Matrix::new(&self.taps[tap], n_in, n_out));
-        product
+        out.fill(0.0);
+        add_product(out, Matrix::new(rows, rows.len() / n_in, n_in), Matrix::new(tap, n_in, n_out));
     }
 }
 
@@ -113,24 +167,14 @@ fn add(sum: &mut [f32], part: &[f32]) {
     vectorized(|| sum.iter_mut().zip(part).for_each(|(sum, value)| *sum += value));
 }
 
-/// What is not a number stays so: `f32::max` would hide it.
 fn rectify(values: &mut [f32]) {
-    vectorized(|| values.iter_mut().for_each(|value| *value = if *value < 0.0 { 0.0 } else { *value }));
+    vectorized(|| values.iter_mut().for_each(|value| *value = rectified(*value)));
 }
 
+/// The larger of each pair; what is not a number stays so, on either side.
 fn raise(highest: &mut [f32], values: &[f32]) {
-    let of = |(highest, value): (&mut f32, &f32)| *highest = if *value < *highest { *highest } else { *value };
+    let of = |(highest, value): (&mut f32, &f32)| {
+        *highest = if *value > *highest || value.is_nan() { *value } else { *highest };
+    };
     vectorized(|| highest.iter_mut().zip(values).for_each(of));
-}
-
-/// The maximum over `span` rows from each row on, by doubling.
-fn largest_in(mut rows: Vec<f32>, width: usize, span: usize) -> Vec<f32> {
-    let mut covered = 1;
-    while covered < span {
-        let by = covered.min(span - covered);
-        let mut wider = rows[..rows.len() - by * width].to_vec();
-        raise(&mut wider, &rows[by * width..]);
-        (rows, covered) = (wider, covered + by);
-    }
-    rows
 }

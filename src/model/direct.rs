@@ -1,0 +1,189 @@
+//! The paper's network, run by our own code: the same forces as in a runtime, in less time.
+//!
+//! Windows that share nothing, the newest of some regions, are lanes of the network; many that overlap go in stretches to
+//! as many threads as there may be.
+
+mod trial;
+
+use std::ops::Range;
+use std::sync::Mutex;
+
+use self::trial::{Trial, differ};
+use super::contract::Terms;
+use super::network::lanes::{self, Lanes};
+use super::network::{Known, Network, Scratch};
+use super::onnx::GraphProto;
+use super::paper;
+use super::session::{Session, check};
+use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows};
+
+/// Frames of a stretch that windows may begin in.
+const SPAN: usize = 256;
+
+/// Windows of one call that gains all there is to gain: a stretch for each of 16 threads.
+pub(super) const WINDOWS_AT_ONCE: usize = 16 * SPAN;
+
+/// Steps from window to window that a stretch goes on over; a longer one costs more than a stretch that begins anew.
+const MAX_STEP: usize = 4;
+
+/// A model whose windows are run by our own code.
+///
+/// # Invariant
+/// A window has the same force, bit by bit, whichever windows are run with it or were run before, and on however many
+/// threads: `model_stretches::any_company_and_any_number_of_threads_give_the_same_bits`,
+/// `model_lanes::windows_that_come_frame_by_frame_give_the_bits_of_a_stretch`.
+#[derive(Debug)]
+pub(super) struct Direct {
+    contract: Contract,
+    label: String,
+    network: Network,
+    lanes: Lanes,
+    n_threads: usize,
+}
+
+/// A stretch that waits for a thread, and the place of its forces.
+struct Job<'a> {
+    windows: SharedWindows<'a>,
+    force: &'a mut [f32],
+    /// Empty for a model without a base.
+    base: &'a mut [f32],
+}
+
+/// What a thread needs to run stretches.
+#[derive(Debug, Default)]
+struct Worker {
+    known: Known,
+    scratch: Scratch,
+    forces: Forces,
+}
+
+impl Direct {
+    /// A model in our own code, stretches on so many threads, if it is the paper's network; `None` if it isn't.
+    ///
+    /// # Errors
+    /// Why it can't be run so, where one would expect it: it gives other forces then.
+    pub(super) fn of(
+        runtime: &mut Session,
+        graph: &GraphProto,
+        terms: &Terms,
+        n_threads: usize,
+    ) -> Result<Option<Self>, String> {
+        let contract = runtime.contract().clone();
+        let found = paper::find(graph, terms);
+        let network = found.and_then(|paper| Network::new(&paper, contract.n_taxels, contract.n_joints));
+        let Some(network) = network else { return Ok(None) };
+        let label = runtime.label().to_owned();
+        let mut direct = Direct { contract, label, network, lanes: Lanes::default(), n_threads };
+        let trial = Trial::new(&direct.contract);
+        let (mut expected, mut got) = (Forces::default(), Forces::default());
+        let ran = runtime.run(trial.windows(), &mut expected);
+        ran.and_then(|()| direct.run(trial.windows(), &mut got)).map_err(|error| error.to_string())?;
+        differ(&expected, &got).map(|()| Some(direct))
+    }
+}
+
+impl Regressor for Direct {
+    fn contract(&self) -> &Contract {
+        &self.contract
+    }
+
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        check(windows, &self.contract).map_err(|said| RegressError(format!("model {}: {said}", self.label)))?;
+        if windows.starts.len() <= lanes::MOST && parts(windows.starts).all(|part| part.len() == 1) {
+            self.lanes.run(&self.network, windows, out);
+            if !self.contract.has_base {
+                out.base.clear();
+            }
+        } else {
+            self.run_in_stretches(windows, out);
+        }
+        Ok(())
+    }
+}
+
+impl Direct {
+    fn run_in_stretches(&self, windows: SharedWindows<'_>, out: &mut Forces) {
+        let n = windows.starts.len();
+        for (forces, n) in [(&mut out.force, n), (&mut out.base, if self.contract.has_base { n } else { 0 })] {
+            forces.clear();
+            forces.resize(n, f32::NAN); // what isn't written to is no force
+        }
+        let (mut force, mut base) = (out.force.as_mut_slice(), out.base.as_mut_slice());
+        let jobs = parts(windows.starts).map(|part| {
+            let n = part.len();
+            let windows = SharedWindows { starts: &windows.starts[part], ..windows };
+            Job { windows, force: take(&mut force, n), base: take(&mut base, n) }
+        });
+        self.run_side_by_side(jobs.collect());
+    }
+
+    /// Runs every job once.
+    fn run_side_by_side(&self, jobs: Vec<Job<'_>>) {
+        let n_threads = self.n_threads.min(jobs.len());
+        let waiting = Mutex::new(jobs.into_iter());
+        let work = || {
+            let mut worker = Worker::default();
+            let next = || waiting.lock().ok().and_then(|mut waiting| waiting.next());
+            while let Some(job) = next() {
+                self.run_stretch(job, &mut worker);
+            }
+        };
+        std::thread::scope(|scope| {
+            (1..n_threads).for_each(|_| {
+                scope.spawn(work);
+            });
+            work();
+        });
+    }
+
+    fn run_stretch(&self, job: Job<'_>, worker: &mut Worker) {
+        let Job { windows: SharedWindows { starts, tactile, pose }, force, base } = job;
+        let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return };
+        let Contract { window, n_taxels, n_joints, .. } = self.contract;
+        let n_frames = last + window - first;
+        let frames = |values: &'_ [f32], width: usize| first * width..((last + window) * width).min(values.len());
+        let frames = (&tactile[frames(tactile, n_taxels)], &pose[frames(pose, n_joints)]);
+        let Worker { known, scratch, forces } = worker;
+        self.network.begin(known, 1, n_frames);
+        self.network.run(known, frames, last - first + 1, scratch, forces);
+        for (values, forces) in [(&forces.force, force), (&forces.base, base)] {
+            let given = starts.iter().map(|start| values.get(start - first).copied().unwrap_or(f32::NAN));
+            forces.iter_mut().zip(given).for_each(|(force, given)| *force = given);
+        }
+    }
+}
+
+/// Windows by their index, those together that follow one another closely.
+fn parts(starts: &[usize]) -> impl Iterator<Item = Range<usize>> {
+    let mut from = 0;
+    std::iter::from_fn(move || {
+        let first = *starts.get(from)?;
+        let goes_on = |pair: &&[usize]| pair[1] - pair[0] <= MAX_STEP && pair[1] - first < SPAN;
+        let part = from..from + 1 + starts[from..].windows(2).take_while(goes_on).count();
+        from = part.end;
+        Some(part)
+    })
+}
+
+/// Takes up to `n` from the front of a slice.
+fn take<'a>(rest: &mut &'a mut [f32], n: usize) -> &'a mut [f32] {
+    let all = std::mem::take(rest);
+    let (taken, left) = all.split_at_mut(n.min(all.len()));
+    *rest = left;
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_go_together_by_where_they_begin() {
+        let parts = |starts: &[usize]| parts(starts).collect::<Vec<_>>();
+        assert!(parts(&[]).is_empty());
+        assert_eq!(parts(&[5, 5 + SPAN]), [0..1, 1..2]);
+        assert_eq!(parts(&[5, 6, 6 + MAX_STEP, 7 + 2 * MAX_STEP]), [0..3, 3..4]);
+        let all: Vec<usize> = (0..2 * SPAN + 1).collect();
+        assert_eq!(parts(&all), [0..SPAN, SPAN..2 * SPAN, 2 * SPAN..2 * SPAN + 1]);
+    }
+}

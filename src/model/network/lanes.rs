@@ -1,0 +1,110 @@
+//! Windows that share nothing, each usually that of an earlier call moved on by a frame.
+
+use super::{Known, Network, Scratch};
+use crate::fusion::{Forces, SharedWindows};
+
+/// Windows whose frames are kept, a third of a MiB each: those of a few hands.
+pub(in crate::model) const MOST: usize = 32;
+
+/// What is kept of windows from call to call.
+///
+/// # Invariant
+/// What is kept changes no force: it is used only where the frames that it was made of are those that came, bit by bit
+/// (`model_lanes`).
+#[derive(Debug, Default)]
+pub(in crate::model) struct Lanes {
+    /// The one that was used last comes first: regions of several tactile sources come in turn.
+    groups: Vec<Group>,
+    scratch: Scratch,
+    /// New frames, lanes side by side.
+    tactile: Vec<f32>,
+    pose: Vec<f32>,
+}
+
+/// Windows that come together.
+#[derive(Debug, Default)]
+struct Group {
+    n: usize,
+    /// `[n, window, taxels]`
+    tactile: Vec<f32>,
+    /// `[n, window, joints]`
+    pose: Vec<f32>,
+    known: Known,
+}
+
+impl Lanes {
+    /// Runs up to [`MOST`] windows.
+    pub(in crate::model) fn run(&mut self, network: &Network, windows: SharedWindows<'_>, out: &mut Forces) {
+        let (n, window) = (windows.starts.len(), network.window);
+        let n_new = match self.groups.iter().position(|group| group.goes_on(network, windows)) {
+            Some(idx) => {
+                self.groups[..=idx].rotate_right(1);
+                1
+            }
+            None => {
+                self.begin(network, n);
+                window
+            }
+        };
+        let Lanes { groups, scratch, tactile, pose } = self;
+        let Some(group) = groups.first_mut() else { return };
+        newest_side_by_side(windows.tactile, windows.starts, window, n_new, network.n_taxels, tactile);
+        newest_side_by_side(windows.pose, windows.starts, window, n_new, network.n_joints, pose);
+        network.run(&mut group.known, (tactile, pose), n, scratch, out);
+        one_below_the_other(windows.tactile, windows.starts, window, network.n_taxels, &mut group.tactile);
+        one_below_the_other(windows.pose, windows.starts, window, network.n_joints, &mut group.pose);
+    }
+
+    /// Begins a group of so many windows, in the place of those that were not used for longest where there is no other.
+    fn begin(&mut self, network: &Network, n: usize) {
+        let mut freed = None;
+        while self.groups.iter().map(|group| group.n).sum::<usize>() + n > MOST {
+            let Some(group) = self.groups.pop() else { break };
+            freed = Some(group);
+        }
+        let mut group = Group { n, ..freed.unwrap_or_default() };
+        network.begin(&mut group.known, n, network.window);
+        self.groups.insert(0, group);
+    }
+}
+
+impl Group {
+    /// Whether these windows are the group's, each moved on by a frame.
+    fn goes_on(&self, network: &Network, windows: SharedWindows<'_>) -> bool {
+        let Network { window, n_taxels, n_joints, .. } = *network;
+        let moved_on = |kept: &[f32], frames: &[f32], width: usize| {
+            let kept = kept.chunks_exact((window * width).max(1));
+            kept.zip(windows.starts)
+                .all(|(kept, start)| same_bits(&kept[width..], &frames[start * width..][..(window - 1) * width]))
+        };
+        self.n == windows.starts.len()
+            && moved_on(&self.tactile, windows.tactile, n_taxels)
+            && moved_on(&self.pose, windows.pose, n_joints)
+    }
+}
+
+/// Whether two slices hold the same, where equal numbers may be different zeros and what is not a number equals nothing.
+fn same_bits(a: &[f32], b: &[f32]) -> bool {
+    bytemuck::cast_slice::<f32, u32>(a) == bytemuck::cast_slice::<f32, u32>(b)
+}
+
+/// The last `n_new` frames of every window: `[n_new, N, width]`.
+fn newest_side_by_side(
+    frames: &[f32],
+    starts: &[usize],
+    window: usize,
+    n_new: usize,
+    width: usize,
+    out: &mut Vec<f32>,
+) {
+    out.clear();
+    for frame in window - n_new..window {
+        starts.iter().for_each(|start| out.extend_from_slice(&frames[(start + frame) * width..][..width]));
+    }
+}
+
+/// Every window whole: `[N, window, width]`.
+fn one_below_the_other(frames: &[f32], starts: &[usize], window: usize, width: usize, out: &mut Vec<f32>) {
+    out.clear();
+    starts.iter().for_each(|start| out.extend_from_slice(&frames[start * width..][..window * width]));
+}
