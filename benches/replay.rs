@@ -15,7 +15,6 @@ use common::bags::{Bag, at};
 use common::fake::{config, region};
 use common::onnx::LinearModel;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
 
 const JOINTS: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
