@@ -178,6 +178,29 @@ fn the_batch_size_changes_when_estimates_come_and_not_what_they_are() {
 }
 
 #[test]
+fn a_gap_while_something_is_touched_ends_the_contact_after_it_in_batches_of_any_size() {
+    let touched = |from_ms: f64| {
+        let at = move |k: i32| from_ms + 10.0 * f64::from(k);
+        (0..30).flat_map(move |k| [Sample::tactile(at(k), &[1.0, 1.0]), Sample::joints(at(k) + 3.0, &[("dip", 0.1)])])
+    };
+    let samples: Vec<Sample> = touched(0.0).chain(touched(600.0)).collect();
+    let estimates = |batch: usize| {
+        let mut cfg = config(2, vec![region("index", &[0, 1], &["dip"])]);
+        cfg.batch = batch;
+        run(&mut fusion(cfg, vec![Sum::boxed(4, 2, 1)]), &samples)
+    };
+    let single = estimates(1);
+    let events = |event: ContactEvent| -> Vec<i64> {
+        let with = single.iter().filter(|(_, estimate)| estimate.contact.event == event);
+        with.map(|(stamp, _)| stamp.0 / MS).collect()
+    };
+    assert_eq!((events(ContactEvent::Onset), events(ContactEvent::Offset)), (vec![30, 630], vec![600]));
+    for batch in [2, 7, 40, 1000] {
+        assert_eq!(estimates(batch), single, "batch {batch}");
+    }
+}
+
+#[test]
 fn regions_with_models_of_their_own_get_what_each_would_get_alone() {
     let samples = steady(120, 0, 90);
     let second = || RegionConfig { model: 1, ..region("thumb", &[0], &[]) };

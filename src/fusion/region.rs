@@ -48,6 +48,8 @@ pub(super) struct Readiness {
     pub(super) run: bool,
     /// Whether only the tactile branch of what comes out may be used.
     pub(super) base_only: bool,
+    /// Whether frames were lost before this one: contact starts again.
+    pub(super) after_reset: bool,
     pub(super) pose_age_ns: Option<i64>,
     pub(super) flags: Flags,
 }
@@ -85,6 +87,9 @@ pub(super) struct Region {
     between: Vec<f32>,
     pose: Vec<f32>,
     faulty: bool,
+    /// Whether the window was emptied since the last frame. Contact learns of it with the next one, because frames from
+    /// before may still wait for their forces.
+    was_reset: bool,
     max_gap_ns: i64,
     pub(super) contact: ContactDetector,
     pub(super) counters: RegionCounters,
@@ -114,6 +119,7 @@ impl Region {
             between: vec![0.0; n_taxels],
             pose: vec![0.0; n_joints],
             faulty: false,
+            was_reset: false,
             max_gap_ns,
             contact: ContactDetector::new(cfg.contact),
             counters: RegionCounters::default(),
@@ -164,7 +170,8 @@ impl Region {
         } else if self.is_out_of_range() {
             flags.insert(Flags::POSE_OUT_OF_RANGE);
         }
-        Readiness { run: true, base_only, pose_age_ns, flags: self.with_fault(flags) }
+        let after_reset = std::mem::take(&mut self.was_reset);
+        Readiness { run: true, base_only, after_reset, pose_age_ns, flags: self.with_fault(flags) }
     }
 
     /// The window that [`Region::handle_frame`] said to run.
@@ -203,14 +210,18 @@ impl Region {
             None if flags.contains(Flags::STALE_POSE) => counters.stale_pose += 1,
             None => counters.warmup += 1,
         }
+        if readiness.after_reset {
+            self.contact.handle_reset();
+        }
         let contact = self.contact.handle_force(stamp, force);
         counters.onsets += u64::from(contact.event == ContactEvent::Onset);
         counters.offsets += u64::from(contact.event == ContactEvent::Offset);
         Estimate { region: self.place.region, force, force_base, contact, pose_age_ns: readiness.pose_age_ns, flags }
     }
 
-    fn no_estimate(&self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {
-        Readiness { run: false, base_only: false, pose_age_ns, flags: self.with_fault(flags) }
+    fn no_estimate(&mut self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {
+        let after_reset = std::mem::take(&mut self.was_reset);
+        Readiness { run: false, base_only: false, after_reset, pose_age_ns, flags: self.with_fault(flags) }
     }
 
     fn with_fault(&self, flags: Flags) -> Flags {
@@ -222,7 +233,7 @@ impl Region {
             self.counters.window_resets += 1;
         }
         self.window.clear();
-        self.contact.handle_reset();
+        self.was_reset = true;
     }
 
     /// Interpolates the frames that are missing since the last good one.
