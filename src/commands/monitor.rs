@@ -247,6 +247,7 @@ impl Watched {
 }
 
 fn number(value: f64) -> String {
+    let value = if value.abs() < 0.005 { 0.0 } else { value }; // no -0.00
     if value.is_finite() { format!("{value:.2}") } else { "-".to_owned() }
 }
 

@@ -36,7 +36,7 @@ pub(super) struct LiveArgs {
     /// With --live: the protocol that the user knows, if it is not the paper's
     #[arg(long, value_name = "FILE", requires = "live")]
     protocol: Option<PathBuf>,
-    /// With --live: a user who goes through the protocol without looking at any prompt
+    /// With --live: a user who goes through the protocol, in --minutes, without looking at any prompt
     #[arg(long, requires = "live")]
     ignore_prompts: bool,
     /// With --live: something that is wrong: dead-taxel, swapped-joints, untared-load-cell

@@ -76,7 +76,7 @@ impl LiveSession {
         let design = design(spec)?;
         let user = User::new(spec);
         let mut noise = user.of_session("performance");
-        let plan = Plan::new(&protocol, None, &format!("{}, plan", spec.session_name()));
+        let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
         let performance = match follows {
             true => Performance::idle(&user.hand, &mut noise),
             false => Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise),
