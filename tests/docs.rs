@@ -155,27 +155,53 @@ fn every_command_that_is_shown_is_one_that_tpf_takes() {
     assert!(n_commands > 25 || cfg!(not(all(feature = "ros", feature = "train"))), "{n_commands} commands");
 }
 
-/// Runs what a page shows, in a folder with what the repository has.
-fn run_page(page: &str) -> tempfile::TempDir {
+/// A folder with what the repository has.
+fn workplace() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for shown in ["params", "models", "docs"] {
         std::os::unix::fs::symlink(root().join(shown), folder.path().join(shown)).unwrap();
     }
+    folder
+}
+
+/// Runs lines of a shell, with the `tpf` of these tests.
+fn run(of: &str, lines: &[&str], folder: &Path) {
     let bin = Path::new(env!("CARGO_BIN_EXE_tpf")).parent().unwrap();
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
-    let shown = commands(&fs::read_to_string(book().join(page)).unwrap());
-    let mut n_run = 0;
-    for (info, line) in &shown {
-        if !info.is_empty() {
-            continue; // live, or an installation
-        }
-        n_run += 1;
-        let ran =
-            Command::new("bash").args(["-euc", line]).current_dir(folder.path()).env("PATH", &path).output().unwrap();
-        assert!(ran.status.success(), "{page}: {line}: {}", String::from_utf8_lossy(&ran.stderr));
+    for line in lines {
+        let ran = Command::new("bash").args(["-euc", line]).current_dir(folder).env("PATH", &path).output().unwrap();
+        assert!(ran.status.success(), "{of}: {line}: {}", String::from_utf8_lossy(&ran.stderr));
     }
-    assert!(n_run > 3, "{page}: {n_run} commands were run");
+}
+
+/// Lines of a page whose blocks are called so; those without a name are neither live nor an installation.
+fn lines_of<'c>(commands: &'c [(String, String)], kind: &str) -> Vec<&'c str> {
+    commands.iter().filter(|(info, _)| info == kind).map(|(_, line)| line.as_str()).collect()
+}
+
+/// Runs what a page shows.
+fn run_page(page: &str) -> tempfile::TempDir {
+    let folder = workplace();
+    let shown = commands(&fs::read_to_string(book().join(page)).unwrap());
+    let lines = lines_of(&shown, "");
+    assert!(lines.len() > 3, "{page}: {} commands", lines.len());
+    run(page, &lines, folder.path());
     folder
+}
+
+#[test]
+fn what_the_readme_does_with_a_bag_runs_as_it_is_written() {
+    let folder = workplace();
+    let simulate = "tpf simulate --glove 1 --users 1 --sessions 1 --minutes 1.7 --seed 5 -o sessions";
+    let yours = ["cp sessions/glove1_user01_session1/*.mcap recording.mcap", "cp params/glove1.yaml glove.yaml"];
+    // The model of these parameters lies beside the folder that they are in.
+    let model = "sed -i 's|../models/|models/|' glove.yaml";
+    run("preparation", &[simulate, yours[0], yours[1], model], folder.path());
+    let shown = commands(&fs::read_to_string(root().join("README.md")).unwrap());
+    let lines = lines_of(&shown, "yours");
+    assert!(lines.len() >= 3, "{lines:?}");
+    run("README.md", &lines, folder.path());
+    assert!(folder.path().join("forces.csv").exists());
 }
 
 #[test]
