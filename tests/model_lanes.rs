@@ -138,6 +138,20 @@ fn whatever_was_run_before_the_bits_are_the_same() {
 }
 
 #[test]
+fn windows_that_go_on_in_their_taxels_or_in_their_pose_alone_are_others() {
+    let mut model = own("glove1_pose_aware.onnx");
+    let contract = model.info.contract.clone();
+    let mut lanes = lanes(&contract, 3);
+    lanes[1].tactile = lanes[0].tactile.clone();
+    lanes[2].pose = lanes[0].pose.clone();
+    let expected: Vec<_> = lanes.iter().map(|lane| stretch(&mut model, lane)).collect();
+    let mut forces = Forces::default();
+    for (first, lane) in [0, 1, 0, 2, 0, 0].into_iter().enumerate() {
+        assert_eq!(call(&mut model, &lanes, &[(lane, first)], &mut forces), [expected[lane][first]], "call {first}");
+    }
+}
+
+#[test]
 fn a_frame_that_is_no_number_reaches_every_window_that_holds_it_and_no_other() {
     let mut model = own("glove1_pose_aware.onnx");
     let contract = model.info.contract.clone();
