@@ -10,7 +10,7 @@ use super::{Watched, flags, number};
 use crate::units::Stamp;
 
 /// Cells of a force bar.
-const BAR: usize = 20;
+const BAR: usize = 12;
 
 pub(super) fn draw(frame: &mut Frame<'_>, watched: &Watched, now: Stamp) {
     let n_regions = watched.regions.len() as u16;
@@ -39,8 +39,9 @@ pub(super) fn draw(frame: &mut Frame<'_>, watched: &Watched, now: Stamp) {
             Cell::from(flags(state, watched.is_silent(region, now))).yellow(),
         ])
     });
+    let longest = watched.regions.keys().map(|name| name.chars().count()).max().unwrap_or(0);
     let widths = [
-        Constraint::Max(14),
+        Constraint::Length(longest.clamp("region".len(), 14) as u16),
         Constraint::Length(9),
         Constraint::Length(7),
         Constraint::Length(BAR as u16),
