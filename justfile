@@ -79,9 +79,9 @@ bench repetitions="3":
 train-fixture:
     python3 tests/python/train_reference.py > tests/data/train_reference.json
 
-# The book (needs mdbook: cargo install mdbook) and the API documentation
+# The book, in target/book (needs mdbook: cargo install mdbook) and the API documentation
 docs:
-    mdbook build docs --dest-dir ../target/book
+    mdbook build docs
     cargo doc --no-deps --open
 
 # Write the generated pages of the book anew
