@@ -32,25 +32,35 @@ fn second(from_s: usize) -> Vec<Sample> {
     samples.collect()
 }
 
+/// Plays seconds of samples one after the other until the core is warm, which it is when its timelines of 1024 states a joint are
+/// full, and `n_measured` more: how much memory these asked for, and how many estimates there were in all.
+fn measured(
+    core: &mut Fusion,
+    second: impl Fn(usize) -> Vec<Sample>,
+    n_measured: usize,
+) -> (allocation_counter::AllocationInfo, usize) {
+    const WARM_S: usize = 12;
+    let mut n_estimates = 0;
+    let mut play = |samples: &[Sample]| {
+        for sample in samples {
+            core.handle(sample.event());
+            while let Some(tick) = core.poll().unwrap() {
+                n_estimates += tick.estimates.iter().filter(|estimate| estimate.force.is_some()).count();
+            }
+        }
+    };
+    (0..WARM_S).for_each(|from_s| play(&second(from_s)));
+    let samples: Vec<Vec<Sample>> = (WARM_S..WARM_S + n_measured).map(second).collect();
+    let used = allocation_counter::measure(|| samples.iter().for_each(|samples| play(samples)));
+    (used, n_estimates)
+}
+
 #[test]
 fn a_tick_of_the_core_asks_for_no_memory_once_it_is_warm() {
     for batch in [1, 16] {
-        let mut core = hand(batch);
-        let mut n_ticks = 0;
-        let mut play = |samples: &[Sample]| {
-            for sample in samples {
-                core.handle(sample.event());
-                while let Some(tick) = core.poll().unwrap() {
-                    n_ticks += tick.estimates.iter().filter(|estimate| estimate.force.is_some()).count();
-                }
-            }
-        };
-        // Timelines hold 1024 states a joint: they are full after 11 s.
-        (0..12).for_each(|from_s| play(&second(from_s)));
-        let samples: Vec<Vec<Sample>> = (12..22).map(second).collect();
-        let used = allocation_counter::measure(|| samples.iter().for_each(|samples| play(samples)));
+        let (used, n_estimates) = measured(&mut hand(batch), second, 10);
         assert_eq!((used.count_total, used.bytes_total), (0, 0), "batch {batch}");
-        assert!(n_ticks > 5 * 2000, "{n_ticks} estimates");
+        assert!(n_estimates > 5 * 2000, "{n_estimates} estimates");
     }
 }
 
@@ -76,18 +86,7 @@ fn a_tick_of_five_regions_with_their_model_asks_for_no_memory_once_it_is_warm() 
         });
         samples.collect()
     };
-    let mut n_estimates = 0;
-    let mut play = |samples: &[Sample]| {
-        for sample in samples {
-            core.handle(sample.event());
-            while let Some(tick) = core.poll().unwrap() {
-                n_estimates += tick.estimates.iter().filter(|estimate| estimate.force.is_some()).count();
-            }
-        }
-    };
-    (0..12).for_each(|from_s| play(&second(from_s)));
-    let samples: Vec<Vec<Sample>> = (12..15).map(second).collect();
-    let used = allocation_counter::measure(|| samples.iter().for_each(|samples| play(samples)));
+    let (used, n_estimates) = measured(&mut core, second, 3);
     assert_eq!((used.count_total, used.bytes_total), (0, 0));
     assert!(n_estimates > 5 * 1400, "{n_estimates} estimates");
 }

@@ -100,7 +100,7 @@ fn recording_that_is_to_be_kept_stays_when_it_is_not_finished() {
         writer.flush().unwrap();
         drop(writer);
         assert!(!folder.path().join(name).exists(), "it is not complete");
-        // What the README tells to do with it.
+        // What the book tells to do with it.
         let renamed = folder.path().join("renamed.mcap");
         fs::rename(unfinished, &renamed).unwrap();
         let mut reader = BagReader::open(&[renamed]).unwrap();

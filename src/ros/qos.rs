@@ -35,7 +35,8 @@ pub struct QosError {
     problem: String,
 }
 
-/// What outputs have unless an override says otherwise: best effort, the last 10, volatile.
+/// What outputs have unless an override says otherwise: best effort, the last 10, volatile (which DDS offers as transient
+/// local: see its middleware).
 pub fn output_default() -> QosProfile {
     QosProfile::subscription_default().history(History::KeepLast { depth: 10 })
 }

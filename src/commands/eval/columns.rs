@@ -59,8 +59,7 @@ pub(in crate::commands) fn run_models(
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
-    let mut zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
-    let zero_cfg = cfg.clone();
+    let zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
     let offset_ns = cfg.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
     let mut columns: Vec<Vec<EstimateTrack>> =
         cores.iter().map(|core| vec![EstimateTrack::default(); core.cfg.fusion.regions.len()]).collect();
@@ -72,12 +71,14 @@ pub(in crate::commands) fn run_models(
         kept.push((core.cfg, core.infos, core.quality));
     }
     let mut told = 0;
-    let mut check = zero.check.take();
-    // The first model judges it, as in replay, by the frames that are scored.
+    // The first model with joint angles as they were recorded judges the zero, by the frames that are scored.
     let judge = kept.iter().position(|(.., quality)| *quality == PoseQuality::default());
+    let mut check = zero.check.zip(judge);
     let listener = Listener::<Stopped> {
         on_tick: &mut |core_idx, tick| {
-            if let Some(check) = check.as_mut().filter(|_| judge == Some(core_idx)) {
+            if let Some((check, judge)) = &mut check
+                && *judge == core_idx
+            {
                 check.takes(tick);
             }
             for estimate in &tick.estimates {
@@ -95,7 +96,7 @@ pub(in crate::commands) fn run_models(
     };
     let mut unused = Labels::new(&[]);
     read(&mut reader, &mut inputs, &mut unused, &mut fusions, listener).map_err(|stopped| stopped.of_bag(bag))?;
-    if let Some(Err(failure)) = check.map(|check| check.judge(&zero_cfg)) {
+    if let Some(Err(failure)) = check.map(|(check, judge)| check.judge(&kept[judge].0)) {
         // Scores and datasets of other sessions don't depend on it, so it is said and not refused.
         say(&format!("{}: its zero is not to be believed: {failure}", bag.display()));
     }
