@@ -36,7 +36,7 @@ def wait(condition, what, seconds=15.0):
         found = condition()
         if found:
             return found
-        assert time.monotonic() < deadline, f"never came: {what}"
+        assert time.monotonic() < deadline, f"never came: {what() if callable(what) else what}"
         rclpy.spin_once(node, timeout_sec=0.05)
 
 
@@ -72,14 +72,16 @@ def graph():
         "/joints": ["sensor_msgs/msg/JointState"],
     }
     wait(lambda: expected.items() <= dict(node.get_topic_names_and_types()).items(), "its topics")
-    publishers = wait(lambda: dict(node.get_publisher_names_and_types_by_node("tactile_pose_fusion", "/")), "its publishers")
-    assert f"{NODE}/contacts" in publishers, publishers
-    readers = dict(node.get_subscriber_names_and_types_by_node("tactile_pose_fusion", "/"))
-    assert {"/taxels", "/joints"} <= set(readers), readers
-    services = dict(node.get_service_names_and_types_by_node("tactile_pose_fusion", "/"))
-    assert services[f"{NODE}/tare"] == ["std_srvs/srv/Trigger"], services
-    info = node.get_publishers_info_by_topic(f"{NODE}/index/wrench")
-    assert [(i.node_name, i.topic_type) for i in info] == [("tactile_pose_fusion", "geometry_msgs/msg/WrenchStamped")], info
+    # Endpoints and what node they belong to are told apart from each other: neither is whole at once.
+    of_node = lambda kinds: dict(kinds("tactile_pose_fusion", "/"))
+    publishers = lambda: of_node(node.get_publisher_names_and_types_by_node)
+    wait(lambda: f"{NODE}/contacts" in publishers(), lambda: f"its publishers: {publishers()}")
+    readers = lambda: of_node(node.get_subscriber_names_and_types_by_node)
+    wait(lambda: {"/taxels", "/joints"} <= readers().keys(), lambda: f"its subscriptions: {readers()}")
+    services = lambda: of_node(node.get_service_names_and_types_by_node)
+    wait(lambda: services().get(f"{NODE}/tare") == ["std_srvs/srv/Trigger"], lambda: f"its services: {services()}")
+    info = lambda: [(i.node_name, i.topic_type) for i in node.get_publishers_info_by_topic(f"{NODE}/index/wrench")]
+    wait(lambda: info() == [("tactile_pose_fusion", "geometry_msgs/msg/WrenchStamped")], lambda: f"its wrench: {info()}")
 
 
 def parameters():
