@@ -34,6 +34,7 @@ deny:
 # Test the live node against real ROS 2, in a network namespace of its own
 ros-test *distros="kilted jazzy":
     scripts/tmux
+    TPF_REQUIRE_ROS=1 tests/ros/test collect
     for distro in {{distros}}; do scripts/ros-venv "$distro" && TPF_REQUIRE_ROS=1 tests/ros/test "$distro" || exit 1; done
 
 # Test the live node on Zenoh, against Zenoh's own Python binding
