@@ -61,6 +61,12 @@ soak minutes="20" model="models/glove1_pose_aware.onnx":
     cargo build --release --bins
     tests/ros/isolated target/ros-venv/bin/python tests/ros/soak.py run target/release {{model}} --minutes {{minutes}}
 
+# The ways in which live inputs go wrong, and what a running node said of each within how many seconds, as a table in OUT
+wrong-inputs out="target/wrong_inputs.md":
+    scripts/ros-venv
+    cargo build --release --bins
+    tests/ros/isolated target/ros-venv/bin/python tests/ros/wrong_inputs.py run target/release --out {{out}}
+
 # Formatting and lints, as CI sees them
 lint:
     cargo fmt --check

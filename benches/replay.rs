@@ -31,7 +31,7 @@ fn model(folder: &Path) -> (PathBuf, &'static str) {
 }
 
 fn backends() -> Vec<(&'static str, BackendChoice)> {
-    let mut backends = vec![("rten", BackendChoice::Rten)];
+    let mut backends = vec![("auto", BackendChoice::Auto), ("rten", BackendChoice::Rten)];
     if common::onnx_runtime_is_here() {
         backends.push(("onnxruntime", BackendChoice::OnnxRuntime));
     }

@@ -26,9 +26,9 @@ const N_PACED: i64 = 2_000;
 const PERIOD: Duration = Duration::from_millis(10);
 
 /// Five fingertips that share the model of synthetic glove 1.
-fn hand(backend: BackendChoice, only_runtime: bool) -> Fusion {
+fn hand(backend: BackendChoice) -> Fusion {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/glove1_pose_aware.onnx");
-    let spec = ModelSpec { backend, only_runtime, ..ModelSpec::new(path) };
+    let spec = ModelSpec { backend, ..ModelSpec::new(path) };
     let regions = FINGERS.iter().enumerate().map(|(idx, finger)| {
         let taxels: Vec<usize> = (N_TAXELS * idx..N_TAXELS * (idx + 1)).collect();
         let joints: Vec<String> = JOINTS.iter().map(|joint| format!("{TRAINED}_{joint}")).collect();
@@ -68,12 +68,12 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
 
 fn main() {
     println!("| five regions, one tick | ticks | p50 us | p99 us | p99.9 us | max us |\n|---|---|---|---|---|---|");
-    let mut ways = vec![("our own code", BackendChoice::Rten, false), ("RTen", BackendChoice::Rten, true)];
+    let mut ways = vec![("our own code", BackendChoice::Builtin), ("RTen", BackendChoice::Rten)];
     if common::onnx_runtime_is_here() {
-        ways.push(("ONNX Runtime", BackendChoice::OnnxRuntime, true));
+        ways.push(("ONNX Runtime", BackendChoice::OnnxRuntime));
     }
-    for (name, backend, only_runtime) in ways {
-        let mut fusion = hand(backend, only_runtime);
+    for (name, backend) in ways {
+        let mut fusion = hand(backend);
         let mut first = 0;
         for (how, n, period) in
             [("", 200, None), ("one after the other", N_BACK_TO_BACK, None), ("at 100 Hz", N_PACED, Some(PERIOD))]

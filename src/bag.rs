@@ -6,6 +6,7 @@
 //! core, [`EstimateWriter`] turns its estimates into messages.
 
 mod baseline;
+mod contacts;
 mod error;
 mod estimates;
 mod inputs;
@@ -17,8 +18,9 @@ mod read;
 mod stats;
 mod write;
 
-pub use baseline::{BaselineError, Baselines, ZeroLoad, collect_baselines};
-pub use error::BagError;
+pub use baseline::{BaselineError, Baselines, Rest, ZeroLoad, annotated_rest, collect_baselines};
+pub use contacts::ContactReader;
+pub use error::{BagError, printable, steers};
 pub use estimates::EstimateWriter;
 pub use inputs::{Input, InputError, InputTopics, Inputs, TopicCounters};
 pub use pass_through::PassThrough;
@@ -26,7 +28,7 @@ pub use portion::Portion;
 pub use qos::BEST_EFFORT_QOS;
 pub use read::{
     BagAttachment, BagChannel, BagMessage, BagMetadata, BagReader, BagRecord, BagSchema, BagSummary, Loss,
-    RECORD_LIMIT, bags_at,
+    RECORD_LIMIT, Recordings, recordings_at,
 };
 pub use stats::{BagStats, GAP_FACTOR, TopicStats};
 pub use write::{BagWriter, Compression, Finished, NewChannel, OutChannel, WriteOptions};

@@ -33,7 +33,7 @@ pub use drift::{DriftReport, SessionDrift};
 pub use frames::SessionFrames;
 pub use hysteresis::{HysteresisReport, SessionHysteresis};
 pub use noise::{NoiseReport, TaxelNoise};
-pub use offset::{LagPoint, OffsetReport, SessionOffset};
+pub use offset::{LagPoint, OWN_LAG_MS, OffsetReport, SessionOffset, Untold};
 pub use pose_model::BendScore;
 pub use report::{JointRange, RegionReport, RegionSession, characterize};
 pub use response::{ClassCurve, CurvePoint, ResponseReport, SessionGain};

@@ -32,10 +32,17 @@ mod terminal;
 mod train;
 mod zero;
 
+use std::borrow::Cow;
+use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use crate::bag;
+
+use crate::leave;
+use crate::model::first_run;
 
 /// Pose-aware tactile force: taxels and joint angles in, wrench and contact out.
 #[derive(Debug, Parser)]
@@ -129,12 +136,54 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
 
 /// What `tpf` does as a process: runs the command line and tells how it went by its exit code.
 pub fn main() -> ExitCode {
-    // clap prints usage errors itself and leaves with 2.
-    exit("tpf", run(Cli::parse()))
+    if let Some(code) = model_trial() {
+        return code;
+    }
+    exit("tpf", run(parse(std::env::args_os())))
+}
+
+/// The command line as clap knows it, with negative numbers as values and not as flags: their range is ours to tell.
+fn command() -> clap::Command {
+    fn with_numbers(command: clap::Command) -> clap::Command {
+        command
+            .mut_args(|arg| match arg.get_action().takes_values() && !arg.is_positional() {
+                true => arg.allow_negative_numbers(true),
+                false => arg,
+            })
+            .mut_subcommands(with_numbers)
+    }
+    with_numbers(Cli::command())
+}
+
+/// Parses a command line; clap prints usage errors itself and leaves with 2.
+fn parse(args: impl IntoIterator<Item = OsString>) -> Cli {
+    let matches = command().get_matches_from(args);
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+/// Tries a model, where this process was called for that; where not, models are tried by such processes from now on.
+fn model_trial() -> Option<ExitCode> {
+    let mut args = std::env::args_os().skip(1);
+    if args.next().is_none_or(|first| first != first_run::ARGUMENT) {
+        first_run::call_this_program();
+        return None;
+    }
+    let request = args.next().unwrap_or_default();
+    Some(match first_run::answer(&request.to_string_lossy()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(line) => {
+            // Whoever called has gone where nobody reads it.
+            let _ = writeln!(std::io::stdout(), "{line}");
+            ExitCode::FAILURE
+        }
+    })
 }
 
 /// What `tactile_pose_fusion_node` does as a process: `tpf run` with its own arguments.
 pub fn node_main() -> ExitCode {
+    if let Some(code) = model_trial() {
+        return code;
+    }
     let name = "tactile_pose_fusion_node";
     if cfg!(not(feature = "ros")) {
         let missing = "this build is without the live node; build with the cargo feature `ros`";
@@ -142,10 +191,12 @@ pub fn node_main() -> ExitCode {
     }
     let mut args = std::env::args_os();
     let program = args.next().unwrap_or_else(|| name.into());
-    exit(name, run(Cli::parse_from([program, "run".into()].into_iter().chain(args))))
+    exit(name, run(parse([program, "run".into()].into_iter().chain(args))))
 }
 
 fn exit(program: &str, outcome: Result<Outcome, Failure>) -> ExitCode {
+    // What ended a part of the process is why it ends, however well the rest did.
+    let outcome = leave::failure().map_or(outcome, |why| Err(Failure(why.to_owned())));
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::NotMet) => ExitCode::from(1),
@@ -160,7 +211,7 @@ fn exit(program: &str, outcome: Result<Outcome, Failure>) -> ExitCode {
 /// Writes a result to stdout. A reader that has gone away (`| head`) is no failure of ours.
 fn print(text: &str) -> Result<(), Failure> {
     let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(tame(text).as_bytes()).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure(format!("stdout: {error}"))),
         _ => Ok(()),
     }
@@ -168,5 +219,54 @@ fn print(text: &str) -> Result<(), Failure> {
 
 /// Says something to the person at the terminal; a closed stderr is nobody to tell.
 pub(crate) fn say(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let words = text.trim_end_matches('\n');
+    let end = &text[words.len()..];
+    let _ = writeln!(std::io::stderr(), "{}{end}", tame(words).replace('\n', "\\u000a"));
+}
+
+/// A text whose lines are ours and whose words may be foreign: what would steer a terminal is written out, in a form that
+/// JSON takes for the same character.
+fn tame(text: &str) -> Cow<'_, str> {
+    let is_foreign = |c: char| c != '\n' && c != '\t' && bag::steers(c);
+    if !text.contains(is_foreign) {
+        return Cow::Borrowed(text);
+    }
+    let mut tamed = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_foreign(c) {
+            let _ = std::fmt::Write::write_fmt(&mut tamed, format_args!("\\u{:04x}", c as u32));
+        } else {
+            tamed.push(c);
+        }
+    }
+    Cow::Owned(tamed)
+}
+
+/// How many there are of something: `1 message`, `2 messages`.
+fn counted(n: u64, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn foreign_words_steer_no_terminal_and_stay_the_same_in_json() {
+        assert_eq!(tame("a\tb\nc"), "a\tb\nc");
+        assert_eq!(tame("\u{1b}]0;x\u{7}\u{9b}2J\u{202e}\r"), "\\u001b]0;x\\u0007\\u009b2J\\u202e\\u000d");
+        let json = serde_json::to_string("\u{1b}[31m\u{9b}\u{2066}\n").unwrap();
+        assert_eq!(serde_json::from_str::<String>(&tame(&json)).unwrap(), "\u{1b}[31m\u{9b}\u{2066}\n");
+        assert_eq!([counted(0, "bag"), counted(1, "bag"), counted(2, "bag")], ["0 bags", "1 bag", "2 bags"]);
+    }
+
+    #[test]
+    fn a_negative_number_is_a_value_of_every_option_that_takes_one() {
+        let refused = |args: &[&str]| command().try_get_matches_from(args).unwrap_err().to_string();
+        let text = refused(&["tpf", "train", "bag", "-o", "m.onnx", "--batch", "-1"]);
+        assert!(text.contains("invalid value '-1' for '--batch <N>'") && !text.contains("-- -1"), "{text}");
+        let train = ["tpf", "train", "bag", "--params-file", "p.yaml", "-o", "m.onnx", "--lambda", "-1"];
+        assert!(command().try_get_matches_from(train).is_ok(), "its range is for the command to say");
+        assert!(!refused(&["tpf", "replay", "bag", "-o", "x", "--batch", "-3"]).contains("-- -3"));
+    }
 }

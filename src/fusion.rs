@@ -6,12 +6,14 @@
 mod calibration;
 mod config;
 mod contact;
+mod counters;
 mod error;
 mod estimate;
 mod event;
 mod features;
 mod frames;
 mod geometry;
+mod health;
 mod joints;
 mod queue;
 mod region;
@@ -19,18 +21,20 @@ mod regressor;
 
 use std::collections::VecDeque;
 
-use serde::Serialize;
-
-pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_forces};
-pub use config::{ContactThresholds, FrameClock, FusionConfig, JointSource, RegionConfig, TactileSource, Timing};
+pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_loaded};
+pub use config::{
+    ContactThresholds, FrameClock, FusionConfig, JointSource, Receipts, RegionConfig, TactileSource, Timing,
+};
 pub use contact::{Contact, ContactDetector, ContactEvent};
+pub use counters::{Count, Counters, TactileCount};
 pub use error::{FusionError, SetupError};
 pub use estimate::{Estimate, Flags, Tick};
 pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
 pub use features::{FeatureWindow, NewestWindow, TaxelFeatures};
 pub use frames::{Frame, FrameCutter, TactileCounters};
 pub use geometry::{Patch, Wrench};
-pub use joints::{JointAngle, JointCounters, JointTimelines};
+pub use health::{RateFault, SourceFault, SourceHealth};
+pub use joints::{JointAngle, JointCounters, JointTimelines, PoseTrust};
 pub use region::RegionCounters;
 pub use regressor::{Contract, ForceUnit, Forces, PoseRange, RegressError, Regressor, SharedWindows, Windows};
 
@@ -55,40 +59,9 @@ pub struct Fusion {
     current: Option<Tick>,
     spare_ticks: Vec<Tick>,
     spare_pending: Vec<PendingTick>,
+    /// When the newest event arrived.
+    received: Stamp,
     finishing: bool,
-}
-
-/// What became of everything that went in.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Counters<'a> {
-    /// Per tactile source.
-    pub tactile: Vec<TactileCount<'a>>,
-    /// Per joint source.
-    pub joints: Vec<Count<'a, JointCounters>>,
-    /// Per region.
-    pub regions: Vec<Count<'a, RegionCounters>>,
-}
-
-/// Counts with the name of what was counted.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Count<'a, C> {
-    /// Name in the parameters.
-    pub name: &'a str,
-    /// The counts.
-    #[serde(flatten)]
-    pub counts: C,
-}
-
-/// Counts of a tactile source.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TactileCount<'a> {
-    /// Name in the parameters.
-    pub name: &'a str,
-    /// The counts.
-    #[serde(flatten)]
-    pub counts: TactileCounters,
-    /// Frames a second as they came, gaps left out.
-    pub measured_rate_hz: Option<f64>,
 }
 
 #[derive(Debug)]
@@ -98,15 +71,17 @@ struct Source {
     regions: Vec<usize>,
     joints: Vec<usize>,
     pending: VecDeque<PendingFrame>,
-    spare: Vec<Vec<f32>>,
+    spare: Vec<PendingFrame>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct PendingFrame {
     stamp: Stamp,
     epoch: u64,
     number: i64,
     values: Vec<f32>,
+    /// `[regions of the source]`: what was known of its taxels by then.
+    faults: Vec<Flags>,
 }
 
 /// A frame whose windows wait for their models.
@@ -117,6 +92,7 @@ struct PendingTick {
     epoch: u64,
     number: i64,
     received: Stamp,
+    age_ns: Option<i64>,
     regions: Vec<(usize, Readiness)>,
 }
 
@@ -171,6 +147,7 @@ impl Fusion {
             current: None,
             spare_ticks: Vec::new(),
             spare_pending: Vec::new(),
+            received: Stamp::default(),
             finishing: false,
             cfg,
         })
@@ -178,6 +155,7 @@ impl Fusion {
 
     /// Takes a sample of taxels or joint angles.
     pub fn handle(&mut self, event: Event<'_>) {
+        self.received = self.received.max(event.received());
         match event {
             Event::Tactile(block) => self.handle_tactile(&block),
             Event::Joints(sample) => {
@@ -199,6 +177,7 @@ impl Fusion {
         for &region_idx in &source.regions {
             self.regions[region_idx].handle_baseline(&self.cfg.regions[region_idx], &baseline);
         }
+        source.cutter.handle_noise(&baseline.noise);
         source.baseline = Some(baseline);
         Ok(())
     }
@@ -220,11 +199,10 @@ impl Fusion {
     }
 
     /// Ends the stream: frames that still wait for joints are settled with what is here, and the last batch is run
-    /// however small it is.
+    /// however small it is. What completes them is the last event, so they count as received when that was.
     pub fn handle_end(&mut self) {
         for source_idx in 0..self.sources.len() {
-            let received = self.sources[source_idx].cutter.newest().unwrap_or_default();
-            self.settle(source_idx, received, true);
+            self.settle(source_idx, self.received, true);
         }
         self.finishing = true;
     }
@@ -267,6 +245,24 @@ impl Fusion {
         self.joints.missing()
     }
 
+    /// What is wrong with tactile sources at this moment.
+    pub fn source_faults(&self) -> Vec<SourceFault<'_>> {
+        let sources = self.cfg.tactile_sources.iter().zip(&self.sources);
+        let faults = |(cfg, source): (_, &Source)| Some(source.cutter.health().faults(cfg, self.model_hz(source)?));
+        sources.filter_map(faults).flatten().collect()
+    }
+
+    /// What is wrong with the rate of a tactile source, over all of its frames so far.
+    pub fn rate_fault(&self, source: TactileSourceIdx) -> Option<RateFault<'_>> {
+        let (cfg, source) = (&self.cfg.tactile_sources[source.0], &self.sources[source.0]);
+        RateFault::judge(cfg, source.cutter.measured_rate_hz()?, self.model_hz(source)?)
+    }
+
+    /// Rate of the model of a source's regions, which share it; none where no region uses it.
+    fn model_hz(&self, source: &Source) -> Option<f64> {
+        Some(self.contract(*source.regions.first()?).rate_hz)
+    }
+
     /// Frames that wait for joint states or for their batch.
     pub fn n_pending(&self) -> usize {
         self.waiting.len() + self.sources.iter().map(|source| source.pending.len()).sum::<usize>()
@@ -295,12 +291,15 @@ impl Fusion {
         if self.sources[source_idx].cutter.handle_header(block) == Continuity::Jumped {
             self.settle(source_idx, block.received, true);
         }
-        let Source { cutter, pending, spare, .. } = &mut self.sources[source_idx];
-        cutter.cut(block, |frame| {
-            let mut values = spare.pop().unwrap_or_default();
-            values.clear();
-            values.extend_from_slice(frame.values);
-            pending.push_back(PendingFrame { stamp: frame.stamp, epoch: frame.epoch, number: frame.number, values });
+        let (Source { cutter, pending, spare, regions, .. }, cfg) = (&mut self.sources[source_idx], &self.cfg);
+        cutter.cut(block, |frame, health| {
+            let mut waiting = spare.pop().unwrap_or_default();
+            (waiting.stamp, waiting.epoch, waiting.number) = (frame.stamp, frame.epoch, frame.number);
+            waiting.values.clear();
+            waiting.values.extend_from_slice(frame.values);
+            waiting.faults.clear();
+            waiting.faults.extend(regions.iter().map(|&region_idx| health.flags(&cfg.regions[region_idx].taxels)));
+            pending.push_back(waiting);
         });
         self.settle(source_idx, block.received, false);
     }
@@ -318,7 +317,7 @@ impl Fusion {
             }
             let Some(frame) = source.pending.pop_front() else { return };
             self.queue_tick(source_idx, &frame, received);
-            self.sources[source_idx].spare.push(frame.values);
+            self.sources[source_idx].spare.push(frame);
         }
     }
 
@@ -328,12 +327,19 @@ impl Fusion {
         let mut tick = self.spare_pending.pop().unwrap_or_default();
         (tick.source, tick.stamp, tick.received) = (source_idx, frame.stamp, received);
         (tick.epoch, tick.number) = (frame.epoch, frame.number);
+        tick.age_ns = (self.cfg.receipts == Receipts::Live).then(|| received.nanos_since(frame.stamp));
+        let max_age_ns = self.cfg.timing.max_age.map(|max_age| nanos(max_age).unsigned_abs());
+        let late = tick.age_ns.zip(max_age_ns).is_some_and(|(age_ns, max_ns)| age_ns.unsigned_abs() > max_ns);
         tick.regions.clear();
-        let PendingFrame { stamp, epoch, number, ref values } = *frame;
-        for &region_idx in &source.regions {
+        let PendingFrame { stamp, epoch, number, ref values, ref faults } = *frame;
+        for (&region_idx, &faults) in source.regions.iter().zip(faults) {
             let region = &mut self.regions[region_idx];
             let seen = Frame { stamp, epoch, number, values };
-            let readiness = region.handle_frame(&seen, source.baseline.as_ref(), &self.joints);
+            let mut readiness = region.handle_frame(&seen, faults, source.baseline.as_ref(), &self.joints);
+            if late {
+                region.counters.late += 1;
+                readiness.flags.insert(Flags::LATE);
+            }
             if readiness.run {
                 let Place { model, lane, .. } = region.place;
                 self.models[model].push(lane, region.window());
@@ -361,11 +367,12 @@ impl Fusion {
                 epoch: 0,
                 number: 0,
                 received: Stamp(0),
+                age_ns: None,
                 estimates: Vec::new(),
             });
             tick.source = TactileSourceIdx(pending.source);
             (tick.stamp, tick.received) = (pending.stamp, pending.received);
-            (tick.epoch, tick.number) = (pending.epoch, pending.number);
+            (tick.epoch, tick.number, tick.age_ns) = (pending.epoch, pending.number, pending.age_ns);
             tick.estimates.clear();
             for &(region_idx, ref readiness) in &pending.regions {
                 let region = &mut self.regions[region_idx];

@@ -17,6 +17,7 @@ pub mod export;
 pub mod files;
 pub mod fusion;
 mod kernels;
+pub mod leave;
 pub mod model;
 pub mod msg;
 pub mod page;
@@ -29,3 +30,4 @@ pub mod sim;
 #[cfg(feature = "train")]
 pub mod train;
 pub mod units;
+pub mod zero;

@@ -9,6 +9,7 @@ use std::io::Read;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use self::contract::Terms;
@@ -16,12 +17,15 @@ use self::direct::Direct;
 use self::error::one_line;
 use self::metadata::Metadata;
 use self::onnx::{Message, ModelProto};
+use self::paper::Paper;
 use self::session::{Runtime, Session};
 use crate::fusion::{ForceUnit, Regressor};
 
+mod comparison;
 mod contract;
 mod direct;
 mod error;
+pub mod first_run;
 mod info;
 pub mod metadata;
 mod network;
@@ -31,6 +35,7 @@ mod paper;
 mod probe;
 mod rten;
 mod session;
+mod trial;
 mod weights;
 
 pub use error::ModelError;
@@ -42,20 +47,22 @@ const MAX_FILE_MIB: u64 = 64;
 /// Windows of one call where a runtime runs them: more of them gain nothing.
 const WINDOWS_AT_ONCE: usize = 32;
 
-/// Which runtime to take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// What to run a model by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum BackendChoice {
-    /// ONNX Runtime where it is found, else RTen.
+    /// Our own code where the model is the paper's network, else ONNX Runtime where it is found, else RTen.
     #[default]
     Auto,
+    /// Our own code or nothing.
+    Builtin,
     /// ONNX Runtime or nothing.
     OnnxRuntime,
-    /// RTen, which is built in.
+    /// RTen, the runtime that needs no installation.
     Rten,
 }
 
 /// The names of the contract's tensors in a file.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TensorNames {
     /// Input: taxels.
     pub tactile: String,
@@ -86,19 +93,21 @@ impl Default for TensorNames {
 pub struct ModelSpec {
     /// The ONNX file.
     pub path: PathBuf,
-    /// Which runtime to take.
+    /// What to run it by.
     pub backend: BackendChoice,
     /// Unit of the forces, for a model that doesn't tell it itself.
     pub unit: Option<ForceUnit>,
     /// Model frames a second, for a model that doesn't tell it itself.
     pub rate_hz: Option<f64>,
+    /// The glove that is worn: a model that tells of another is refused.
+    pub glove: Option<String>,
+    /// The glove whose model is wanted all the same.
+    pub of_glove: Option<String>,
     /// Names of the tensors.
     pub names: TensorNames,
     /// On how many threads many overlapping windows may be run at once where our own code does it: with 1, the default,
     /// none is started. The forces are the same on any number.
     pub threads: NonZero<usize>,
-    /// Whether the runtime runs every model. By default it runs those that our own code can't.
-    pub only_runtime: bool,
 }
 
 impl ModelSpec {
@@ -109,9 +118,10 @@ impl ModelSpec {
             backend: BackendChoice::default(),
             unit: None,
             rate_hz: None,
+            glove: None,
+            of_glove: None,
             names: TensorNames::default(),
             threads: NonZero::<usize>::MIN,
-            only_runtime: false,
         }
     }
 }
@@ -133,26 +143,48 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     let opened = open(spec)?;
     let path = spec.path.as_path();
     let mut info = opened.info;
+    if !opened.is_known {
+        let untried = first_run::check(spec, &info.sha256)?;
+        info.notes.extend(untried.map(|why| format!("it was not tried in a process of its own: {why}")));
+    }
+    let not_builtin = |reason: String| ModelError::NotBuiltin { path: spec.path.clone(), reason };
+    let own = match (spec.backend, opened.own) {
+        (BackendChoice::Auto, own) => own.ok(),
+        (BackendChoice::Builtin, own) => Some(own.map_err(not_builtin)?),
+        (BackendChoice::OnnxRuntime | BackendChoice::Rten, _) => None,
+    };
     let (runtime, backend) = choose_runtime(spec, &opened.bytes, &opened.terms, &mut info.notes)?;
     let mut session = Session::new(path, runtime, &opened.terms);
     info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
     info.contract = session.contract().clone();
-    info.backend = Some(backend);
-    let graph = opened.graph.filter(|_| opened.terms.batch == Batch::Dynamic);
-    let direct = graph.map_or(Ok(None), |graph| Direct::of(&mut session, &graph, &opened.terms, spec.threads.get()));
-    let regressor: Box<dyn Regressor> = match direct {
-        Ok(Some(direct)) => {
+    let own = own.map(|paper| Direct::of(&mut session, &paper, spec.threads.get()));
+    let regressor: Box<dyn Regressor> = match own {
+        Some(Ok(direct)) => {
             info.batch_hint = direct::WINDOWS_AT_ONCE;
-            info.notes.push("our own code runs it, and gives what this runtime gives".to_owned());
+            info.backend = Some(BackendInfo::builtin(backend));
             Box::new(direct)
         }
-        Ok(None) => Box::new(session),
-        Err(reason) => {
-            info.notes.push(format!("the runtime runs it: {reason}"));
+        Some(Err(reason)) if spec.backend == BackendChoice::Builtin => return Err(not_builtin(reason)),
+        Some(Err(reason)) => {
+            info.notes.push(format!("{} runs it: {reason}", backend.runtime));
+            info.not_builtin = Some(reason);
+            info.backend = Some(backend);
+            Box::new(session)
+        }
+        None => {
+            info.backend = Some(backend);
             Box::new(session)
         }
     };
     Ok(Model { regressor, info })
+}
+
+/// The paper's network, where our own code may run it.
+fn own_network(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
+    match terms.batch {
+        Batch::Dynamic => paper::find(model, terms),
+        Batch::One => Err("its batch is fixed at 1".to_owned()),
+    }
 }
 
 /// Tells what a file promises, under the default names, without any runtime.
@@ -174,8 +206,10 @@ pub fn inspect_spec(spec: &ModelSpec) -> Result<ModelInfo, ModelError> {
 /// A file that has passed every check that needs no runtime.
 struct Opened {
     bytes: Vec<u8>,
-    /// Where it may be looked into once more.
-    graph: Option<onnx::GraphProto>,
+    /// The paper's network, or why our own code can't run the model.
+    own: Result<Paper, String>,
+    /// Whether it is the paper's network and nothing beside: what a runtime makes of it is known.
+    is_known: bool,
     terms: Terms,
     info: ModelInfo,
 }
@@ -191,6 +225,7 @@ fn open(spec: &ModelSpec) -> Result<Opened, ModelError> {
     let terms = contract::settle(graph, &metadata, spec)?;
     let standard = |domain: &str| domain.is_empty() || domain == "ai.onnx";
     let opset = model.opset_import.iter().find(|opset| standard(&opset.domain)).map_or(0, |opset| opset.version);
+    let own = own_network(&model, &terms);
     let info = ModelInfo {
         path: path.to_path_buf(),
         sha256: Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect(),
@@ -207,10 +242,11 @@ fn open(spec: &ModelSpec) -> Result<Opened, ModelError> {
         inputs: terms.inputs.clone(),
         outputs: terms.outputs.clone(),
         batch_hint: WINDOWS_AT_ONCE,
+        not_builtin: own.as_ref().err().cloned(),
         notes: terms.notes.clone(),
     };
-    let graph = model.graph.filter(|_| !spec.only_runtime);
-    Ok(Opened { bytes, graph, terms, info })
+    let is_known = own.is_ok() && model.graph.as_ref().is_some_and(paper::needs_every_node);
+    Ok(Opened { bytes, own, is_known, terms, info })
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ModelError> {
@@ -242,7 +278,7 @@ fn choose_runtime(
             let backend = backend.map_err(|reason| ModelError::NoOnnxRuntime { path: spec.path.clone(), reason })?;
             return Ok((Box::new(onnxruntime::open(bytes, terms).map_err(failed)?), backend));
         }
-        BackendChoice::Auto => match onnxruntime::info() {
+        BackendChoice::Auto | BackendChoice::Builtin => match onnxruntime::info() {
             Ok(backend) => match onnxruntime::open(bytes, terms) {
                 Ok(runtime) => return Ok((Box::new(runtime), backend)),
                 Err(said) => format!("{backend} refuses the model ({})", one_line(&said)),
@@ -251,6 +287,6 @@ fn choose_runtime(
         },
     };
     let opened = open_rten().map_err(|said| failed(format!("{said}; {against}")))?;
-    notes.push(format!("{against}: RTen runs it"));
+    notes.push(format!("{against}: RTen takes its place"));
     Ok(opened)
 }

@@ -4,6 +4,7 @@ pub mod binding;
 pub mod definition;
 pub mod dynamic;
 
+mod angles;
 mod calibrate;
 mod cdr;
 mod interfaces;
@@ -16,6 +17,7 @@ use byteorder::{BigEndian, LittleEndian};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+pub use angles::AngleWatch;
 pub use calibrate::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 pub use cdr::CdrError;
 pub use definition::canonical_type_name;

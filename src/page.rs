@@ -5,7 +5,7 @@ mod style;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-pub use figure::{Figure, Heat};
+pub use figure::{Figure, Heat, longest_step};
 pub use style::Style;
 
 /// A page of sections.

@@ -78,6 +78,11 @@ impl Wander {
         Wander { sd, tau_s, value: noise.normal(sd) }
     }
 
+    /// Pushes it by so much at once, which it forgets as it forgets all.
+    pub(crate) fn push(&mut self, by: f64) {
+        self.value += by;
+    }
+
     /// Where it is `dt_s` later.
     pub(crate) fn advance(&mut self, dt_s: f64, noise: &mut Noise) -> f64 {
         let kept = libm::exp(-dt_s / self.tau_s);

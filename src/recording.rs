@@ -11,8 +11,8 @@ mod rows;
 mod samples;
 mod truth;
 
-use crate::bag::{BagError, BagMessage, BagReader, BagRecord, Input, InputError, Inputs};
-use crate::config::TruthSource;
+use crate::bag::{BagError, BagMessage, BagReader, BagRecord, Input, InputError, InputTopics, Inputs};
+use crate::config::{Config, TruthSource};
 use crate::eval::TruthError;
 use crate::fusion::{Event, Fusion, FusionError, Tick};
 use crate::protocol::Annotations;
@@ -25,6 +25,18 @@ pub use pose_quality::{PoseDegrader, PoseQuality, PoseQualityError};
 pub use rows::{RowCollector, Rows};
 pub use samples::{JointTrack, SampleError, Samples, TactileTrack, newest_at, rate_hz};
 pub use truth::{TruthCounters, TruthTrack, aligned};
+
+/// The topics of a recording that feed this configuration, without those of true force.
+pub fn input_topics(cfg: &Config) -> InputTopics {
+    InputTopics {
+        taxels: cfg.tactile.clone(),
+        joints: cfg.joints.clone(),
+        truth: Vec::new(),
+        joint_sources: cfg.fusion.joint_sources.clone(),
+        needed: cfg.needed_joints(),
+        stage: cfg.stage_topic.clone(),
+    }
+}
 
 /// Why a recording can't be read to its end.
 #[derive(Debug, thiserror::Error)]
@@ -96,27 +108,33 @@ pub fn read<E: From<RecordingError>>(
             }
             BagRecord::Attachment(_) => continue,
         };
-        match inputs.decode(&message).map_err(RecordingError::from)? {
-            Input::Event(event) => {
-                if let Event::Tactile(block) = &event
-                    && !is_wanted(block.stamp)
-                {
-                    continue;
-                }
-                for (core_idx, core) in cores.iter_mut().enumerate() {
-                    let event = match (event, pose.get_mut(core_idx)) {
-                        (Event::Joints(sample), Some(degrader)) => degrader.handle(sample).map(Event::Joints),
-                        (event, _) => Some(event),
-                    };
-                    if let Some(event) = event {
-                        core.handle(event);
+        let parts = inputs.parts(message.channel).map_err(RecordingError::from)?;
+        if parts.is_empty() {
+            on_other(&message)?;
+        }
+        for part in parts {
+            match inputs.decode(&message, part) {
+                Input::Event(event) => {
+                    if let Event::Tactile(block) = &event
+                        && !is_wanted(block.stamp)
+                    {
+                        continue;
                     }
-                    drain(core_idx, core, on_tick).map_err(RecordingError::from)?;
+                    for (core_idx, core) in cores.iter_mut().enumerate() {
+                        let event = match (event, pose.get_mut(core_idx)) {
+                            (Event::Joints(sample), Some(degrader)) => degrader.handle(sample).map(Event::Joints),
+                            (event, _) => Some(event),
+                        };
+                        if let Some(event) = event {
+                            core.handle(event);
+                        }
+                        drain(core_idx, core, on_tick).map_err(RecordingError::from)?;
+                    }
                 }
+                Input::Truth { source, stamp, force } => labels.truth[source].handle_reading(stamp, force),
+                Input::Stage(stage) => labels.annotations.handle(stage.into()),
+                Input::None => {}
             }
-            Input::Truth { source, stamp, force } => labels.truth[source].handle_reading(stamp, force),
-            Input::Stage(stage) => labels.annotations.handle(stage.into()),
-            Input::None => on_other(&message)?,
         }
     }
     for (core_idx, core) in cores.iter_mut().enumerate() {

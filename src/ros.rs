@@ -1,14 +1,16 @@
 //! The live node: the same core as replay, between the topics of a graph.
 //!
-//! Three threads share the work. One reads inputs and runs the core (`engine`), one publishes (`outbox`), and the one that
-//! [`run`] is called on answers services and waits for the end (`node`). What can be pure is: arguments, environment,
-//! QoS, lifecycle, diagnostics, watchdog and calibration take what they need as arguments and are tested without a
+//! Four threads share the work. One reads inputs and runs the core (`engine`), one publishes (`outbox`), one answers services
+//! (`serving`), and the one that [`run`] is called on waits for the end and leaves in time (`node`). What can be pure is: arguments, environment,
+//! QoS, lifecycle, diagnostics, health, graph, watchdog and calibration take what they need as arguments and are tested without a
 //! network.
 
 pub mod args;
 pub mod definitions;
 pub mod diagnostics;
 pub mod environment;
+pub mod graph;
+pub mod health;
 pub mod lifecycle;
 pub mod qos;
 pub mod remap;
@@ -26,18 +28,23 @@ mod loading;
 mod managed;
 mod middleware;
 mod node;
+mod order;
 mod outbox;
 mod parameters;
 mod player;
 mod services;
+mod serving;
+mod threads;
+mod watched;
 
 pub use calibrator::{Calibrator, Purpose, Sample};
 pub use clock::system_now;
 pub use engine::Record;
-pub use entities::Names;
+pub use entities::{InputName, Names};
 pub use interfaces::{DIAGNOSTICS_TYPE, Health, read_diagnostics};
 pub use listener::{Delivery, Heard, HeardTopic, Listener, Listening, SpokenTopic};
 pub use middleware::TopicType;
-pub use node::{NodeError, Setup, input_bindings, run};
+pub use node::{NodeError, Setup, input_bindings, run, wanted};
+pub use watched::Watched;
 
 pub use player::{NotPlayed, PlayedTopic, Player};

@@ -2,7 +2,8 @@
 //!
 //! There is no public recording of glove taxels with joint angles and force truth, so the package brings a physical
 //! model of one: a user ([`hand`]) goes through the paper's [`protocol`](crate::protocol) ([`performance`]) wearing one of
-//! three gloves ([`glove`]) and pressing on a load cell ([`load_cell`]); [`session`] streams what would be recorded.
+//! three gloves ([`glove`]) and pressing on a load cell ([`load_cell`]), or handles things freely ([`manipulation`]);
+//! [`session`] streams what would be recorded.
 //! Its parameters come from physics and from what the paper observed, never from how well a model does on it.
 //!
 //! Everything is a function of [`SessionSpec`]: random numbers are a seeded ChaCha stream, and transcendental functions
@@ -11,6 +12,7 @@
 pub mod glove;
 pub mod hand;
 pub mod load_cell;
+pub mod manipulation;
 pub mod performance;
 pub mod session;
 pub mod touch;
@@ -19,5 +21,6 @@ pub mod touch;
 pub const SYNTHETIC_TOPIC: &str = "/synthetic_glove";
 
 pub use session::{
-    FULL_MINUTES, Fault, LiveSession, MIN_MINUTES, Prompt, Record, Session, SessionSpec, SimError, simulate,
+    Activity, FULL_MINUTES, Fault, LiveSession, MIN_MINUTES, Prompt, Record, Session, SessionSpec, SimError, Tracking,
+    simulate,
 };

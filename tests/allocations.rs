@@ -67,7 +67,7 @@ fn a_tick_of_the_core_asks_for_no_memory_once_it_is_warm() {
 #[test]
 fn a_tick_of_five_regions_with_their_model_asks_for_no_memory_once_it_is_warm() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
-    let model = load(&ModelSpec { backend: BackendChoice::Rten, ..ModelSpec::new(path) }).unwrap();
+    let model = load(&ModelSpec { backend: BackendChoice::Builtin, ..ModelSpec::new(path) }).unwrap();
     let names = model.info.contract.joints.clone().unwrap();
     let joints: Vec<&str> = names.iter().map(String::as_str).collect();
     let n_taxels = model.info.contract.n_taxels;

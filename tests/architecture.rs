@@ -9,6 +9,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("kernels", &[]),
     ("files", &[]),
+    ("leave", &[]),
     ("random", &[]),
     ("page", &[]),
     ("columns", &["files", "units"]),
@@ -26,7 +27,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("bag", &["files", "fusion", "msg", "units"]),
     ("recording", &["bag", "config", "eval", "fusion", "msg", "protocol", "random", "units"]),
     ("export", &["columns", "files", "fusion", "protocol", "recording", "units"]),
-    ("ros", &["calibration", "config", "fusion", "model", "msg", "units"]),
+    ("zero", &["bag", "calibration", "config", "fusion", "recording", "units"]),
+    ("ros", &["config", "fusion", "leave", "model", "msg", "units", "zero"]),
     (
         "commands",
         &[
@@ -40,6 +42,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "export",
             "files",
             "fusion",
+            "leave",
             "model",
             "msg",
             "page",
@@ -49,6 +52,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "sim",
             "train",
             "units",
+            "zero",
         ],
     ),
 ];

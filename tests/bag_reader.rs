@@ -5,7 +5,7 @@ use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use tactile_pose_fusion::bag::{
-    BEST_EFFORT_QOS, BagError, BagReader, BagRecord, BagWriter, Compression, NewChannel, WriteOptions,
+    BEST_EFFORT_QOS, BagError, BagReader, BagRecord, BagWriter, Compression, NewChannel, WriteOptions, recordings_at,
 };
 use tactile_pose_fusion::units::Stamp;
 
@@ -112,7 +112,7 @@ fn bag_of(folder: &Path, parts: &[Vec<u8>]) -> PathBuf {
 }
 
 #[test]
-fn messages_keep_the_order_of_the_file() {
+fn messages_of_a_channel_keep_the_order_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     for (name, compression) in [("n", Compression::None), ("l", Compression::Lz4), ("z", Compression::Zstd)] {
         let path = folder.path().join(name).with_extension("mcap");
@@ -146,27 +146,157 @@ fn parts_of_a_split_bag_are_read_one_after_the_other_and_share_channels() {
     let folder = tempfile::tempdir().unwrap();
     let split = folder.path().join("split");
     fs::create_dir(&split).unwrap();
-    for (name, times) in [("s_10.mcap", [7, 8]), ("s_2.mcap", [9, 3]), ("s_1.mcap", [5, 6])] {
-        let part = folder.path().join("part.mcap");
-        write_bag(&part, Compression::Zstd, &times);
-        fs::rename(part, split.join(name)).unwrap();
+    for (name, times) in [("s_10.mcap", [7, 8]), ("s_9.mcap", [5, 6]), ("s_8.mcap", [3, 4])] {
+        write_bag(&split.join(name), Compression::Zstd, &times);
     }
     let mut reader = open(&split).unwrap();
-    assert_eq!(times(&mut reader), [5, 6, 9, 3, 7, 8]);
+    assert_eq!(times(&mut reader), [3, 4, 5, 6, 7, 8]);
     assert_eq!(reader.channels().len(), 1);
+    assert!(reader.notes()[0].contains("s_8.mcap to s_10.mcap follow one another"), "{:?}", reader.notes());
 
-    // With a listing, its order counts.
+    // A listing says which files count; time says in which order.
     let listing = "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n  relative_file_paths:\n    \
-                   - s_2.mcap\n    - split/s_10.mcap\n";
+                   - s_10.mcap\n    - split/s_8.mcap\n";
     fs::write(split.join("metadata.yaml"), listing).unwrap();
-    assert_eq!(times(&mut open(&split).unwrap()), [9, 3, 7, 8]);
+    let mut reader = open(&split).unwrap();
+    assert_eq!(times(&mut reader), [3, 4, 7, 8]);
+    assert!(reader.notes().is_empty() && reader.losses().is_empty());
+}
+
+#[test]
+fn files_of_one_folder_are_one_recording_only_where_they_go_on_from_each_other() {
+    const S: i64 = 1_000_000_000;
+    let is_one = |parts: &[(&str, [i64; 2])]| {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, times) in parts {
+            write_bag(&folder.path().join(name), Compression::Zstd, times);
+        }
+        let found = recordings_at(folder.path()).unwrap();
+        let itself = found.paths == [folder.path()];
+        match open(folder.path()) {
+            Ok(_) => assert!(itself),
+            Err(BagError::Several { names, .. }) => {
+                assert_eq!(found.paths, names.iter().map(|name| folder.path().join(name)).collect::<Vec<_>>());
+                let note = found.note.unwrap();
+                assert!(note.contains(&format!("{} recordings, each by itself: ", names.len())), "{note}");
+            }
+            Err(error) => panic!("{error}"),
+        }
+        itself
+    };
+    assert!(is_one(&[("a_0.mcap", [0, S]), ("a_1.mcap", [2 * S, 3 * S])]), "a second between two messages");
+    assert!(is_one(&[("only.mcap", [0, S])]));
+    assert!(!is_one(&[("a_0.mcap", [0, S]), ("a_1.mcap", [2 * S + 1, 3 * S])]), "a pause: two takes");
+    assert!(!is_one(&[("a_0.mcap", [0, S]), ("a_1.mcap", [S - 1, 3 * S])]), "at the same time: two recorders");
+    assert!(!is_one(&[("a_0.mcap", [0, 1]), ("a_2.mcap", [2, 3])]), "a part is missing");
+    assert!(!is_one(&[("a_0.mcap", [0, 1]), ("b_1.mcap", [2, 3])]));
+    assert!(!is_one(&[("monday.mcap", [0, 1]), ("tuesday.mcap", [2, 3])]));
+}
+
+#[test]
+fn a_folder_of_several_recordings_is_never_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["monday.mcap", "tuesday.mcap", ".hidden.mcap", "._monday.mcap"] {
+        write_bag(&folder.path().join(name), Compression::Zstd, &[1]);
+    }
+    fs::create_dir(folder.path().join("more")).unwrap();
+    write_bag(&folder.path().join("more/wednesday"), Compression::Zstd, &[1]);
+    write_bag(&folder.path().join("thursday"), Compression::Zstd, &[1]);
+    let found = recordings_at(folder.path()).unwrap();
+    let names: Vec<_> = found.paths.iter().map(|path| path.strip_prefix(folder.path()).unwrap().to_owned()).collect();
+    assert_eq!(names, ["monday.mcap", "tuesday.mcap", "thursday"].map(PathBuf::from));
+    let refused = refusal(folder.path());
+    assert!(refused.ends_with(
+        "holds 2 recordings, monday.mcap, tuesday.mcap: name the one that is meant, or the files of a split one, each with its folder"
+    ));
+    fs::remove_file(folder.path().join("tuesday.mcap")).unwrap();
+    assert_eq!(times(&mut open(folder.path()).unwrap()), [1], "a hidden file is no part");
+}
+
+/// Messages on `/a`, then those on `/b`, each topic in chunks of its own.
+fn write_by_topic(out: &Path, a: &[i64], b: &[i64]) {
+    let mut writer = BagWriter::create(out, WriteOptions::default()).unwrap();
+    for (channel, times) in [(A, a), (B, b)] {
+        let channel = writer.add_channel(channel).unwrap();
+        for &time in times {
+            writer.write(channel, 0, Stamp(time), Stamp(time), &time.to_le_bytes()).unwrap();
+        }
+        writer.flush().unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_file_written_topic_by_topic_comes_in_the_order_of_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("by_topic.mcap");
+    let (a, b): (Vec<i64>, Vec<i64>) =
+        ((0..500).map(|k| 10 * k).collect(), (0..500).map(|k| 10 * k + 3 * (k % 2)).collect());
+    write_by_topic(&path, &a, &b);
+    let mut reader = open(&path).unwrap();
+    let (mut order, mut read) = (Vec::new(), 0);
+    while let Some(message) = reader.next_message().unwrap() {
+        assert_eq!(message.data, message.log_time.0.to_le_bytes());
+        order.push((message.log_time.0, message.channel.topic.clone()));
+        assert!(reader.bytes_read() >= read, "progress goes back");
+        read = reader.bytes_read();
+    }
+    let mut expected: Vec<_> = a.iter().map(|&time| (time, "/a".to_owned())).collect();
+    expected.extend(b.iter().map(|&time| (time, "/b".to_owned())));
+    expected.sort();
+    assert_eq!(order, expected, "of equal times the first in the file goes first");
+    assert!(reader.losses().is_empty(), "{:?}", reader.losses());
+    // Who looks at the file sees it as it stands.
+    let mut reader = BagReader::open_as_written(&[path]).unwrap();
+    assert_eq!(times(&mut reader), [a, b].concat());
+}
+
+#[test]
+fn parts_listed_in_reverse_and_parts_of_one_topic_each_come_in_the_order_of_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    for (name, times) in [("x.mcap", [50, 60]), ("y.mcap", [10, 90]), ("z.mcap", [20, 30])] {
+        write_bag(&path.join(name), Compression::Zstd, &times);
+    }
+    let listing =
+        "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths: [x.mcap, z.mcap, y.mcap]\n";
+    fs::write(path.join("metadata.yaml"), listing).unwrap();
+    let mut reader = open(path).unwrap();
+    assert_eq!(times(&mut reader), [10, 20, 30, 50, 60, 90]);
+    assert!(reader.losses().is_empty());
+}
+
+#[test]
+fn what_cannot_be_put_in_the_order_of_time_is_a_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("by_topic.mcap");
+    const MS: i64 = 1_000_000;
+    let late = |b: [i64; 2]| {
+        let _ = fs::remove_file(&path); // of the last call
+        write_by_topic(&path, &[0, 300 * MS], &b.map(|ms| ms * MS));
+        // Without its end there is no index.
+        let bytes = fs::read(&path).unwrap();
+        fs::remove_file(&path).unwrap();
+        let data_end = bytes.windows(9).rposition(|window| window == [15, 4, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+        fs::write(&path, &bytes[..data_end]).unwrap();
+        let mut reader = open(&path).unwrap();
+        reader.watch_order(&["/a", "/b"]);
+        assert_eq!(times(&mut reader).len(), 4);
+        let losses = reader.losses().iter().map(|loss| loss.what.clone()).collect::<Vec<_>>();
+        losses.into_iter().filter(|what| !what.contains("cut off")).collect::<Vec<_>>()
+    };
+    let said = late([50, 301]);
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].starts_with("1 messages stand behind later ones of other topics, by up to 0.250 s"), "{said:?}");
+    assert!(said[0].ends_with("put the file in order with `mcap sort`"), "{said:?}");
+    // What a recorder with several threads does is not worth a word.
+    assert!(late([250, 301]).is_empty());
 }
 
 #[test]
 fn empty_last_part_of_a_killed_recorder_is_a_loss() {
     let folder = tempfile::tempdir().unwrap();
     write_bag(&folder.path().join("s_0.mcap"), Compression::Zstd, &[1, 2]);
-    fs::remove_file(folder.path().join("metadata.yaml")).unwrap();
     fs::write(folder.path().join("s_1.mcap"), b"").unwrap();
     let mut reader = open(folder.path()).unwrap();
     assert_eq!(times(&mut reader), [1, 2]);
@@ -426,7 +556,6 @@ fn file_that_goes_away_between_parts_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     write_bag(&folder.path().join("s_0.mcap"), Compression::Zstd, &[1]);
     write_bag(&folder.path().join("s_1.mcap"), Compression::Zstd, &[2]);
-    fs::remove_file(folder.path().join("metadata.yaml")).unwrap();
     let mut reader = open(folder.path()).unwrap();
     fs::remove_file(folder.path().join("s_1.mcap")).unwrap();
     assert!(reader.next_message().unwrap().is_some());

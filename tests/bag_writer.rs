@@ -78,7 +78,7 @@ fn same_calls_write_the_same_bytes() {
         write(&parent.join("bag"));
         write(&parent.join("bag.mcap"));
     }
-    for name in ["bag/bag_0.mcap", "bag/metadata.yaml", "bag.mcap", "metadata.yaml"] {
+    for name in ["bag/bag_0.mcap", "bag/metadata.yaml", "bag.mcap"] {
         assert_eq!(fs::read(one.join(name)).unwrap(), fs::read(two.join(name)).unwrap(), "{name}");
     }
 }
@@ -148,7 +148,7 @@ fn allowed_overwriting_replaces_a_bag_when_the_new_one_is_complete() {
         writer.finish().unwrap();
         assert_eq!(BagReader::open(&[out]).unwrap().summary().n_messages, Some(1000));
     }
-    assert_eq!(names(folder.path()), ["bag", "bag.mcap", "metadata.yaml"]);
+    assert_eq!(names(folder.path()), ["bag", "bag.mcap"]);
 }
 
 #[test]
@@ -189,22 +189,33 @@ fn missing_parent_folder_is_named() {
 }
 
 #[test]
-fn metadata_beside_a_file_is_written_replaced_or_left() {
+fn a_file_gets_no_metadata_beside_it_that_would_hide_the_other_bags_of_its_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a.mcap", "b.mcap"] {
+        assert!(start(&folder.path().join(name), WriteOptions::default()).finish().unwrap().notes.is_empty());
+    }
+    assert_eq!(names(folder.path()), ["a.mcap", "b.mcap"]);
+}
+
+#[test]
+fn metadata_beside_a_file_is_kept_true_where_it_is_of_that_file_and_left_where_it_is_of_another() {
     let folder = tempfile::tempdir().unwrap();
     let metadata = folder.path().join("metadata.yaml");
     let out = folder.path().join("a.mcap");
-    let overwrite = || WriteOptions { overwrite: true, ..WriteOptions::default() };
-    let finished = BagWriter::create(&out, overwrite()).unwrap().finish().unwrap();
+    let own = || WriteOptions { overwrite: true, owns_folder: true, ..WriteOptions::default() };
+    let finished = BagWriter::create(&out, own()).unwrap().finish().unwrap();
     assert!(finished.notes.is_empty());
     assert!(fs::read_to_string(&metadata).unwrap().contains("message_count: 0"));
-    start(&out, overwrite()).finish().unwrap();
+    start(&out, WriteOptions { overwrite: true, ..WriteOptions::default() }).finish().unwrap();
     let ours = fs::read_to_string(&metadata).unwrap();
     assert!(ours.contains("message_count: 1000"));
 
-    let finished = start(&folder.path().join("b.mcap"), overwrite()).finish().unwrap();
-    assert_eq!(finished.notes.len(), 1);
-    assert!(finished.notes[0].contains("left as it is"), "{:?}", finished.notes);
-    assert_eq!(fs::read_to_string(&metadata).unwrap(), ours);
+    for options in [own(), WriteOptions { overwrite: true, ..WriteOptions::default() }] {
+        let finished = start(&folder.path().join("b.mcap"), options).finish().unwrap();
+        assert_eq!(finished.notes.len(), 1);
+        assert!(finished.notes[0].contains("left as it is"), "{:?}", finished.notes);
+        assert_eq!(fs::read_to_string(&metadata).unwrap(), ours);
+    }
 }
 
 #[test]

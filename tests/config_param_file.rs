@@ -47,7 +47,7 @@ fn a_section_said_again_keeps_its_first_place() {
     let tree = parse_param_files(&[(first, "a.yaml"), (second, "b.yaml")], NODE).unwrap();
     assert_eq!(tree.get("x").unwrap().value, ParamValue::Int(2));
     assert_eq!(tree.get("y").unwrap().value, ParamValue::Int(3));
-    assert_eq!(tree.get("y").unwrap().origin, Origin::File { file: "b.yaml".into(), line: 2 });
+    assert_eq!(tree.get("y").unwrap().origin, Origin::File { file: "b.yaml".into(), line: 2, any_node: true });
     assert_eq!(tree.files(), "a.yaml, b.yaml");
 }
 
@@ -138,10 +138,13 @@ fn each_malformed_file_is_refused_with_its_line_and_reason() {
             "ns:\n  /node2:\n    ros__parameters: {x: 1}\n".into(),
             "p.yaml:3: `ns//node2` is not a valid node name: it must not be empty or hold '//'",
         ),
-        ("".into(), "p.yaml: no parameters for the node /ns/node2: the file has no node at all"),
+        (
+            "".into(),
+            "p.yaml: no parameters for the node /ns/node2: the file has no node at all; put them under `/**` for a node of any name, or under `/ns/node2` for this one only",
+        ),
         (
             "/a:\n  ros__parameters: {x: 1}\nb:\n  ros__parameters: {x: 1}\n".into(),
-            "p.yaml: no parameters for the node /ns/node2: the file has parameters for /a, b",
+            "p.yaml: no parameters for the node /ns/node2: the file has parameters for /a, b; put them under `/**` for a node of any name, or under `/ns/node2` for this one only",
         ),
     ];
     for (text, message) in table {

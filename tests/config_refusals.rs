@@ -45,6 +45,34 @@ fn without(line: &str) -> Result<Config, String> {
 }
 
 #[test]
+fn keys_of_other_nodes_in_a_shared_section_are_said_and_not_followed() {
+    let lines = "    robot_description: x\n    publish_frequency: 50.0\n    model.arm.description: y\n";
+    let cfg = with_lines(lines).unwrap();
+    assert_eq!(cfg.of_others, ["model.arm.description", "publish_frequency", "robot_description"]);
+    let note = cfg.note_on_others().unwrap();
+    assert!(
+        note.contains("no such parameters: model.arm.description, publish_frequency, robot_description;"),
+        "{note}"
+    );
+    let tree = parse_param_file(BASE, "a.yaml", DEFAULT_NODE).unwrap();
+    assert_eq!(Config::from_tree(&tree).unwrap().note_on_others(), None);
+}
+
+#[test]
+fn an_unknown_key_under_the_nodes_own_name_is_refused() {
+    for section in [DEFAULT_NODE, "tactile_pose_fusion", "/**/tactile_pose_fusion"] {
+        let text = format!("{BASE}{section}:\n  ros__parameters:\n    robot_description: x\n");
+        let tree = parse_param_file(&text, "params/index.yaml", DEFAULT_NODE).unwrap();
+        assert_eq!(
+            Config::from_tree(&tree).unwrap_err().to_string(),
+            "params/index.yaml:12: robot_description is not a parameter of this node: params/example.yaml explains those that there are"
+        );
+    }
+    let refused = with(&["robot_description:=x"]).unwrap_err();
+    assert!(refused.starts_with("command line: robot_description is not a parameter"), "{refused}");
+}
+
+#[test]
 fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
     let table = [
         (
@@ -60,8 +88,8 @@ fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
             "params/index.yaml:10: tactile.glove.n_taxel is not a parameter of this node: did you mean tactile.glove.n_taxels?",
         ),
         (
-            "    robot_description: x\n",
-            "params/index.yaml:10: robot_description is not a parameter of this node: params/example.yaml explains those that there are",
+            "    region.index.stiffness: 1.0\n",
+            "params/index.yaml:10: region.index.stiffness is not a parameter of this node: params/example.yaml explains those that there are",
         ),
         (
             "    tactile.glov.sign: 1\n",
@@ -142,7 +170,7 @@ fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
         ),
         (
             "    tactile.glove.field: a..b\n",
-            "params/index.yaml:10: tactile.glove.field = \"a..b\" is not the path of a field, such as header.stamp or layout.dim[0].size",
+            "params/index.yaml:10: tactile.glove.field = \"a..b\" is not the path of a field, such as header.stamp, layout.dim[0].size or sensors[].taxels[].z",
         ),
         (
             "    tactile.glove.cols: 5\n",
@@ -188,7 +216,7 @@ fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
         ),
         (
             "    model.tip.backend: tensorrt\n",
-            "params/index.yaml:10: model.tip.backend = \"tensorrt\" must be \"auto\" or \"onnxruntime\" or \"rten\"",
+            "params/index.yaml:10: model.tip.backend = \"tensorrt\" must be \"auto\" or \"builtin\" or \"onnxruntime\" or \"rten\"",
         ),
         ("    model.tip.unit: kg\n", "params/index.yaml:10: model.tip.unit = \"kg\" must be \"\" or \"gF\" or \"N\""),
         ("    model.tip.inputs.pose: \"\"\n", "params/index.yaml:10: model.tip.inputs.pose = \"\" must not be empty"),

@@ -8,7 +8,11 @@ use std::path::Path;
 use common::bags::{Bag, at, decoded, write_session};
 use common::onnx::LinearModel;
 use common::tpf::{Run, tpf, write_params};
-use tactile_pose_fusion::msg::{ContactArray, WrenchStamped};
+use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, NewChannel};
+use tactile_pose_fusion::msg::{
+    ContactArray, ContactState, Header, Time, WireType, WrenchStamped, definition_text, to_cdr,
+};
+use tactile_pose_fusion::units::Stamp;
 
 const CONTACTS: &str = "/tactile_pose_fusion/contacts";
 
@@ -79,6 +83,79 @@ fn a_changed_force_is_told_by_field_with_the_first_and_the_largest() {
     assert_eq!(fields.iter().find(|field| field["field"] == "force").unwrap()["n_different"], 1);
     let words = diff(folder, &[]);
     assert!(words.stdout.contains("only in a.mcap: 1 frames") && words.stdout.ends_with("different\n"), "{words:?}");
+}
+
+/// Contacts as they were before messages had an age.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct OldArray {
+    header: Header,
+    contacts: Vec<OldState>,
+}
+
+#[derive(serde::Serialize, serde::Deserialize)]
+struct OldState {
+    region: String,
+    frame_id: String,
+    contact_raw: bool,
+    contact: bool,
+    event: u8,
+    since: Time,
+    force: f64,
+    force_base: f64,
+    artifact: f64,
+    on_threshold: f64,
+    off_threshold: f64,
+    mdf: f64,
+    pose_age: f64,
+    flags: u32,
+}
+
+impl WireType for OldArray {
+    const TYPE_NAME: &'static str = ContactArray::TYPE_NAME;
+}
+
+#[test]
+fn a_bag_of_the_time_when_contacts_had_no_age_is_read_by_its_own_schema() {
+    let folder = golden();
+    let folder = folder.path();
+    let mut bag = Bag::create(&folder.join("b.mcap"));
+    let text = definition_text(ContactArray::TYPE_NAME).unwrap().replace("float64 age\n", "");
+    let channel = bag.writer.add_channel(NewChannel {
+        topic: CONTACTS,
+        type_name: ContactArray::TYPE_NAME,
+        schema_text: &text,
+        qos_yaml: BEST_EFFORT_QOS,
+        type_hash: "",
+    });
+    let channel = channel.unwrap();
+    for array in decoded::<ContactArray>(&folder.join("a.mcap"), CONTACTS) {
+        // The wrench of a frame comes before its contacts.
+        let received = Stamp::from(array.header.stamp).offset(1);
+        let old = |state: ContactState| OldState {
+            region: state.region,
+            frame_id: state.frame_id,
+            contact_raw: state.contact_raw,
+            contact: state.contact,
+            event: state.event,
+            since: state.since,
+            force: state.force,
+            force_base: state.force_base,
+            artifact: state.artifact,
+            on_threshold: state.on_threshold,
+            off_threshold: state.off_threshold,
+            mdf: state.mdf,
+            pose_age: state.pose_age,
+            flags: state.flags,
+        };
+        let old = OldArray { header: array.header, contacts: array.contacts.into_iter().map(old).collect() };
+        bag.writer.write(channel, 0, received, received, &to_cdr(&old)).unwrap();
+    }
+    for wrench in decoded::<WrenchStamped>(&folder.join("a.mcap"), "/tactile_pose_fusion/index/wrench") {
+        bag.send("/tactile_pose_fusion/index/wrench", Stamp::from(wrench.header.stamp), &wrench);
+    }
+    bag.finish();
+    let run = diff(folder, &[]).ok();
+    assert!(run.stdout.contains("600 frames in both") && run.stdout.ends_with("same\n"), "{run:?}");
 }
 
 #[test]

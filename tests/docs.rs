@@ -9,7 +9,7 @@ use std::process::Command;
 
 use clap::Parser;
 use tactile_pose_fusion::commands::Cli;
-use tactile_pose_fusion::config::keys;
+use tactile_pose_fusion::config::{self, keys};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -203,6 +203,26 @@ fn what_the_readme_does_with_a_bag_runs_as_it_is_written() {
     run("README.md", &lines, folder.path());
     assert!(folder.path().join("forces.csv").exists());
 }
+
+#[test]
+fn the_robots_command_of_the_readme_takes_every_file_that_ships() {
+    let shown = commands(&fs::read_to_string(root().join("README.md")).unwrap());
+    let lines = lines_of(&shown, "robot");
+    let [line] = lines.as_slice() else { panic!("{lines:?}") };
+    assert!(line.ends_with("-r __ns:=/left"), "{line}");
+    for entry in fs::read_dir(root().join("params")).unwrap() {
+        let path = entry.unwrap().path();
+        if !fs::read_to_string(&path).unwrap().contains("ros__parameters") {
+            continue; // a protocol, or gates
+        }
+        let cfg = config::load(&path, "/left/tactile_pose_fusion").unwrap();
+        assert_eq!((cfg.tactile[0].name.as_str(), cfg.joints[0].name.as_str()), LEFT, "{}", path.display());
+        assert_eq!(cfg.of_others, Vec::<String>::new());
+    }
+}
+
+/// Where the topics of the files that ship are for a node in `/left`.
+const LEFT: (&str, &str) = ("/left/glove/taxels", "/left/hand/joint_states");
 
 #[test]
 fn the_gates_page_runs_as_it_is_written() {

@@ -260,7 +260,9 @@ fn the_shipped_model_passes_the_default_gates_and_that_of_another_glove_fails_th
     tpf(path, &[&command[..], &[&shipped, "--update-refs"]].concat()).ok();
     let passed = tpf(path, &[&command[..], &[&shipped]].concat()).ok();
     assert!(passed.stdout.contains("12 passed, 0 failed, 0 skipped"), "{passed:?}");
-    let failed = tpf(path, &[&command[..], &[&wrong]].concat());
+    let refused = tpf(path, &[&command[..], &[&wrong]].concat());
+    assert!(refused.failure().contains("was trained on glove \"synthetic-2\""), "{refused:?}");
+    let failed = tpf(path, &[&command[..], &[&wrong, "-p", "model.fingertip.glove:=synthetic-2"]].concat());
     assert_eq!(failed.code, 1, "{failed:?}");
     assert!(failed.stdout.contains("FAILED  ba: 1: ") && failed.stdout.contains("FAILED  mdf_gf: 1: "), "{failed:?}");
 }
@@ -292,18 +294,19 @@ fn gates_that_can_not_be_meant_are_refused_before_anything_is_scored() {
 #[test]
 fn worse_joint_angles_are_scored_beside_those_recorded() {
     let folder = folder();
-    let worse = ["--pose-noise-deg", "0,40", "--pose-dropout", "1.0", "--pose-delay-ms", "300"];
+    let worse = ["--pose-noise-deg", "0,40", "--pose-dropout", "1.0", "--pose-delay-ms", "300", "--pose-rate-hz", "20"];
     let found = eval(folder.path(), &[&["--model", "model.onnx", "--compare", "other.onnx"], &worse[..]].concat());
     let names: Vec<&str> = found["models"].as_array().unwrap().iter().map(|m| m["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["other", "model, base", "model"], "the table holds what was recorded alone");
     let mae = |scores: &Value| scores["mae_gf"].as_f64().unwrap();
     let judged = mae(&named(&found, "model")["by"]["glove"][0]);
     let levels = found["pose_quality"].as_array().unwrap();
-    assert_eq!(levels.len(), 4);
+    assert_eq!(levels.len(), 5);
     assert_eq!(mae(&levels[0]["scores"][0]), judged, "no noise changes nothing");
     assert!((mae(&levels[1]["scores"][0]) - judged).abs() > 0.01, "{levels:?}");
     assert_ne!(mae(&levels[2]["scores"][0]), judged);
     assert_eq!(levels[3]["dropout"], 1.0);
+    assert!(levels[4]["rate_hz"] == 20.0 && mae(&levels[4]["scores"][0]) != judged, "{levels:?}");
     let base = mae(&named(&found, "model, base")["by"]["glove"][0]);
     assert_eq!(mae(&levels[3]["scores"][0]), base, "without any pose the base is left");
     let command = ["eval", "bags", "--params-file", "params.yaml", "--pose-noise-deg", "5", "--model"];

@@ -24,6 +24,7 @@ fn record(region: &str, ms: i64, force: f64) -> EstimateRecord {
         since: Stamp(0),
         flags: Flags::default(),
         pose_age_ns: Some(0),
+        age_ns: Some(0),
         on_threshold: Some(0.0245),
         off_threshold: Some(0.02),
         mdf: None,

@@ -305,10 +305,13 @@ fn what_cannot_work_is_one_line_and_leaves_nothing() {
     refused(&["--lerobot", "there"], "a dataset is never replaced");
     refused(&["--lerobot", "no/such/folder"], "no/such/folder");
     refused(
-        &["--lerobot", "dataset", "--fps", "200"],
+        &["--lerobot", "dataset", "--fps", "200", "--calibrate-first", "2"],
         "--fps 200 is faster than tactile source glove, which comes 100 times",
     );
-    refused(&["--lerobot", "dataset", "--tactile-window-ms", "4"], "is 0 samples of tactile source glove");
+    refused(
+        &["--lerobot", "dataset", "--tactile-window-ms", "4", "--calibrate-first", "2"],
+        "is 0 samples of tactile source glove",
+    );
     refused(&["--parquet", "no/such/frames.parquet"], "frames.parquet");
     let usage = export(path, &["holes.mcap"], &[]);
     assert!(usage.code == 2 && usage.stderr.contains("--lerobot"), "{usage:?}");
@@ -320,15 +323,17 @@ fn what_cannot_work_is_one_line_and_leaves_nothing() {
 }
 
 #[test]
-fn a_zero_that_looks_loaded_is_said() {
+fn a_zero_that_looks_loaded_is_refused_unless_the_parameters_insist() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     with_holes(path);
     let at_rest = export(path, &["holes.mcap"], &["--csv", "rest.csv", "--calibrate-first", "2"]).ok();
     assert!(!at_rest.stderr.contains("loaded"), "{at_rest:?}");
-    let loaded = export(path, &["holes.mcap"], &["--csv", "loaded.csv", "--calibrate-first", "4"]).ok();
-    let said = "holes.mcap: its zero is not to be believed: region index: calibration looks loaded";
-    assert!(loaded.stderr.contains(said), "{loaded:?}");
+    let loaded = export(path, &["holes.mcap"], &["--csv", "loaded.csv", "--calibrate-first", "4"]);
+    assert!(loaded.failure().starts_with("holes.mcap: region index: calibration looks loaded"), "{loaded:?}");
+    let insisted = ["--csv", "loaded.csv", "--calibrate-first", "4", "-p", "calibration.insist:=true"];
+    let insisted = export(path, &["holes.mcap"], &insisted).ok();
+    assert!(insisted.stderr.contains("used all the same, because calibration.insist is set"), "{insisted:?}");
 }
 
 #[test]

@@ -54,7 +54,6 @@ fn a_replay_killed_at_any_moment_leaves_its_output_absent_or_complete() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     write_session(&folder.join("session.mcap"), 8);
-    fs::remove_file(folder.join("metadata.yaml")).unwrap();
     LinearModel::new(64, 2, 1).gains(1.0, 20.0).metadata("unit", "gF").write(folder, "model.onnx");
     write_params(folder, 2, &["dip"], "");
     let inputs = files(folder);

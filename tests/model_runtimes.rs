@@ -33,9 +33,9 @@ fn fixture() -> Option<Fixture> {
     Some(Fixture { path, n: force.len(), tactile: values("tactile"), pose: values("pose"), force, base })
 }
 
-/// A model in a runtime, even where our own code can run it.
+/// A model in one of the backends.
 fn spec(path: &Path, backend: BackendChoice) -> ModelSpec {
-    ModelSpec { backend, only_runtime: true, ..ModelSpec::new(path) }
+    ModelSpec { backend, ..ModelSpec::new(path) }
 }
 
 /// A model in ONNX Runtime. Without a library the test is skipped, unless `TPF_REQUIRE_ORT=1` forbids that.
@@ -117,9 +117,9 @@ fn onnxruntime_gives_what_pytorch_gave() {
 #[test]
 fn our_own_code_gives_what_pytorch_gave() {
     let Some(fixture) = fixture() else { return };
-    let mut model =
-        model::load(&ModelSpec { only_runtime: false, ..spec(&fixture.path, BackendChoice::Rten) }).unwrap();
-    assert!(model.info.notes.iter().any(|note| note.starts_with("our own code runs it")), "{:?}", model.info.notes);
+    let mut model = model::load(&spec(&fixture.path, BackendChoice::Builtin)).unwrap();
+    let backend = model.info.backend.clone().unwrap();
+    assert_eq!((backend.runtime, backend.checked_against.is_some()), (RuntimeName::Builtin, true));
     assert_matches_pytorch(&mut model, &fixture);
     assert_large_batches_are_cut(&mut model, &fixture);
 }
@@ -155,7 +155,7 @@ fn auto_takes_onnxruntime_where_it_is_and_says_what_it_took() {
         assert!(backend.version.starts_with("1."), "{}", backend.version);
     } else {
         assert_eq!(backend.runtime, RuntimeName::Rten);
-        assert!(info.notes.last().unwrap().ends_with("RTen runs it"), "{:?}", info.notes);
+        assert!(info.notes.last().unwrap().ends_with("RTen takes its place"), "{:?}", info.notes);
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use common::onnx::LinearModel;
 use tactile_pose_fusion::fusion::{Contract, Forces, SharedWindows};
-use tactile_pose_fusion::model::{BackendChoice, Model, ModelSpec, load};
+use tactile_pose_fusion::model::{BackendChoice, Model, ModelSpec, RuntimeName, load};
 
 /// Enough for several stretches.
 const N_OVERLAPPING: usize = 400;
@@ -15,15 +15,15 @@ const N_OVERLAPPING: usize = 400;
 const N_APART: usize = 20;
 
 /// A model in our own code, on so many threads.
-fn load_as(path: &Path, backend: BackendChoice, n_threads: usize) -> Model {
+fn load_own(path: &Path, n_threads: usize) -> Model {
     let mut spec = ModelSpec::new(path);
-    (spec.backend, spec.threads) = (backend, NonZero::new(n_threads).unwrap());
+    (spec.backend, spec.threads) = (BackendChoice::Builtin, NonZero::new(n_threads).unwrap());
     load(&spec).unwrap()
 }
 
 /// A model in its runtime.
 fn load_in_runtime(path: &Path, backend: BackendChoice) -> Model {
-    load(&ModelSpec { backend, only_runtime: true, ..ModelSpec::new(path) }).unwrap()
+    load(&ModelSpec { backend, ..ModelSpec::new(path) }).unwrap()
 }
 
 fn backends() -> Vec<BackendChoice> {
@@ -70,7 +70,7 @@ fn forces(model: &mut Model, input: &Input) -> Forces {
 
 fn holds(path: &Path) {
     for backend in backends() {
-        let (mut alone, mut together) = (load_in_runtime(path, backend), load_as(path, backend, 1));
+        let (mut alone, mut together) = (load_in_runtime(path, backend), load_own(path, 1));
         let name = path.display();
         assert_eq!(
             (alone.info.batch_hint, together.info.batch_hint),
@@ -105,12 +105,12 @@ fn a_stretch_gives_the_forces_of_its_windows() {
 #[test]
 fn any_company_and_any_number_of_threads_give_the_same_bits() {
     let path = model("glove1_pose_aware.onnx");
-    let mut one = load_as(&path, BackendChoice::Rten, 1);
+    let mut one = load_own(&path, 1);
     let input = Input::new(&one.info.contract);
     let expected = forces(&mut one, &input);
     assert!(expected.force.iter().chain(&expected.base).all(|force| force.is_finite()));
     for n_threads in [2, 3] {
-        let mut several = load_as(&path, BackendChoice::Rten, n_threads);
+        let mut several = load_own(&path, n_threads);
         let again = [forces(&mut several, &input), forces(&mut several, &input)];
         assert!(again.iter().all(|again| *again == expected), "{n_threads} threads");
     }
@@ -156,7 +156,8 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
 fn any_other_model_runs_as_it_is_and_says_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = LinearModel::new(64, 6, 4).metadata("unit", "gF").write(folder.path(), "linear.onnx");
-    let model = load_as(&path, BackendChoice::Rten, 1);
+    let model = load(&ModelSpec::new(path)).unwrap();
     assert_eq!(model.info.batch_hint, 32);
-    assert!(!model.info.notes.iter().any(|note| note.contains("runtime runs it")), "{:?}", model.info.notes);
+    assert_ne!(model.info.backend.unwrap().runtime, RuntimeName::Builtin);
+    assert!(!model.info.notes.iter().any(|note| note.contains("runs it")), "{:?}", model.info.notes);
 }

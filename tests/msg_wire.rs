@@ -38,6 +38,7 @@ fn contact(region: &str) -> ContactState {
         off_threshold: 0.0625,
         mdf: 0.375,
         pose_age: 0.015625,
+        age: 0.03125,
         flags: ContactState::STALE_POSE | ContactState::FAULTY_TAXEL,
     }
 }
@@ -170,6 +171,11 @@ fn constants_equal_those_of_the_texts() {
         ("POSE_OUT_OF_RANGE", ContactState::POSE_OUT_OF_RANGE),
         ("FAULTY_TAXEL", ContactState::FAULTY_TAXEL),
         ("NON_FINITE", ContactState::NON_FINITE),
+        ("LATE", ContactState::LATE),
+        ("HELD_POSE", ContactState::HELD_POSE),
+        ("FROZEN", ContactState::FROZEN),
+        ("INTERLEAVED", ContactState::INTERLEAVED),
+        ("WRONG_RATE", ContactState::WRONG_RATE),
     ]);
     assert_eq!(constants("tactile_pose_fusion/msg/ContactState"), contact);
     let stage = ours(&[

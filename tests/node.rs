@@ -6,11 +6,12 @@
 mod common;
 mod node_common;
 
-use common::bags::{at, messages, write_session};
+use common::bags::{at, decoded, messages, write_session};
 use common::onnx::LinearModel;
 use common::tpf::tpf;
 use node_common::estimates::{assert_equals_replay, replay};
 use node_common::{Live, PARAMS, peer, write_setup};
+use tactile_pose_fusion::msg::{ContactArray, ContactState};
 
 const NODE: &str = "/tactile_pose_fusion";
 
@@ -67,6 +68,7 @@ fn a_simulated_session_through_rclpy_gives_what_replay_gives() {
       /tactile_pose_fusion/index/wrench: {publisher: {reliability: reliable, depth: 1000}}
       /tactile_pose_fusion/contacts: {publisher: {reliability: reliable, depth: 1000}}
     tactile_timeout_ms: 500.0
+    timing.max_age_ms: 0.0
 ";
     let live = params(", type: sensor_msgs/msg/LaserScan, field: ranges", reliable);
     std::fs::write(folder.path().join("live.yaml"), live).unwrap();
@@ -103,7 +105,8 @@ fn a_recorded_run_replays_to_the_same_bytes() {
     let Some(python) = common::skip::ros_python() else { return };
     let folder = tempfile::tempdir().unwrap();
     write_session(&folder.path().join("session.mcap"), 12);
-    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "");
+    // The session is of long ago, so every frame is late: how late, replay knows from the recording.
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "    timing.max_age_ms: 100.0\n");
     let args = ["--params-file", "live.yaml", "--calibration", "calibration.yaml", "--record", "run.mcap"];
     let live = Live::start(folder.path(), &args);
     received(&python, folder.path(), "rclpy");
@@ -120,4 +123,7 @@ fn a_recorded_run_replays_to_the_same_bytes() {
     let (live, again) = (estimates("run.mcap"), estimates("again.mcap"));
     assert!(live.len() > 1000 && live == again, "{} and {} messages", live.len(), again.len());
     assert!(at(0) < live[0].1);
+    let contacts: Vec<ContactArray> = decoded(&folder.path().join("again.mcap"), &format!("{NODE}/contacts"));
+    let late = |array: &ContactArray| array.contacts[0].flags & ContactState::LATE != 0 && array.contacts[0].age > 1e6;
+    assert!(contacts.iter().all(late), "{:?}", contacts[0]);
 }

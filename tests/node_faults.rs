@@ -6,14 +6,14 @@
 mod common;
 mod node_common;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use common::bags::write_session;
-use node_common::{Feeder, Heard, Listener, Live, memory_mb, peer, peer_command, signal, write_setup};
+use node_common::scene::Scene;
+use node_common::{memory_mb, peer, peer_command, signal};
 use tactile_pose_fusion::config::NodeName;
 use tactile_pose_fusion::msg::{ContactState, Text, WireType};
 use tactile_pose_fusion::ros::environment::Environment;
@@ -22,42 +22,7 @@ use tactile_pose_fusion::ros::{Delivery, Listening, TopicType};
 
 const STALE_TACTILE: u32 = ContactState::STALE_TACTILE;
 const STALE_POSE: u32 = ContactState::STALE_POSE;
-
-struct Scene {
-    python: PathBuf,
-    folder: tempfile::TempDir,
-    live: Live,
-    listener: Listener,
-}
-
-impl Scene {
-    /// A calibrated node that someone listens to; none where there is no ROS to test against.
-    fn set(extra: &str) -> Option<Scene> {
-        let python = common::skip::ros_python()?;
-        let folder = tempfile::tempdir().unwrap();
-        write_session(&folder.path().join("session.mcap"), 4);
-        write_setup(folder.path(), "sensor_msgs/msg/LaserScan", extra);
-        let live = Live::start(folder.path(), &["--params-file", "live.yaml", "--calibration", "calibration.yaml"]);
-        let listener = Listener::start(&python, folder.path());
-        Some(Scene { python, folder, live, listener })
-    }
-
-    fn path(&self) -> &Path {
-        self.folder.path()
-    }
-
-    fn feed(&self, args: &[&str]) -> Feeder {
-        Feeder::start(&self.python, args, self.path())
-    }
-
-    fn wait_for_estimates(&self) -> Heard {
-        self.listener.wait_for("an estimate", |heard| heard.flags == 0 && !heard.force.is_nan())
-    }
-
-    fn disturb(&self, args: &[&str]) {
-        peer(&self.python, "disturb.py", args, self.path());
-    }
-}
+const LATE: u32 = ContactState::LATE;
 
 #[test]
 fn tactile_data_that_stops_is_said_within_its_limit_and_recovers_when_it_comes_back() {
@@ -75,6 +40,28 @@ fn tactile_data_that_stops_is_said_within_its_limit_and_recovers_when_it_comes_b
     let _feeder = scene.feed(&["both", "60"]);
     scene.wait_for_estimates();
     assert!(scene.live.stop().contains("tactile source glove is back"));
+}
+
+#[test]
+fn what_a_stalled_link_delivers_late_is_not_published_after_newer_and_a_delay_is_flagged() {
+    let Some(scene) = Scene::set("    timing.max_age_ms: 100.0\n") else { return };
+    let feeder = scene.feed(&["both", "60", "100", "loaded", "0", "6", "1"]);
+    scene.wait_for_estimates();
+    std::thread::sleep(Duration::from_secs(8)); // the stall, and what comes after it
+    let heard = scene.listener.drain();
+    let stale = heard.iter().find(|heard| heard.flags & STALE_TACTILE != 0).expect("silence is said");
+    assert!(stale.age.is_nan());
+    let again = heard.iter().any(|heard| heard.flags == 0 && heard.stamp > stale.stamp && heard.age < 0.1);
+    assert!(again, "estimates come again");
+    assert!(heard.windows(2).all(|pair| pair[0].stamp <= pair[1].stamp), "a stamp older than one before it");
+    let aged = heard.iter().filter(|heard| heard.age.abs() > 0.1);
+    assert!(aged.clone().all(|heard| heard.flags & LATE != 0), "{:?}", aged.collect::<Vec<_>>());
+    drop(feeder);
+    // A link that is two seconds behind, for ever: nothing is dropped, and every frame says so.
+    let _behind = scene.feed(&["both", "60", "100", "moving", "-2"]);
+    let late = scene.listener.wait_for("LATE", |heard| heard.flags == LATE && !heard.force.is_nan());
+    assert!((2.0..2.5).contains(&late.age), "{late:?}");
+    let _ = scene.live.stop();
 }
 
 #[test]
@@ -225,4 +212,37 @@ fn sigterm_under_load_ends_the_node_at_once() {
     signal(scene.live.pid(), "TERM");
     scene.live.wait_for(&["leaving"]);
     scene.live.stop_quietly();
+}
+
+/// What malformed packets in the names of peers do, for twenty seconds: every kind that RTPS has, and discovery.
+#[test]
+fn a_flood_of_malformed_packets_costs_a_bounded_amount_and_contacts_go_on() {
+    let Some(scene) = Scene::set("") else { return };
+    let _feeder = scene.feed(&["both", "120"]);
+    scene.wait_for_estimates();
+    let before = memory_mb(scene.live.pid());
+    let said = peer(&scene.python, "rtps_flood.py", &["20"], scene.path());
+    let ended = Instant::now();
+    let sent: BTreeMap<String, u64> = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+    assert!(sent.len() >= 16 && sent.values().all(|n| *n > 500), "every kind, often: {sent:?}");
+    let again =
+        scene.listener.wait_for("an estimate", |heard| heard.flags == 0 && heard.at > ended && heard.age_s < 1.0);
+    assert!(again.at - ended < Duration::from_secs(2), "went on after {:?}", again.at - ended);
+    let after = memory_mb(scene.live.pid());
+    assert!(after - before < 100.0, "{before} MB, then {after} MB");
+    let log = scene.live.stop();
+    assert!(!log.contains("panicked"), "{log}");
+}
+
+#[test]
+fn a_dozen_ways_in_which_inputs_go_wrong_are_told_within_five_seconds() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let binaries = Path::new(env!("CARGO_BIN_EXE_tpf")).parent().unwrap().to_str().unwrap();
+    // All of them, with a table: tests/ros/isolated python tests/ros/wrong_inputs.py run target/debug --out FILE.md
+    let output =
+        peer_command(&python, "wrong_inputs.py", &["run", binaries, "--short"], folder.path()).output().unwrap();
+    let (said, failed) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{said}{failed}");
+    assert!(said.contains("12 of 12 ways"), "{said}");
 }

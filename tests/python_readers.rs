@@ -28,7 +28,8 @@ fn contact(c: &ContactState) -> Value {
         "region": c.region, "frame_id": c.frame_id, "contact_raw": c.contact_raw, "contact": c.contact,
         "event": c.event, "since": {"sec": c.since.sec, "nanosec": c.since.nanosec}, "force": bits(c.force),
         "force_base": bits(c.force_base), "artifact": bits(c.artifact), "on_threshold": bits(c.on_threshold),
-        "off_threshold": bits(c.off_threshold), "mdf": bits(c.mdf), "pose_age": bits(c.pose_age), "flags": c.flags
+        "off_threshold": bits(c.off_threshold), "mdf": bits(c.mdf), "pose_age": bits(c.pose_age), "age": bits(c.age),
+        "flags": c.flags
     })
 }
 

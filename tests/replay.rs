@@ -8,10 +8,14 @@ use std::fs;
 use std::path::Path;
 
 use common::bags::{Bag, at, decoded, messages, stamp_of, write_session};
+use common::layouts;
 use common::onnx::LinearModel;
 use common::shared;
 use common::tpf::{tpf, write_params};
-use tactile_pose_fusion::msg::{ContactArray, ContactState, Header, Stage, WrenchStamped, from_cdr};
+use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagWriter, NewChannel, WriteOptions};
+use tactile_pose_fusion::msg::{
+    ContactArray, ContactState, Header, Stage, TaxelArray, WrenchStamped, definition_text, from_cdr,
+};
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 
 const CONTACTS: &str = "/tactile_pose_fusion/contacts";
@@ -70,7 +74,7 @@ fn a_bag_of_the_fixtures_frames_gives_pytorchs_outputs() {
         bag.taxels(at(k as i64 * 10), &tactile[k * 16..(k + 1) * 16]);
     }
     bag.finish();
-    let mut backends = vec!["rten"];
+    let mut backends = vec!["builtin", "rten"];
     if common::onnx_runtime_is_here() {
         backends.push("onnxruntime");
     }
@@ -119,6 +123,46 @@ fn force_and_contact_follow_the_touches_and_not_the_bends() {
     assert!(state(10).force.is_nan() && state(10).mdf.is_nan());
     let onsets = (0..1000).filter(|&k| state(k).event == ContactState::ONSET).count();
     assert_eq!(onsets, 3);
+}
+
+#[test]
+fn how_old_frames_were_is_told_where_a_live_node_recorded_them_and_nowhere_else() {
+    let folder = session(5);
+    let folder = folder.path();
+    let ages = |bag: &str, more: &[&str]| -> Vec<(f64, u32)> {
+        fs::rename(folder.join(bag), folder.join("session.mcap")).unwrap();
+        replay(folder, "out.mcap", &[&FIRST[..], &["--overwrite"], more].concat()).ok();
+        let arrays = decoded::<ContactArray>(&folder.join("out.mcap"), CONTACTS);
+        arrays.iter().map(|array| (array.contacts[0].age, array.contacts[0].flags & ContactState::LATE)).collect()
+    };
+    // As a live node records them: received 30 ms after their stamps, and 150 ms from the third second on.
+    let mut writer = BagWriter::create(&folder.join("live.mcap"), WriteOptions::default()).unwrap();
+    for (k, message) in messages(&folder.join("session.mcap")).into_iter().enumerate() {
+        let channel = NewChannel {
+            topic: &message.topic,
+            type_name: &message.type_name,
+            schema_text: &definition_text(&message.type_name).unwrap(),
+            qos_yaml: BEST_EFFORT_QOS,
+            type_hash: "",
+        };
+        let channel = writer.add_live_input(channel).unwrap();
+        let received = message.log_time.offset(if k < 400 { 30_000_000 } else { 150_000_000 });
+        writer.write(channel, 0, received, received, &message.data).unwrap();
+    }
+    writer.finish().unwrap();
+    let unknown = ages("session.mcap", &[]);
+    assert!(unknown.iter().all(|(age, late)| age.is_nan() && *late == 0));
+    let live = ages("live.mcap", &["--merge"]);
+    // A frame is complete with the joint state 3 ms after it; the last ones when the bag ends.
+    let complete = &live[..live.len() - 2];
+    let (prompt, slow) = complete.split_at(198);
+    assert!(prompt.iter().all(|(age, late)| (*age - 0.033).abs() < 1e-9 && *late == 0), "{prompt:?}");
+    assert!(slow[4..].iter().all(|(age, late)| (*age - 0.153).abs() < 1e-9 && *late != 0), "{slow:?}");
+    let lenient = ages("out.mcap", &["--node", "/again", "-p", "timing.max_age_ms:=0.0"]);
+    assert!(lenient.is_empty(), "estimates of /again are elsewhere");
+    let again: Vec<ContactArray> = decoded(&folder.join("out.mcap"), "/again/contacts");
+    assert!(again.iter().any(|array| array.contacts[0].age > 0.15));
+    assert!(again.iter().all(|array| array.contacts[0].flags & ContactState::LATE == 0), "0 is no limit");
 }
 
 #[test]
@@ -253,6 +297,154 @@ fn annotated_stretches_are_the_zero() {
     assert_eq!(baseline["from"], "annotations");
     let seconds = baseline["seconds"][0].as_f64().unwrap();
     assert!((seconds - 4.97).abs() < 0.05, "{seconds}"); // 5 s less the steps at the edges
+}
+
+/// The session with an annotation at each of these seconds: whether nothing touches the glove from there on.
+fn annotate(folder: &Path, name: &str, at_rest: &[(i64, bool)]) {
+    let mut bag = Bag::create(&folder.join(name));
+    let mut annotations = at_rest.iter().peekable();
+    for message in messages(&folder.join("session.mcap")) {
+        while let Some(&(second, zero_load)) = annotations.next_if(|(second, _)| at(second * 1000) <= message.log_time)
+        {
+            let header = Header { stamp: at(second * 1000).into(), frame_id: String::new() };
+            bag.send("/stage", message.log_time, &Stage { header, stage: 1, zero_load, ..Stage::default() });
+        }
+        if message.topic == "/taxels" {
+            bag.send_bytes::<tactile_pose_fusion::msg::TaxelArray>("/taxels", message.log_time, &message.data);
+        } else {
+            bag.send_bytes::<tactile_pose_fusion::msg::JointState>("/joints", message.log_time, &message.data);
+        }
+    }
+    bag.finish();
+}
+
+#[test]
+fn a_zero_is_judged_wherever_it_comes_from() {
+    let folder = session(8);
+    let folder = folder.path();
+    let params = ["--params-file", "params.yaml"];
+    let insist = ["-p", "calibration.insist:=true"];
+    tpf(folder, &[&["calibrate", "session.mcap", "-o", "zero.yaml"], &params[..], &FIRST[..]].concat()).ok();
+    // Seconds 4 and 6 are touched.
+    annotate(folder, "air.mcap", &[(0, true), (4, false)]);
+    annotate(folder, "loaded.mcap", &[(0, true)]);
+    LinearModel::new(64, 2, 1).gains(1.0, 21.0).metadata("unit", "gF").write(folder, "other.onnx");
+    let (file, first) = (["--calibration", "zero.yaml"], ["--calibrate-first", "8"]);
+    let other = ["--model", "other.onnx", "--calibration", "zero.yaml"];
+    let none: [&str; 0] = [];
+    let cases: [(&str, &[&str], &str); 4] = [
+        ("session.mcap", &first, "region index: calibration looks loaded: "),
+        ("loaded.mcap", &none, "region index: calibration looks loaded: "),
+        ("loaded.mcap", &file, "region index: the zero of zero.yaml doesn't hold in this recording: "),
+        ("air.mcap", &other, "zero.yaml: was judged with another model tip than this one; calibrate again"),
+    ];
+    for (bag, from, refusal) in cases {
+        let replay = [&["replay", bag, "-o", "out.mcap", "--overwrite"], &params[..], from].concat();
+        let refused = tpf(folder, &replay);
+        assert!(refused.failure().starts_with(refusal), "{bag} {from:?}: {refused:?}");
+        let insisted = tpf(folder, &[&replay[..], &insist].concat()).ok();
+        let said = insisted.stderr.lines().find(|line| line.starts_with(refusal));
+        assert!(said.is_some_and(|line| line.ends_with("; used all the same, because calibration.insist is set")));
+    }
+    for from in [&none[..], &file] {
+        tpf(folder, &[&["replay", "air.mcap", "-o", "air_out.mcap", "--overwrite"], &params[..], from].concat()).ok();
+    }
+    let refused = tpf(folder, &[&["calibrate", "loaded.mcap", "-o", "never.yaml"], &params[..]].concat());
+    assert!(refused.failure().starts_with("region index: calibration looks loaded: "), "{refused:?}");
+    assert!(!folder.join("never.yaml").exists());
+    let past =
+        tpf(folder, &[&["replay", "session.mcap", "-o", "p.mcap", "--calibrate-first", "500"], &params[..]].concat());
+    assert!(past.failure().starts_with("the first 500 s are asked for as zero load and the recording has 8.0 s"));
+}
+
+#[test]
+fn stamps_of_another_clock_reach_no_log_time_and_a_message_of_wrong_length_no_clock() {
+    let folder = session(6);
+    let folder = folder.path();
+    let session = messages(&folder.join("session.mcap"));
+    let (begin, end) = (session[0].log_time, session[session.len() - 1].log_time);
+    // Since boot, and before 1970.
+    for (name, offset_ns) in [("boot", 1_699_999_990_000_000_000), ("negative", 1_700_000_100_000_000_000)] {
+        let mut bag = Bag::create(&folder.join("session.mcap.new"));
+        for message in &session {
+            let move_back = |header: &mut Header| header.stamp = stamp_of(header).offset(-offset_ns).into();
+            if message.topic == "/taxels" {
+                let mut taxels: tactile_pose_fusion::msg::TaxelArray = from_cdr(&message.data).unwrap();
+                move_back(&mut taxels.header);
+                bag.send("/taxels", message.log_time, &taxels);
+                if taxels.sequence == 350 {
+                    let mut short = taxels.clone();
+                    (short.header, short.values) = (Header::default(), vec![1.0]);
+                    bag.send("/taxels", message.log_time, &short);
+                }
+            } else {
+                let mut joints: tactile_pose_fusion::msg::JointState = from_cdr(&message.data).unwrap();
+                move_back(&mut joints.header);
+                bag.send("/joints", message.log_time, &joints);
+            }
+        }
+        bag.finish();
+        let out = format!("{name}.mcap");
+        let input = folder.join("session.mcap.new").join("session.mcap.new_0.mcap");
+        fs::rename(input, folder.join("shifted.mcap")).unwrap();
+        fs::remove_dir_all(folder.join("session.mcap.new")).unwrap();
+        let args = ["replay", "shifted.mcap", "--params-file", "params.yaml", "--json", "-o", &out, FIRST[0], FIRST[1]];
+        let summary = tpf(folder, &args).ok().json();
+        let tactile = &summary["tactile"][0];
+        assert_eq!(
+            (&tactile["wrong_length"], &tactile["time_jumps"], &tactile["gaps"]),
+            (&1.into(), &0.into(), &0.into())
+        );
+        let times: Vec<Stamp> = messages(&folder.join(&out)).iter().map(|message| message.log_time).collect();
+        assert_eq!(times[times.len() - 1], end, "{name}: the last frames came with the last message");
+        assert!(times.iter().all(|time| (begin..=end).contains(time)), "{name}");
+    }
+}
+
+#[test]
+fn a_bag_written_topic_by_topic_gives_what_the_bag_in_order_gives() {
+    let folder = session(6);
+    let folder = folder.path();
+    let mut bag = Bag::create(&folder.join("by_topic.mcap"));
+    for topic in ["/taxels", "/joints"] {
+        for message in messages(&folder.join("session.mcap")).iter().filter(|message| message.topic == topic) {
+            if topic == "/taxels" {
+                bag.send_bytes::<tactile_pose_fusion::msg::TaxelArray>(topic, message.log_time, &message.data);
+            } else {
+                bag.send_bytes::<tactile_pose_fusion::msg::JointState>(topic, message.log_time, &message.data);
+            }
+        }
+        bag.writer.flush().unwrap();
+    }
+    bag.finish();
+    let in_order = replay(folder, "a.mcap", &[FIRST[0], FIRST[1], "--json"]).ok().json();
+    let args =
+        ["replay", "by_topic.mcap", "--params-file", "params.yaml", "-o", "b.mcap", "--json", FIRST[0], FIRST[1]];
+    let by_topic = tpf(folder, &args).ok().json();
+    assert_eq!(in_order["estimates_sha256"], by_topic["estimates_sha256"]);
+    assert_eq!(fs::read(folder.join("a.mcap")).unwrap(), fs::read(folder.join("b.mcap")).unwrap());
+    assert!(!folder.join("metadata.yaml").exists(), "it would hide the other bags");
+}
+
+#[test]
+fn a_folder_of_several_recordings_is_named_and_not_merged() {
+    let folder = session(6);
+    let folder = folder.path();
+    fs::create_dir(folder.join("days")).unwrap();
+    for day in ["monday", "tuesday"] {
+        fs::copy(folder.join("session.mcap"), folder.join(format!("days/{day}.mcap"))).unwrap();
+    }
+    let params = ["--params-file", "params.yaml"];
+    let refusal = "days: holds 2 recordings, monday.mcap, tuesday.mcap: name the one that is meant";
+    for args in [&["replay", "days", "-o", "o.mcap"][..], &["calibrate", "days", "-o", "o.yaml"]] {
+        let run = tpf(folder, &[args, &params].concat());
+        assert!(run.failure().starts_with(refusal), "{run:?}");
+    }
+    let run = tpf(folder, &["diff", "days", "session.mcap"]);
+    assert!(run.stderr.contains(refusal), "{run:?}");
+    let run = tpf(folder, &["inspect", "days", "--json"]).ok();
+    assert_eq!(run.json().as_array().unwrap().len(), 2);
+    assert!(run.stderr.contains("days: 2 recordings, each by itself: monday.mcap, tuesday.mcap"), "{run:?}");
 }
 
 #[test]
@@ -476,4 +668,209 @@ fn each_setup_that_cannot_work_is_one_clear_line_and_leaves_no_output() {
     let taken = replay(folder, "out.mcap", &FIRST);
     assert!(taken.failure().contains("out.mcap"), "{taken:?}");
     assert_eq!(fs::read(folder.join("out.mcap")).unwrap(), b"mine");
+}
+
+#[test]
+fn one_topic_feeds_every_source_that_reads_from_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut bag = Bag::create(&path.join("hand.mcap"));
+    let hand = layouts::add::<layouts::HandState>(&mut bag, "/hand");
+    for (ms, zero_load) in [(0, true), (3_900, false)] {
+        let header = Header { stamp: at(ms).into(), frame_id: String::new() };
+        let (substage, pose) = (String::new(), String::new());
+        bag.send("/stage", at(ms), &Stage { header, stage: 1, substage, pose, repetition: 0, zero_load });
+    }
+    (0..600).for_each(|k| layouts::send(&mut bag, hand, at(10 * k), &layouts::hand_state(k)));
+    bag.finish();
+    let model = LinearModel::new(8, 3, 1).metadata("unit", "N");
+    model.write(path, "model.onnx");
+    let params = "/**:
+  ros__parameters:
+    regions: [index, thumb]
+    tactile_sources: [index, thumb]
+    joint_sources: [hand]
+    truth_sources: [load]
+    tactile.index: {topic: /hand, type: acme/msg/HandState, n_taxels: 3, field: \"press_sensor_state[0].pressure\", stamp: receipt}
+    tactile.thumb: {topic: /hand, type: acme/msg/HandState, n_taxels: 3, field: \"press_sensor_state[1].pressure\", stamp: receipt}
+    joint.hand: {topic: /hand, type: acme/msg/HandState, field: \"motor_state[].q\", names: [mcp, pip], stamp: receipt}
+    truth.load: {topic: /hand, type: acme/msg/HandState, field: load, stamp: receipt}
+    model.tip: {path: model.onnx}
+    region.index: {model: tip, tactile_source: index, joints: [pip], frame_id: index}
+    region.thumb: {model: tip, tactile_source: thumb, joints: [mcp], frame_id: thumb}
+    calibration.max_force: 1000.0
+";
+    fs::write(path.join("params.yaml"), params).unwrap();
+    let args = ["--params-file", "params.yaml", "--calibrate-first", "2.5", "--merge", "-o", "out.mcap", "--json"];
+    let run = tpf(path, &[&["replay", "hand.mcap"], &args[..]].concat()).ok();
+    assert_eq!(
+        run.json()["topics"]["/hand"],
+        serde_json::json!({"read": 600, "unreadable": {}, "first_error": null}),
+        "a message counts once"
+    );
+    let contacts: Vec<ContactArray> = decoded(&path.join("out.mcap"), CONTACTS);
+    let readings = layouts::readings(6, 599);
+    for (region, joint) in [("index", 1), ("thumb", 0)] {
+        let of_region = |array: &ContactArray| array.contacts.iter().find(|state| state.region == region).cloned();
+        let states: Vec<ContactState> = contacts.iter().filter_map(of_region).collect();
+        assert_eq!(states.len(), 600, "{region}");
+        let first = if region == "index" { 0 } else { 3 };
+        let features: Vec<f32> = (first..first + 3).map(|taxel| readings[taxel] - (100 + taxel) as f32).collect();
+        let expected = model.expected(&features, &[layouts::degrees(joint, 599).to_radians()]).0;
+        // Sums in another order.
+        assert!((states[599].force - f64::from(expected)).abs() < 1e-4, "{region}: {} {expected}", states[599].force);
+    }
+    // The true force is in the same messages.
+    tpf(path, &["export", "out.mcap", "--params-file", "params.yaml", "--csv", "rows.csv"]).ok();
+    let rows = fs::read_to_string(path.join("rows.csv")).unwrap();
+    let header: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+    let column = header.iter().position(|name| name.contains("truth")).unwrap_or_else(|| panic!("{header:?}"));
+    let last = rows.lines().last().unwrap().split(',').nth(column).unwrap();
+    assert!((last.parse::<f64>().unwrap() - 2.5).abs() < 1e-9, "through gF and back: {last} in {header:?}");
+
+    // A part of a message that can't be read is counted and named, and the others are used.
+    let args = [&args[..4], &["-o", "short.mcap", "--json", "-p", "joint.hand.names:=[mcp]", "-p"]].concat();
+    let run = tpf(path, &[&["replay", "hand.mcap"], &args[..], &["region.index.joints:=[mcp]"]].concat());
+    let first = "joint angles: a acme/msg/HandState names 1 joints and holds 2 positions; expected as many of both";
+    assert!(run.stderr.contains(&format!("topic /hand: none of its 600 messages could be read: {first}")), "{run:?}");
+    let types = ["-p", "joint.hand.type:=acme/msg/Other"];
+    let run =
+        tpf(path, &[&["replay", "hand.mcap", "-o", "x.mcap", "--params-file", "params.yaml"], &types[..]].concat());
+    assert!(run.failure().contains("both are on the topic /hand: it has one type"), "{run:?}");
+}
+
+#[test]
+fn angles_in_the_other_unit_are_doubted_by_the_name_of_the_parameter() {
+    let folder = session(8);
+    let path = folder.path();
+    let right = replay(path, "right.mcap", &FIRST);
+    assert!(!right.stderr.contains("degrees"), "{right:?}");
+    let run = replay(path, "tiny.mcap", &[&FIRST[..], &["-p", "joint.hand.degrees:=true"]].concat());
+    assert!(run.stderr.contains("they look like radians; set joint.hand.degrees to false"), "{run:?}");
+    let mut bag = Bag::create(&path.join("degrees.mcap"));
+    for k in 0..800 {
+        let bend = 40.0 * (k as f64 * 0.02).sin();
+        bag.joints(at(k * 10 + 3), &["pip", "dip"], &[2.0 * bend, bend]);
+        bag.taxels(at(k * 10 + 10), &[10.0 + (k % 5) as f32, 5.0]);
+    }
+    bag.finish();
+    let args = [
+        "replay",
+        "degrees.mcap",
+        "--params-file",
+        "params.yaml",
+        "-o",
+        "x.mcap",
+        "-p",
+        "calibration.max_force:=1000.0",
+    ];
+    let run = tpf(path, &[&args[..], &FIRST[..]].concat());
+    assert!(run.stderr.contains("they look like degrees; set joint.hand.degrees to true"), "{run:?}");
+}
+
+#[test]
+fn a_file_name_steers_no_terminal_and_an_output_that_is_there_names_the_option() {
+    let folder = session(8);
+    let path = folder.path();
+    fs::rename(path.join("session.mcap"), path.join("a\u{1b}]0;x\u{7}.mcap")).unwrap();
+    let args = [
+        "replay",
+        "a\u{1b}]0;x\u{7}.mcap",
+        "--params-file",
+        "params.yaml",
+        "-o",
+        "b\u{1b}[31m.mcap",
+        FIRST[0],
+        FIRST[1],
+    ];
+    let run = tpf(path, &args).ok();
+    assert!(
+        run.stdout.contains("estimates") && !run.stdout.contains('\u{1b}') && !run.stderr.contains('\u{1b}'),
+        "{run:?}"
+    );
+    let again = tpf(path, &args);
+    assert!(again.failure().contains("give --overwrite") && !again.stderr.contains('\u{1b}'), "{again:?}");
+}
+
+#[test]
+fn a_model_of_another_glove_is_refused_unless_it_is_asked_for_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut bag = Bag::create(&folder.join("session.mcap"));
+    bag.joints(at(0), &["mcp"], &[0.0]);
+    (0..300).for_each(|k| bag.taxels(at(k * 10), &[(k % 2) as f32; 6]));
+    bag.finish();
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_tactile_only.onnx");
+    write_params(folder, 6, &[], "    glove: synthetic-3\n");
+    let run = |more: &[&str]| {
+        let args =
+            ["replay", "session.mcap", "--params-file", "params.yaml", "--model", model, "--calibrate-first", "2"];
+        tpf(folder, &[&args[..], &["-o", "out.mcap", "--overwrite"], more].concat())
+    };
+    let refused = run(&[]);
+    assert_eq!(
+        refused.failure().rsplit_once(".onnx: ").unwrap().1,
+        "was trained on glove \"synthetic-1\", the parameters say glove: \"synthetic-3\"; take the model of this glove, correct `glove`, or set model.NAME.glove to \"synthetic-1\" to use it all the same"
+    );
+    let args = ["calibrate", "session.mcap", "--params-file", "params.yaml", "--model", model, "-o", "zero.yaml"];
+    assert!(tpf(folder, &args).failure().contains("was trained on glove \"synthetic-1\""));
+    let insisted = run(&["-p", "model.tip.glove:=synthetic-1"]).ok();
+    let note = "it was trained on glove synthetic-1 and is used on glove synthetic-3, as model.NAME.glove says";
+    assert!(insisted.stderr.contains(note), "{insisted:?}");
+    let wrong = run(&["-p", "model.tip.glove:=synthetic-2"]);
+    assert!(wrong.failure().contains("the parameters say model.NAME.glove: \"synthetic-2\""), "{wrong:?}");
+    run(&["-p", "glove:=synthetic-1"]).ok();
+}
+
+#[test]
+fn contacts_hold_the_regions_of_every_tactile_source_and_flag_those_of_one_that_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut bag = Bag::create(&folder.join("session.mcap"));
+    let is_there = |k: i64| !(500..600).contains(&k);
+    for k in 0..800 {
+        let bend = (k as f64 * 0.02).sin();
+        let wiggle = (k * 7919 % 13) as f32 * 0.01;
+        bag.joints(at(k * 10 + 3), &["dip"], &[bend]);
+        bag.taxels(at(k * 10), &[10.0 + wiggle, 5.0 - wiggle]);
+        if is_there(k) {
+            let header = Header { stamp: at(k * 10 + 2).into(), frame_id: String::new() };
+            let thumb =
+                TaxelArray { header, rows: 1, values: vec![10.0 + wiggle, 5.0 - wiggle], ..TaxelArray::default() };
+            bag.send("/thumb", at(k * 10 + 2), &thumb);
+        }
+    }
+    bag.finish();
+    LinearModel::new(4, 2, 1).gains(1.0, 0.0).metadata("unit", "gF").write(folder, "model.onnx");
+    let params = "/**:
+  ros__parameters:
+    regions: [index, thumb]
+    tactile_sources: [glove, thumb]
+    joint_sources: [hand]
+    tactile.glove: {topic: /taxels, n_taxels: 2}
+    tactile.thumb: {topic: /thumb, n_taxels: 2}
+    joint.hand: {topic: /joints}
+    model.tip: {path: model.onnx}
+    region.index: {model: tip, tactile_source: glove, joints: [dip], frame_id: index_tip}
+    region.thumb: {model: tip, tactile_source: thumb, joints: [dip], frame_id: thumb_tip}
+";
+    fs::write(folder.join("params.yaml"), params).unwrap();
+    replay(folder, "out.mcap", &["--calibrate-first", "3"]).ok();
+    let arrays: Vec<ContactArray> = decoded(&folder.join("out.mcap"), CONTACTS);
+    let names = |array: &ContactArray| array.contacts.iter().map(|state| state.region.clone()).collect::<Vec<_>>();
+    assert!(arrays.iter().all(|array| names(array) == ["index", "thumb"]));
+    assert!((795..=801).contains(&arrays.len()), "one a period of 800: {}", arrays.len());
+    let of_gap = |array: &&ContactArray| (at(5100)..at(5990)).contains(&stamp_of(&array.header));
+    let gap: Vec<&ContactArray> = arrays.iter().filter(of_gap).collect();
+    assert!(gap.len() >= 88, "the other one goes on: {}", gap.len());
+    for array in gap {
+        let [index, thumb] = array.contacts.as_slice() else { panic!("{array:?}") };
+        assert!(index.flags == 0 && index.force.is_finite(), "{index:?}");
+        assert!(thumb.flags == ContactState::STALE_TACTILE && thumb.force.is_nan(), "{thumb:?}");
+    }
+    let last = arrays.last().unwrap();
+    assert!(last.contacts.iter().all(|state| state.force.is_finite()), "it came back: {last:?}");
+    // A wrench is told for every frame with a force, whatever message of contacts its frame is in.
+    let wrenches: Vec<WrenchStamped> = decoded(&folder.join("out.mcap"), WRENCH);
+    assert!(wrenches.len() > 790, "{}", wrenches.len());
 }

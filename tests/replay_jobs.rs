@@ -36,8 +36,7 @@ fn session(n: i64) -> tempfile::TempDir {
 }
 
 fn replay(folder: &Path, jobs: &str, output: &str, more: &[&str]) -> Run {
-    let args =
-        ["replay", "session.mcap", "--params-file", "params.yaml", "--calibrate-first", "5", "--backend", "rten"];
+    let args = ["replay", "session.mcap", "--params-file", "params.yaml", "--calibrate-first", "5"];
     tpf(folder, &[&args[..], &["--jobs", jobs, "-o", output], more].concat())
 }
 

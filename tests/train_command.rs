@@ -240,3 +240,30 @@ fn an_interrupted_run_goes_on_to_the_model_of_an_uninterrupted_one() {
     assert!(fs::read(folder.join("model.onnx")).unwrap() == whole);
     assert!(!folder.join("model.checkpoint.json").exists());
 }
+
+#[test]
+fn a_checkpoint_of_an_interrupted_run_is_kept_until_its_fate_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write_params(path, JOINTS, TRUTH);
+    fs::create_dir(path.join("bags")).unwrap();
+    write_session(&path.join("bags/a.mcap"), SESSION);
+    let checkpoint = path.join("model.checkpoint.json");
+    fs::write(&checkpoint, "hours of work").unwrap();
+    let refused = tpf(path, &TRAIN);
+    let line = refused.failure();
+    assert!(
+        line.contains("model.checkpoint.json") && line.contains("give --resume to go on from there, or --overwrite"),
+        "{line}"
+    );
+    assert_eq!(fs::read_to_string(&checkpoint).unwrap(), "hours of work");
+    fs::remove_file(&checkpoint).unwrap();
+    let train = &TRAIN[..6];
+    let huge = tpf(path, &[train, &["--batch", "99999999"]].concat());
+    assert!(huge.code == 1 && huge.stderr.contains("at most 4096 windows"), "{huge:?}");
+    let negative = tpf(path, &[train, &["--lambda", "-1"]].concat());
+    assert!(
+        negative.code == 1 && negative.stderr.contains("lambda") && !negative.stderr.contains("-- -1"),
+        "{negative:?}"
+    );
+}

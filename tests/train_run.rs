@@ -177,7 +177,7 @@ fn a_loss_that_is_no_number_stops_the_run() {
 #[test]
 fn a_batch_larger_than_the_data_is_all_of_it() {
     let dataset = dataset(Kind::TactileOnly, 60);
-    let cfg = TrainConfig { batch: 10_000, ..config(Kind::TactileOnly, 2) };
+    let cfg = TrainConfig { batch: 4096, ..config(Kind::TactileOnly, 2) };
     let mut epochs = Vec::new();
     let mut trainer = Trainer::new(cfg, &dataset, 2).unwrap();
     trainer.run(&AtomicBool::new(false), None, &mut |progress| epochs.push(progress.epochs)).unwrap();

@@ -80,13 +80,13 @@ for repetition in range(args.repetitions):
     for name, on in sets:
         yardstick = ready_made(on)
         runs.setdefault((name, "ready-made"), []).append(yardstick)
-        runs.setdefault((name, "onnxruntime"), []).append(ours("onnxruntime", on, "onnxruntime"))
-        runs.setdefault((name, "rten"), []).append(ours("rten", on, "rten"))
+        for backend in ("builtin", "onnxruntime", "rten"):
+            runs.setdefault((name, backend), []).append(ours(backend, on, backend))
         runs.setdefault((name, "peer"), []).append(peer(yardstick["best"], on))
 
-same = subprocess.run([tpf, "diff", f"{folder}/onnxruntime.mcap", f"{folder}/peer.mcap", "--tolerance-n", str(TOLERANCE_N)],
+same = subprocess.run([tpf, "diff", f"{folder}/builtin.mcap", f"{folder}/peer.mcap", "--tolerance-n", str(TOLERANCE_N)],
                       stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-frames = runs[("one core", "onnxruntime")][0]["frames"]
+frames = runs[("one core", "builtin")][0]["frames"]
 print(f"synthetic session of {frames} frames, {args.repetitions} interleaved runs of each, medians; load average now "
       f"{os.getloadavg()[0]:.1f}\n")
 row(["what", "cores", "frames/s", "frames/s of processor", "against the Python pipeline", "against ready-made windows"])
@@ -96,13 +96,14 @@ for name, _ in sets:
     rate = lambda what: median(what, lambda run: frames / run["wall_s"])
     ready = median("ready-made", lambda run: run["rate"])
     best = statistics.mode(run["best"] for run in runs[(name, "ready-made")])
-    labels = {"onnxruntime": "`tpf replay`, ONNX Runtime", "rten": "`tpf replay`, RTen", "peer": "Python pipeline"}
+    labels = {"builtin": "`tpf replay`", "onnxruntime": "`tpf replay`, ONNX Runtime", "rten": "`tpf replay`, RTen",
+              "peer": "Python pipeline"}
     for what, label in labels.items():
         of_processor = median(what, lambda run: frames / run["cpu_s"])
         ratios = [f"{rate(what) / rate('peer'):.1f}", f"{rate(what) / ready:.2f}"]
         row([label, name, f"{rate(what):,.0f}", f"{of_processor:,.0f}", *ratios])
     row([f"ONNX Runtime alone, ready-made windows, batches of {best}", name, f"{ready:,.0f}", "", "", "1.00"])
-for what, title, stages in (("onnxruntime", "`tpf replay`", ["read", "fuse", "infer", "write"]),
+for what, title, stages in (("builtin", "`tpf replay`", ["read", "fuse", "infer", "write"]),
                             ("peer", "the Python pipeline", ["load_s", "decode_s", "align_s", "infer_s", "write_s"])):
     print(f"\nSeconds that each stage of {title} was at work, medians:\n")
     row(["cores", *[stage.removesuffix("_s") for stage in stages]])

@@ -192,7 +192,8 @@ def write(path, stamps, received, epochs, force, base, flags, age, mdf):
                 "region": REGION, "frame_id": FRAME_ID, "contact_raw": force >= FORCE_ON, "contact": state, "event": event,
                 "since": time_of[since], "force": force, "force_base": base,
                 "artifact": nan if flag & STALE_POSE else base - force, "on_threshold": FORCE_ON,
-                "off_threshold": FORCE_OFF, "mdf": mdf, "pose_age": age * 1e-9, "flags": flag,
+                "off_threshold": FORCE_OFF, "mdf": mdf, "pose_age": age * 1e-9, "age": nan,
+                "flags": flag,
             }
             array = {"header": {"stamp": stamp, "frame_id": ""}, "contacts": [contact]}
             writer.write_message(f"{NODE}/contacts", contact_schema, array, log_time, log_time, idx)

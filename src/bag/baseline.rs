@@ -39,8 +39,60 @@ pub struct Baselines {
     pub baselines: Vec<Baseline>,
     /// `[tactile sources]`, s.
     pub spans_s: Vec<f64>,
-    /// `[tactile sources]`: stamp of the last sample that was used.
-    pub ends: Vec<Stamp>,
+    /// `[tactile sources]`: when each was at rest, in order of time.
+    pub rest: Vec<Vec<Rest>>,
+}
+
+/// A stretch in which nothing touches the glove, as it is said: from the first stamp to the last, both within.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rest {
+    /// The first.
+    pub from: Stamp,
+    /// The last.
+    pub to: Stamp,
+}
+
+/// When annotations say that nothing touches the glove.
+///
+/// # Errors
+/// [`BaselineError`] when the bag can't be read.
+pub fn annotated_rest(reader: &mut BagReader, inputs: &mut Inputs) -> Result<Vec<Rest>, BaselineError> {
+    let mut annotated = Annotated::default();
+    while let Some(message) = reader.next_message()? {
+        for part in inputs.parts(message.channel)? {
+            if let Input::Stage(stage) = inputs.decode(&message, part) {
+                annotated.handle(stage.header.stamp.into(), stage.zero_load);
+            }
+        }
+    }
+    Ok(annotated.finish())
+}
+
+/// Stretches at rest, annotation by annotation.
+#[derive(Default)]
+struct Annotated {
+    rest: Vec<Rest>,
+    since: Option<Stamp>,
+}
+
+impl Annotated {
+    fn handle(&mut self, stamp: Stamp, at_rest: bool) {
+        match (self.since, at_rest) {
+            (None, true) => self.since = Some(stamp),
+            (Some(from), false) => {
+                self.rest.push(Rest { from, to: stamp.offset(-1) });
+                self.since = None;
+            }
+            (None, false) | (Some(_), true) => {}
+        }
+    }
+
+    fn finish(mut self) -> Vec<Rest> {
+        self.rest.extend(self.since.map(|from| Rest { from, to: Stamp(i64::MAX) }));
+        self.rest.retain(|rest| rest.from <= rest.to);
+        self.rest.sort_by_key(|rest| rest.from);
+        self.rest
+    }
 }
 
 /// Reads a bag for its baselines.
@@ -70,17 +122,24 @@ pub fn collect_baselines(
         .collect();
     // The annotation in force, and the one before it for samples that arrive after the change but are older.
     let mut annotation: Option<(Stamp, bool)> = None;
+    let mut annotated = Annotated::default();
     while let Some(message) = reader.next_message()? {
-        match inputs.decode(&message)? {
-            Input::Event(Event::Tactile(block)) => {
-                let collector = &mut sources[block.source.0];
-                collector.take(&block, |stamp, first| match zero_load {
-                    ZeroLoad::Annotated => annotation.is_some_and(|(since, at_rest)| at_rest && stamp >= since),
-                    ZeroLoad::First(seconds) => stamp.nanos_since(first) as f64 <= seconds * 1e9,
-                });
+        for part in inputs.parts(message.channel)? {
+            match inputs.decode(&message, part) {
+                Input::Event(Event::Tactile(block)) => {
+                    let collector = &mut sources[block.source.0];
+                    collector.take(&block, |stamp, first| match zero_load {
+                        ZeroLoad::Annotated => annotation.is_some_and(|(since, at_rest)| at_rest && stamp >= since),
+                        ZeroLoad::First(seconds) => stamp.nanos_since(first) as f64 <= seconds * 1e9,
+                    });
+                }
+                Input::Stage(stage) => {
+                    let since = stage.header.stamp.into();
+                    annotation = Some((since, stage.zero_load));
+                    annotated.handle(since, stage.zero_load);
+                }
+                Input::Event(Event::Joints(_)) | Input::Truth { .. } | Input::None => {}
             }
-            Input::Stage(stage) => annotation = Some((stage.header.stamp.into(), stage.zero_load)),
-            Input::Event(Event::Joints(_)) | Input::Truth { .. } | Input::None => {}
         }
         if matches!(zero_load, ZeroLoad::First(_)) && sources.iter().all(|source| source.done) {
             break;
@@ -94,10 +153,15 @@ pub fn collect_baselines(
         let refused = |error| BaselineError::Refused { source_name: source.name.clone(), error };
         collector.builder.finish(limits).map_err(refused)
     };
+    let annotated = annotated.finish();
+    let rest = |collector: &Collector| match zero_load {
+        ZeroLoad::Annotated => annotated.clone(),
+        ZeroLoad::First(_) => collector.first.map(|from| Rest { from, to: collector.last }).into_iter().collect(),
+    };
     Ok(Baselines {
         baselines: sources.iter().zip(&cfg.tactile_sources).map(finish).collect::<Result<_, _>>()?,
         spans_s: sources.iter().map(|collector| collector.builder.span_s()).collect(),
-        ends: sources.iter().map(|collector| collector.last).collect(),
+        rest: sources.iter().map(rest).collect(),
     })
 }
 
@@ -113,7 +177,7 @@ struct Collector {
 
 impl Collector {
     fn take(&mut self, block: &TactileBlock<'_>, at_rest: impl Fn(Stamp, Stamp) -> bool) {
-        if block.rows.checked_mul(self.n_taxels) != Some(block.values.len()) {
+        if !block.is_of(self.n_taxels) {
             self.wrong_length.get_or_insert(block.values.len() / block.rows.max(1));
             return; // replay counts it
         }

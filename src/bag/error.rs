@@ -42,6 +42,16 @@ pub enum BagError {
         /// What is wrong with it, and what to do.
         why: String,
     },
+    /// A folder holds several recordings where one is wanted.
+    #[error(
+        "{}: holds {} recordings, {}: name the one that is meant, or the files of a split one, each with its folder", .path.display(), .names.len(), list(.names)
+    )]
+    Several {
+        /// The folder.
+        path: PathBuf,
+        /// Names of the files, in order.
+        names: Vec<String>,
+    },
     /// The recording is not of ROS 2.
     #[error("{}: has the MCAP profile {profile:?}, expected \"ros2\": convert it, for example with rosbags-convert", .path.display())]
     Profile {
@@ -83,7 +93,7 @@ pub enum BagError {
         got: String,
     },
     /// The output is there already.
-    #[error("{}: is there already: remove it, choose another name, or allow overwriting", .path.display())]
+    #[error("{}: is there already: remove it, or choose another name", .path.display())]
     Exists {
         /// The output.
         path: PathBuf,
@@ -151,6 +161,16 @@ impl BagError {
             other => BagError::Format { path: path.to_path_buf(), why: one_line(&other.to_string()) },
         }
     }
+}
+
+/// Whether a character steers a terminal, or the direction in which it writes, instead of standing in it.
+pub fn steers(character: char) -> bool {
+    character.is_control() || matches!(character, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// What others wrote on one line, without what would steer a terminal.
+pub fn printable(text: &str) -> String {
+    text.chars().map(|character| if steers(character) { ' ' } else { character }).collect()
 }
 
 /// `text` on one line, without control characters and not too long, for what others wrote.

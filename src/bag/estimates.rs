@@ -3,9 +3,9 @@
 use sha2::{Digest, Sha256};
 
 use super::{BagError, BagWriter, OutChannel};
-use crate::fusion::{FusionConfig, Tick};
+use crate::fusion::{Contract, FusionConfig, Tick};
 use crate::msg::{ContactArray, EstimateTopics, Outgoing, Slot, WireType, WrenchStamped};
-use crate::units::Newton;
+use crate::units::Stamp;
 
 /// Writes ticks.
 #[derive(Debug)]
@@ -28,19 +28,19 @@ impl EstimateWriter {
     /// Adds the channels of these topics to a bag.
     ///
     /// # Shapes
-    /// `mdf`: `[regions]`.
+    /// `contracts`: `[regions]`, that of each one's model.
     /// # Errors
     /// [`BagError`] when the bag can't be written.
     pub fn new(
         bag: &mut BagWriter,
         topics: &EstimateTopics,
         cfg: &FusionConfig,
-        mdf: &[Option<Newton>],
+        contracts: &[&Contract],
     ) -> Result<Self, BagError> {
         let wrenches =
             topics.wrenches.iter().map(|topic| channel::<WrenchStamped>(bag, topic)).collect::<Result<_, _>>()?;
         Ok(EstimateWriter {
-            outgoing: Outgoing::new(cfg, mdf),
+            outgoing: Outgoing::new(cfg, contracts),
             wrenches,
             contacts: channel::<ContactArray>(bag, &topics.contacts)?,
             cdr: Vec::new(),
@@ -55,9 +55,19 @@ impl EstimateWriter {
     pub fn write(&mut self, bag: &mut BagWriter, tick: &Tick) -> Result<(), BagError> {
         let EstimateWriter { outgoing, wrenches, contacts, cdr, fingerprint } = self;
         outgoing.encode(tick, cdr, |slot, cdr| match slot {
-            Slot::Wrench(region) => wrenches[region].write(bag, tick, cdr, fingerprint),
-            Slot::Contacts => contacts.write(bag, tick, cdr, fingerprint),
+            Slot::Wrench(region) => wrenches[region].write(bag, tick.received, cdr, fingerprint),
+            Slot::Contacts => contacts.write(bag, tick.received, cdr, fingerprint),
         })
+    }
+
+    /// Writes what still waits for a frame of another source, after the last tick.
+    ///
+    /// # Errors
+    /// [`BagError`] when the bag can't be written.
+    pub fn finish(&mut self, bag: &mut BagWriter) -> Result<(), BagError> {
+        let EstimateWriter { outgoing, contacts, cdr, fingerprint, .. } = self;
+        let received = outgoing.received();
+        outgoing.finish(cdr, |_, cdr| contacts.write(bag, received, cdr, fingerprint))
     }
 
     /// SHA-256 over topic and bytes of every message so far: equal for equal estimates, whatever else the bag holds.
@@ -70,13 +80,13 @@ impl Channel {
     fn write(
         &mut self,
         bag: &mut BagWriter,
-        tick: &Tick,
+        received: Stamp,
         cdr: &[u8],
         fingerprint: &mut Sha256,
     ) -> Result<(), BagError> {
         fingerprint.update(self.topic.as_bytes());
         fingerprint.update(cdr);
-        bag.write(self.handle, self.sequence, tick.received, tick.received, cdr)?;
+        bag.write(self.handle, self.sequence, received, received, cdr)?;
         self.sequence = self.sequence.wrapping_add(1);
         Ok(())
     }

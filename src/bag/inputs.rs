@@ -1,24 +1,27 @@
 //! Which topics of a bag feed the core, and how their messages become events.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::error::one_line;
+use super::write::{RECEIPTS_KEY, RECEIPTS_LIVE};
 use super::{BagChannel, BagError, BagMessage, BagReader};
-use crate::fusion::{Event, JointSourceIdx, TactileSourceIdx};
+use crate::fusion::{Event, JointSource, JointSourceIdx, Receipts, TactileSourceIdx};
 use crate::msg::binding::{
     BindingError, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic, TruthBinding, TruthFields,
 };
 use crate::msg::definition::{DefinitionError, TypeTree};
-use crate::msg::{Stage, WireType, canonical_type_name, from_cdr};
+use crate::msg::{AngleWatch, Stage, WireType, canonical_type_name, from_cdr};
 use crate::units::Stamp;
 
 /// Most joint names that are kept for the error that lists them; two hands have 50.
 const MAX_JOINT_NAMES: usize = 128;
 
 /// The topics that feed the core, in the order of the sources in its configuration.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct InputTopics {
     /// One a tactile source.
     pub taxels: Vec<Topic<TaxelFields>>,
@@ -26,6 +29,10 @@ pub struct InputTopics {
     pub joints: Vec<Topic<JointFields>>,
     /// One a source of true force; empty where none is asked for.
     pub truth: Vec<Topic<TruthFields>>,
+    /// The joint sources, for the unit of their angles.
+    pub joint_sources: Vec<JointSource>,
+    /// Names of the joints that some region needs.
+    pub needed: BTreeSet<String>,
     /// Name of the topic with stage annotations, which a bag may lack.
     pub stage: String,
 }
@@ -46,16 +53,16 @@ pub enum Input<'a> {
     },
     /// What the protocol asks for from the stamp of its header on: among others, that nothing touches the glove.
     Stage(Stage),
-    /// Nothing: another topic, or a message that could not be read and is counted.
+    /// Nothing: it could not be read, and is counted.
     None,
 }
 
 /// What came on a topic that feeds the core.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct TopicCounters {
-    /// Messages that became events.
+    /// Messages that were read, as everything that the parameters say is in them.
     pub read: u64,
-    /// Messages that didn't, by reason.
+    /// Messages that weren't, by reason.
     pub unreadable: BTreeMap<&'static str, u64>,
     /// What was wrong with the first of those.
     pub first_error: Option<String>,
@@ -87,18 +94,24 @@ pub enum InputError {
     MissingJoints { missing: Vec<String>, topics: Vec<String>, seen: Vec<String> },
 }
 
-/// Turns the messages of bags into events: one binding a channel, because bags of one recording may differ in schema.
+/// Turns the messages of bags into events: bindings of each channel, because bags of one recording may differ in schema.
+///
+/// A message may have several parts: taxels and joint angles, or the taxels of two sources. Each is decoded by itself.
 #[derive(Debug)]
 pub struct Inputs {
     topics: InputTopics,
-    roles: BTreeMap<usize, Role>,
+    /// By channel id, in the order in which the parts of a message are handled; none where it means nothing here.
+    roles: BTreeMap<usize, Vec<Role>>,
     counters: BTreeMap<String, TopicCounters>,
     joint_names: BTreeSet<String>,
+    /// One a joint source, of the joints that are needed.
+    angles: Vec<AngleWatch>,
+    /// Whether the message whose parts are being decoded is counted already.
+    is_counted: bool,
 }
 
 #[derive(Debug)]
 enum Role {
-    Other,
     Samples(SampleBinding),
     Truth(usize, Box<TruthBinding>),
     Stage,
@@ -114,39 +127,58 @@ impl Inputs {
         let joints = topics.joints.iter().map(|topic| topic.name.as_str());
         let truth = topics.truth.iter().map(|topic| topic.name.as_str());
         let needed: Vec<&str> = taxels.chain(joints).chain(truth).collect();
+        reader.watch_order(&needed);
         reader.scan(&needed)?;
         for name in &needed {
             reader.required(name)?;
         }
-        let mut inputs =
-            Inputs { topics, roles: BTreeMap::new(), counters: BTreeMap::new(), joint_names: BTreeSet::new() };
+        let angles = topics.joint_sources.iter().map(|source| AngleWatch::new(source.scale)).collect();
+        let mut inputs = Inputs {
+            topics,
+            angles,
+            roles: BTreeMap::new(),
+            counters: BTreeMap::new(),
+            joint_names: BTreeSet::new(),
+            is_counted: false,
+        };
         for channel in reader.channels() {
             inputs.bind(channel)?;
         }
         Ok(inputs)
     }
 
-    /// What a message is to the core.
+    /// The parts of the messages of a channel, each to be given to [`decode`](Self::decode) in turn; none where they mean
+    /// nothing here.
     ///
     /// # Errors
-    /// [`InputError`] when its channel, not seen before, is of the wrong type. A single message that can't be read is
-    /// no error: it is counted.
-    pub fn decode<'a>(&'a mut self, message: &BagMessage<'a>) -> Result<Input<'a>, InputError> {
-        let channel = message.channel;
+    /// [`InputError`] when the channel, not seen before, is of the wrong type.
+    pub fn parts(&mut self, channel: &BagChannel) -> Result<Range<usize>, InputError> {
         if !self.roles.contains_key(&channel.id) {
             self.bind(channel)?;
         }
-        let received = message.log_time;
-        let role = self.roles.get_mut(&channel.id);
+        Ok(0..self.roles.get(&channel.id).map_or(0, Vec::len))
+    }
+
+    /// What a part of a message is to the core. One that can't be read is no error: it is counted, a message once.
+    pub fn decode<'a>(&'a mut self, message: &BagMessage<'a>, part: usize) -> Input<'a> {
+        let (channel, received) = (message.channel, message.log_time);
+        let Some(roles) = self.roles.get_mut(&channel.id) else { return Input::None };
+        let n_roles = roles.len();
+        let Some(role) = roles.get_mut(part) else { return Input::None };
+        let told = role.name();
         let (input, error) = match role {
-            None | Some(Role::Other) => return Ok(Input::None),
-            Some(Role::Stage) => match from_cdr::<Stage>(message.data) {
+            Role::Stage => match from_cdr::<Stage>(message.data) {
                 Ok(stage) => (Input::Stage(stage), None),
                 Err(error) => (Input::None, Some(("unreadable", error.to_string()))),
             },
-            Some(Role::Samples(binding)) => match binding.decode(message.data, received) {
+            Role::Samples(binding) => match binding.decode(message.data, received) {
                 Ok(event) => {
                     let names = if let Event::Joints(sample) = &event { sample.names } else { &[] };
+                    if let Event::Joints(sample) = &event {
+                        let needed = &self.topics.needed;
+                        let angles = sample.names.iter().map(String::as_str).zip(sample.positions.iter().copied());
+                        self.angles[sample.source.0].handle(angles.filter(|(name, _)| needed.contains(*name)));
+                    }
                     for name in names {
                         if self.joint_names.len() < MAX_JOINT_NAMES && !self.joint_names.contains(name) {
                             self.joint_names.insert(name.clone());
@@ -156,25 +188,32 @@ impl Inputs {
                 }
                 Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
             },
-            Some(Role::Truth(source, binding)) => match binding.decode(message.data, received) {
+            Role::Truth(source, binding) => match binding.decode(message.data, received) {
                 Ok((stamp, force)) => (Input::Truth { source: *source, stamp, force }, None),
                 Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
             },
         };
-        count(&mut self.counters, &channel.topic, error);
-        Ok(input)
+        let error = error.map(|(reason, text)| (reason, if n_roles > 1 { format!("{told}: {text}") } else { text }));
+        if part == 0 {
+            self.is_counted = false;
+        }
+        if !self.is_counted && (error.is_some() || part + 1 == n_roles) {
+            self.is_counted = true;
+            count(&mut self.counters, &channel.topic, error);
+        }
+        input
     }
 
     /// The topics that mean anything here.
     pub fn topics(&self) -> BTreeSet<String> {
-        let InputTopics { taxels, joints, truth, stage } = &self.topics;
+        let InputTopics { taxels, joints, truth, stage, .. } = &self.topics;
         let names = taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
         names.chain(truth.iter().map(|topic| &topic.name)).chain([stage]).cloned().collect()
     }
 
     /// Whether some channel carries stage annotations.
     pub fn has_annotations(&self) -> bool {
-        self.roles.values().any(|role| matches!(role, Role::Stage))
+        self.roles.values().flatten().any(|role| matches!(role, Role::Stage))
     }
 
     /// What came on each topic that feeds the core.
@@ -182,9 +221,26 @@ impl Inputs {
         &self.counters
     }
 
+    /// What the log times of the bags say: how old data were only where a live node recorded all that feeds the core.
+    pub fn receipts(&self, reader: &BagReader) -> Receipts {
+        let InputTopics { taxels, joints, .. } = &self.topics;
+        let names = || taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
+        let mut feeding = reader.channels().iter().filter(|channel| names().any(|name| *name == channel.topic));
+        let live =
+            |channel: &Arc<BagChannel>| channel.metadata.get(RECEIPTS_KEY).is_some_and(|note| note == RECEIPTS_LIVE);
+        if feeding.all(live) { Receipts::Live } else { Receipts::Unknown }
+    }
+
     /// Whether some message of some topic could not be read.
     pub fn has_unreadable(&self) -> bool {
         self.counters.values().any(|counters| counters.first_error.is_some())
+    }
+
+    /// What of the joint angles nobody can mean, once a bag has been read: degrees where the parameters say radians, and
+    /// the other way round. Each text is one line that names the parameter.
+    pub fn angle_doubts(&self) -> Vec<String> {
+        let sources = self.topics.joint_sources.iter().zip(&self.angles);
+        sources.filter_map(|(source, angles)| angles.doubt(&format!("joint.{}", source.name))).collect()
     }
 
     /// Checks, once a bag has been read, that each tactile topic gave something and that no joint was absent.
@@ -218,38 +274,44 @@ impl Inputs {
     }
 
     fn bind(&mut self, channel: &BagChannel) -> Result<(), InputError> {
-        let taxels = self.topics.taxels.iter().position(|topic| topic.name == channel.topic);
-        let joints = self.topics.joints.iter().position(|topic| topic.name == channel.topic);
-        let truth = self.topics.truth.iter().position(|topic| topic.name == channel.topic);
-        let type_name = channel.schema.as_ref().map(|schema| canonical_type_name(&schema.name)).unwrap_or_default();
-        let role = match (taxels, joints, truth) {
-            (Some(source), ..) => {
-                let topic = &self.topics.taxels[source];
-                let tree = tree_of(channel, &topic.type_name)?;
-                let binding = TaxelBinding::compile(&topic.fields, &tree);
-                let binding = binding.map_err(|error| binding_error(channel, error))?;
-                Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), Box::new(binding)))
-            }
-            (None, Some(source), _) => {
-                let topic = &self.topics.joints[source];
-                let tree = tree_of(channel, &topic.type_name)?;
-                let binding = JointBinding::compile(&topic.fields, &tree);
-                let binding = binding.map_err(|error| binding_error(channel, error))?;
-                Role::Samples(SampleBinding::Joints(JointSourceIdx(source), Box::new(binding)))
-            }
-            (None, None, Some(source)) => {
-                let topic = &self.topics.truth[source];
-                let tree = tree_of(channel, &topic.type_name)?;
-                let binding = TruthBinding::compile(&topic.fields, &tree);
-                let binding = binding.map_err(|error| binding_error(channel, error))?;
-                Role::Truth(source, Box::new(binding))
-            }
-            _ if channel.topic == self.topics.stage && type_name == Stage::TYPE_NAME => Role::Stage,
-            _ => Role::Other,
-        };
-        self.roles.insert(channel.id, role);
+        let mut roles = Vec::new();
+        for (source, topic) in self.topics.taxels.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
+            let binding = TaxelBinding::compile(&topic.fields, &tree_of(channel, &topic.type_name)?);
+            let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
+            roles.push(Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), binding)));
+        }
+        for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
+            let binding = JointBinding::compile(&topic.fields, &tree_of(channel, &topic.type_name)?);
+            let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
+            roles.push(Role::Samples(SampleBinding::Joints(JointSourceIdx(source), binding)));
+        }
+        for (source, topic) in self.topics.truth.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
+            let binding = TruthBinding::compile(&topic.fields, &tree_of(channel, &topic.type_name)?);
+            let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
+            roles.push(Role::Truth(source, binding));
+        }
+        if roles.is_empty() && channel.topic == self.topics.stage && is_stage(channel) {
+            roles.push(Role::Stage);
+        }
+        self.roles.insert(channel.id, roles);
         Ok(())
     }
+}
+
+impl Role {
+    /// What it takes a message for.
+    fn name(&self) -> &'static str {
+        match self {
+            Role::Samples(SampleBinding::Taxels(..)) => "taxels",
+            Role::Samples(SampleBinding::Joints(..)) => "joint angles",
+            Role::Truth(..) => "true force",
+            Role::Stage => "stage",
+        }
+    }
+}
+
+fn is_stage(channel: &BagChannel) -> bool {
+    channel.schema.as_ref().is_some_and(|schema| canonical_type_name(&schema.name) == Stage::TYPE_NAME)
 }
 
 /// Counts a message that was read, or the reason and the text of why it wasn't.

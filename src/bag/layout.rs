@@ -34,6 +34,13 @@ pub(super) struct Listing {
     pub(super) relative_file_paths: Vec<String>,
 }
 
+impl Listing {
+    /// Whether this very file is all that it lists.
+    pub(super) fn lists_only(&self, file_name: &str) -> bool {
+        self.relative_file_paths == [file_name]
+    }
+}
+
 /// Read the `metadata.yaml` at `path`.
 ///
 /// # Errors

@@ -7,8 +7,10 @@ mod file;
 mod head;
 mod locate;
 mod loss;
+mod order;
 mod source;
 mod summary;
+mod window;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -20,9 +22,10 @@ use channels::ChannelTable;
 pub use channels::{BagChannel, BagSchema};
 use file::{Context, McapFile};
 use head::{Head, MESSAGE_HEAD_LEN};
-pub use locate::bags_at;
+pub use locate::{Recordings, recordings_at};
 pub use loss::Loss;
 use loss::Losses;
+use order::{Chunks, Late};
 
 /// The longest record that is read, in bytes. A message over it is passed over and noted as a loss.
 ///
@@ -92,12 +95,32 @@ pub struct BagSummary {
     pub by_channel: BTreeMap<usize, u64>,
 }
 
-/// One recording: a file, or the files of a split bag one after the other.
+/// Files of one recording that are read at the same time because they overlap in time.
+const MAX_OPEN: usize = 16;
+
+/// One recording: a file, or the files of a split bag.
 struct Input {
-    files: Vec<PathBuf>,
+    /// In the order of their first messages.
+    files: Vec<Part>,
     /// Which of `files` is opened next.
     next_file: usize,
-    current: Option<McapFile>,
+    /// Those whose turn it is: one, but where files overlap in time.
+    open: Vec<OpenFile>,
+    late: Late,
+}
+
+/// One file of a recording.
+struct Part {
+    path: PathBuf,
+    /// Log time of its first message, where it matters and is known.
+    begin: Option<Stamp>,
+    /// Its chunks, where they don't stand in the order of time.
+    chunks: Option<Chunks>,
+}
+
+/// A file that is being read.
+struct OpenFile {
+    file: McapFile,
     /// What was read last and not handed out yet.
     head: Option<Head>,
     body: Vec<u8>,
@@ -105,38 +128,66 @@ struct Input {
 
 /// Streams messages out of one or several recordings, in bounded memory.
 ///
-/// Within a file messages come in the order of the file, which is the order in which the recorder received them.
-/// Several inputs are parts of one recording: of their next messages the one with the earliest log time comes first,
-/// and the input that was given first where two are equal.
+/// Messages come in the order in which the recorder received them, by their log time; where two are equal, the one that
+/// stands first in the file, and of several inputs the one that was given first. A file whose messages don't stand in that
+/// order, as one that was written topic by topic, is put in order chunk by chunk, and by its index where chunks overlap.
+/// What can't be put in order is read as it stands, which is a loss where it
+/// [matters](Self::watch_order). Messages of one channel are never put in another order:
+/// where its log times go back, the recorder's clock was set.
 ///
 /// Damage is not an error: what can be read is read, and the rest stands in [`losses`](Self::losses).
 /// The checksum of a chunk is known to be wrong only after its messages were handed out; the loss then says so.
 pub struct BagReader {
     inputs: Vec<Input>,
+    as_written: bool,
     table: ChannelTable,
     losses: Losses,
+    notes: Vec<String>,
     summary: BagSummary,
     /// Files without a list of their channels, with their inputs.
     unlisted: Vec<(usize, PathBuf)>,
-    /// The input whose record was handed out last; it reads on when the next one is asked for.
-    handed_out: Option<usize>,
+    /// The input, and the file of those that it has open, whose record was handed out last; it reads on when the next one
+    /// is asked for.
+    handed_out: Option<(usize, usize)>,
+    /// Topics whose messages must come in the order of time among each other.
+    watched: BTreeSet<String>,
+    /// The same, by channel id.
+    is_watched: BTreeMap<usize, bool>,
     bytes_total: u64,
     bytes_done: u64,
 }
 
 impl BagReader {
-    /// Open the bags at `inputs`: each a `.mcap` file, or a folder with a `metadata.yaml` or just `.mcap` files.
+    /// Open the recordings at `inputs`: each a `.mcap` file, or a folder with a `metadata.yaml`, with one `.mcap` file, or
+    /// with the parts of one split recording. Several are parts of one recording.
     ///
     /// # Errors
-    /// One line on the first input that is not there, no MCAP bag, of ROS 1, packed in an unknown way, or given twice.
+    /// One line on the first input that is not there, no MCAP bag, of ROS 1, packed in an unknown way, given twice, or a
+    /// folder of several recordings.
     pub fn open(inputs: &[PathBuf]) -> Result<Self, BagError> {
+        Self::open_with(inputs, false)
+    }
+
+    /// As [`open`](Self::open), for who looks at how a bag is written: messages come in the order of the file.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_as_written(inputs: &[PathBuf]) -> Result<Self, BagError> {
+        Self::open_with(inputs, true)
+    }
+
+    fn open_with(inputs: &[PathBuf], as_written: bool) -> Result<Self, BagError> {
         let mut reader = BagReader {
             inputs: Vec::new(),
+            as_written,
             table: ChannelTable::default(),
             losses: Losses::default(),
+            notes: Vec::new(),
             summary: BagSummary { lists_channels: true, n_messages: Some(0), ..BagSummary::default() },
             unlisted: Vec::new(),
             handed_out: None,
+            watched: BTreeSet::new(),
+            is_watched: BTreeMap::new(),
             bytes_total: 0,
             bytes_done: 0,
         };
@@ -150,6 +201,8 @@ impl BagReader {
     fn open_input(&mut self, input: &Path, seen: &mut BTreeSet<PathBuf>) -> Result<(), BagError> {
         let input_idx = self.inputs.len();
         let located = locate::files(input)?;
+        self.notes.extend(located.note);
+        let is_split = located.paths.len() > 1 && !self.as_written;
         let mut files = Vec::new();
         let mut first_error = None;
         for path in located.paths {
@@ -157,8 +210,8 @@ impl BagReader {
             if !seen.insert(canonical) {
                 return Err(BagError::DuplicateInput { path });
             }
-            match self.inspect(&path, input_idx) {
-                Ok(()) => files.push(path),
+            match self.inspect(path.clone(), input_idx, is_split) {
+                Ok(part) => files.push(part),
                 // A recorder that was killed leaves its last file without a first byte on the disk.
                 Err(error @ BagError::NotABag { .. }) if located.unlisted => {
                     if let BagError::NotABag { why, .. } = &error {
@@ -172,27 +225,36 @@ impl BagReader {
         if let (true, Some(error)) = (files.is_empty(), first_error) {
             return Err(error);
         }
-        self.inputs.push(Input { files, next_file: 0, current: None, head: None, body: Vec::new() });
+        order::sort_parts(&mut files);
+        self.inputs.push(Input { files, next_file: 0, open: Vec::new(), late: Late::default() });
         Ok(())
     }
 
     /// Look at the begin and the end of one file.
-    fn inspect(&mut self, path: &Path, input: usize) -> Result<(), BagError> {
-        let mut file = McapFile::open(path)?;
+    fn inspect(&mut self, path: PathBuf, input: usize, is_split: bool) -> Result<Part, BagError> {
+        let mut file = McapFile::open(&path, None, self.as_written)?;
         file.check_header()?;
         self.bytes_total = self.bytes_total.saturating_add(file.size());
-        let Some(of_file) = summary::read(path, input, &mut self.table)? else {
-            self.unlisted.push((input, path.to_path_buf()));
+        let Some(of_file) = summary::read(&path, input, &mut self.table)? else {
+            self.unlisted.push((input, path.clone()));
             self.summary = BagSummary::default();
-            return Ok(());
+            let begin = if is_split { first_log_time(&path)? } else { None };
+            return Ok(Part { path, begin, chunks: None });
         };
+        let begin = match &of_file.statistics {
+            _ if !is_split => None,
+            Some(statistics) => statistics.span.map(|(first, _)| first),
+            None => first_log_time(&path)?,
+        };
+        let chunks = if self.as_written { None } else { Chunks::to_be_ordered(of_file.chunks) };
+        let part = Part { path: path.clone(), begin, chunks };
         if let Some(got) = of_file.unknown_compression {
-            return Err(BagError::Compression { path: path.to_path_buf(), got });
+            return Err(BagError::Compression { path, got });
         }
         let known = self.summary.n_messages.zip(of_file.statistics);
         let Some((n_before, statistics)) = known else {
             self.summary = BagSummary { lists_channels: self.summary.lists_channels, ..BagSummary::default() };
-            return Ok(());
+            return Ok(part);
         };
         self.summary.n_messages = Some(n_before.saturating_add(statistics.n_messages));
         for (channel, count) in statistics.by_channel {
@@ -203,7 +265,7 @@ impl BagReader {
             (Some((first, last)), Some((begin, end))) => Some((first.min(begin), last.max(end))),
             (span, None) | (None, span) => span,
         };
-        Ok(())
+        Ok(part)
     }
 
     /// Make [`channels`](Self::channels) know every topic of `needed` that is there, before messages are read.
@@ -219,7 +281,7 @@ impl BagReader {
         let mut losses = Losses::default();
         let mut body = Vec::new();
         for (input, path) in &self.unlisted {
-            let mut file = McapFile::open(path)?;
+            let mut file = McapFile::open(path, None, true)?;
             let mut n_known = usize::MAX;
             loop {
                 let known = self.table.all();
@@ -265,6 +327,11 @@ impl BagReader {
         }))
     }
 
+    /// Watch that messages of these topics come in the order of time among each other; that they don't is a loss.
+    pub fn watch_order(&mut self, topics: &[&str]) {
+        self.watched.extend(topics.iter().map(|topic| (*topic).to_owned()));
+    }
+
     /// Every channel that is known by now, in order of their ids.
     pub fn channels(&self) -> &[Arc<BagChannel>] {
         self.table.all()
@@ -280,9 +347,14 @@ impl BagReader {
         self.losses.list()
     }
 
+    /// What a person should know about how the inputs were found.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
     /// The files of all inputs, in the order in which they are read within each.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
-        self.inputs.iter().flat_map(|input| &input.files).map(PathBuf::as_path)
+        self.inputs.iter().flat_map(|input| &input.files).map(|part| part.path.as_path())
     }
 
     /// Size of all files when they were opened, in bytes.
@@ -292,8 +364,8 @@ impl BagReader {
 
     /// How much of [`bytes_total`](Self::bytes_total) lies behind the reader.
     pub fn bytes_read(&self) -> u64 {
-        let current = self.inputs.iter().filter_map(|input| input.current.as_ref()).map(McapFile::bytes_read);
-        self.bytes_done.saturating_add(current.sum())
+        let open = self.inputs.iter().flat_map(|input| &input.open).map(|open| open.file.bytes_read());
+        self.bytes_done.saturating_add(open.sum())
     }
 
     /// The channels of a topic that a caller can't do without: known by now, and all of them cdr.
@@ -313,71 +385,113 @@ impl BagReader {
         }
     }
 
-    /// Read on in every input that has nothing in hand, and choose the input whose turn it is.
-    fn advance(&mut self, messages_only: bool) -> Result<Option<usize>, BagError> {
-        if let Some(idx) = self.handed_out.take() {
-            self.inputs[idx].head = None;
+    /// Read on in every input that has nothing in hand, and choose the file whose turn it is.
+    fn advance(&mut self, messages_only: bool) -> Result<Option<(usize, usize)>, BagError> {
+        if let Some((input, file)) = self.handed_out.take() {
+            self.inputs[input].open[file].head = None;
         }
-        let mut earliest: Option<(Stamp, usize)> = None;
-        for idx in 0..self.inputs.len() {
-            if messages_only && matches!(self.inputs[idx].head, Some(Head::Attachment { .. } | Head::Metadata { .. })) {
-                self.inputs[idx].head = None;
-            }
-            if self.inputs[idx].head.is_none() {
-                self.fill(idx, messages_only)?;
-            }
-            match &self.inputs[idx].head {
-                // Attachments and metadata have no place in the order of messages and go first.
-                Some(Head::Attachment { .. } | Head::Metadata { .. }) => {
-                    self.handed_out = Some(idx);
-                    return Ok(self.handed_out);
+        let mut earliest: Option<(Stamp, usize, (usize, usize))> = None;
+        for input_idx in 0..self.inputs.len() {
+            self.fill(input_idx, messages_only)?;
+            for (file_idx, open) in self.inputs[input_idx].open.iter().enumerate() {
+                match &open.head {
+                    // Attachments and metadata have no place in the order of messages and go first.
+                    Some(Head::Attachment { .. } | Head::Metadata { .. }) => {
+                        self.handed_out = Some((input_idx, file_idx));
+                        return Ok(self.handed_out);
+                    }
+                    Some(Head::Message { channel, message })
+                        if earliest.is_none_or(|(time, ..)| message.log_time < time) =>
+                    {
+                        earliest = Some((message.log_time, *channel, (input_idx, file_idx)));
+                    }
+                    _ => {}
                 }
-                Some(Head::Message { message, .. }) if earliest.is_none_or(|(time, _)| message.log_time < time) => {
-                    earliest = Some((message.log_time, idx));
-                }
-                _ => {}
             }
         }
-        self.handed_out = earliest.map(|(_, idx)| idx);
+        let Some((log_time, channel, place)) = earliest else { return Ok(None) };
+        let (watched, table) = (&self.watched, &self.table);
+        let is_watched = !watched.is_empty()
+            && *self.is_watched.entry(channel).or_insert_with(|| watched.contains(&table.all()[channel].topic));
+        if is_watched {
+            let Input { open, late, .. } = &mut self.inputs[place.0];
+            late.handle(log_time, channel, &open[place.1].file);
+        }
+        self.handed_out = Some(place);
         Ok(self.handed_out)
     }
 
-    /// Read the next record of one input, on into its next file where one ends.
-    fn fill(&mut self, idx: usize, messages_only: bool) -> Result<(), BagError> {
-        let input = &mut self.inputs[idx];
+    /// Read the next record of every open file of an input that has none in hand, and open the file whose turn has come.
+    fn fill(&mut self, input_idx: usize, messages_only: bool) -> Result<(), BagError> {
+        let Input { files, next_file, open, late } = &mut self.inputs[input_idx];
         loop {
-            let Some(current) = &mut input.current else {
-                let Some(path) = input.files.get(input.next_file) else { return Ok(()) };
-                input.next_file += 1;
-                input.current = Some(McapFile::open(path)?);
-                continue;
+            let mut idx = 0;
+            let mut earliest: Option<Stamp> = None;
+            while let Some(OpenFile { file, head, body }) = open.get_mut(idx) {
+                if messages_only && matches!(head, Some(Head::Attachment { .. } | Head::Metadata { .. })) {
+                    *head = None;
+                }
+                if head.is_none() {
+                    let (table, losses) = (&mut self.table, &mut self.losses);
+                    *head = file.next(body, &mut Context { table, losses, input: input_idx, messages_only })?;
+                }
+                match head {
+                    None => {
+                        self.bytes_done = self.bytes_done.saturating_add(file.size());
+                        open.remove(idx);
+                        continue;
+                    }
+                    Some(Head::Message { message, .. }) => {
+                        let time = message.log_time;
+                        earliest = Some(earliest.map_or(time, |earliest| earliest.min(time)));
+                    }
+                    Some(_) => return Ok(()),
+                }
+                idx += 1;
+            }
+            let Some(part) = files.get_mut(*next_file) else {
+                if open.is_empty() {
+                    late.conclude(&mut self.losses);
+                }
+                return Ok(());
             };
-            let cx = &mut Context { table: &mut self.table, losses: &mut self.losses, input: idx, messages_only };
-            input.head = current.next(&mut input.body, cx)?;
-            if input.head.is_some() {
+            let overlaps = || part.begin.zip(earliest).is_some_and(|(begin, earliest)| begin < earliest);
+            if !(open.is_empty() || (open.len() < MAX_OPEN && overlaps())) {
                 return Ok(());
             }
-            self.bytes_done = self.bytes_done.saturating_add(current.size());
-            input.current = None;
+            *next_file += 1;
+            let file = McapFile::open(&part.path, part.chunks.take(), self.as_written)?;
+            open.push(OpenFile { file, head: None, body: Vec::new() });
         }
     }
 
-    fn record_of(&self, idx: usize) -> Option<BagRecord<'_>> {
-        let input = &self.inputs[idx];
-        Some(match input.head.as_ref()? {
+    fn record_of(&self, (input, file): (usize, usize)) -> Option<BagRecord<'_>> {
+        let OpenFile { head, body, .. } = self.inputs[input].open.get(file)?;
+        Some(match head.as_ref()? {
             Head::Message { channel, message } => BagRecord::Message(BagMessage {
                 channel: self.table.all().get(*channel)?,
                 log_time: message.log_time,
                 publish_time: message.publish_time,
                 sequence: message.sequence,
-                data: input.body.get(MESSAGE_HEAD_LEN..)?,
+                data: body.get(MESSAGE_HEAD_LEN..)?,
             }),
             Head::Attachment { log_time, create_time, name, media_type, data } => {
-                let data = input.body.get(data.clone())?;
+                let data = body.get(data.clone())?;
                 let (log_time, create_time) = (*log_time, *create_time);
                 BagRecord::Attachment(BagAttachment { log_time, create_time, name, media_type, data })
             }
             Head::Metadata { name, metadata } => BagRecord::Metadata(BagMetadata { name, metadata }),
         })
     }
+}
+
+/// Log time of the first message that stands in a file; `None` of a file without one.
+fn first_log_time(path: &Path) -> Result<Option<Stamp>, BagError> {
+    let mut file = McapFile::open(path, None, true)?;
+    let (table, losses) = (&mut ChannelTable::default(), &mut Losses::default());
+    let head = file.next(&mut Vec::new(), &mut Context { table, losses, input: 0, messages_only: true })?;
+    Ok(match head {
+        Some(Head::Message { message, .. }) => Some(message.log_time),
+        _ => None,
+    })
 }

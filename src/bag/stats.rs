@@ -53,7 +53,9 @@ pub struct TopicStats {
 /// Gathers [`TopicStats`] in one pass. Memory grows with the number of topics alone.
 #[derive(Debug, Default)]
 pub struct BagStats {
-    topics: BTreeMap<(String, String, String), Topic>,
+    topics: Vec<Topic>,
+    /// Place in `topics`, by name, type and encoding.
+    by_key: BTreeMap<(String, String, String), usize>,
     /// The topic of each [`BagChannel`](super::BagChannel), by its id.
     by_channel: BTreeMap<usize, Sequence>,
 }
@@ -70,7 +72,7 @@ struct Topic {
 /// What the recorder's count of one channel shows.
 #[derive(Debug)]
 struct Sequence {
-    topic: (String, String, String),
+    topic: usize,
     last: u32,
     n_steps: u64,
     n_steps_of_one: u64,
@@ -81,31 +83,28 @@ impl BagStats {
     /// Take in one message.
     pub fn handle_message(&mut self, message: &BagMessage<'_>) {
         let channel = message.channel;
-        let sequence = self.by_channel.entry(channel.id).or_insert_with(|| Sequence {
-            topic: (channel.topic.clone(), channel.type_name().to_owned(), channel.message_encoding.clone()),
+        let BagStats { topics, by_key, by_channel } = self;
+        let sequence = by_channel.entry(channel.id).or_insert_with(|| {
+            let key = (channel.topic.clone(), channel.type_name().to_owned(), channel.message_encoding.clone());
+            let topic = *by_key.entry(key).or_insert_with(|| {
+                topics.push(Topic::default());
+                topics.len() - 1
+            });
             // The first message loses nothing.
-            last: message.sequence.wrapping_sub(1),
-            n_steps: 0,
-            n_steps_of_one: 0,
-            n_lost: 0,
+            Sequence { topic, last: message.sequence.wrapping_sub(1), n_steps: 0, n_steps_of_one: 0, n_lost: 0 }
         });
         sequence.handle(message.sequence);
-        if !self.topics.contains_key(&sequence.topic) {
-            self.topics.insert(sequence.topic.clone(), Topic::default());
-        }
-        if let Some(topic) = self.topics.get_mut(&sequence.topic) {
-            topic.handle(message);
-        }
+        topics[sequence.topic].handle(message);
     }
 
     /// Statistics of every topic that had a message, in order of name.
     pub fn topics(&self) -> Vec<TopicStats> {
-        let of_topic = |(key, topic): (&(String, String, String), &Topic)| {
-            let channels = self.by_channel.values().filter(|sequence| sequence.topic == *key);
-            let lost: Option<Vec<u64>> = channels.map(Sequence::n_lost).collect();
-            topic.stats(key, lost.map(|lost| lost.iter().sum()))
-        };
-        self.topics.iter().map(of_topic).collect()
+        let mut lost = vec![Some(0); self.topics.len()];
+        for sequence in self.by_channel.values() {
+            let of_topic = &mut lost[sequence.topic];
+            *of_topic = of_topic.zip(sequence.n_lost()).map(|(sum, n)| sum + n);
+        }
+        self.by_key.iter().map(|(key, &idx)| self.topics[idx].stats(key, lost[idx])).collect()
     }
 }
 

@@ -21,6 +21,12 @@ const ROSBAG2_NOTES: &str = "rosbag2";
 const QOS_KEY: &str = "offered_qos_profiles";
 const TYPE_HASH_KEY: &str = "topic_type_hash";
 
+/// Note of a channel whose log times are those at which a live node had the messages: [`RECEIPTS_LIVE`].
+pub(super) const RECEIPTS_KEY: &str = "receipts";
+
+/// As above.
+pub(super) const RECEIPTS_LIVE: &str = "live";
+
 /// How chunks are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Compression {
@@ -42,6 +48,9 @@ pub struct WriteOptions {
     pub overwrite: bool,
     /// Every path that the same run reads, so that none of them is replaced.
     pub inputs: Vec<PathBuf>,
+    /// Whether the folder of a single file is that of this bag alone, as that of a collection: then it gets a
+    /// `metadata.yaml`. By default it gets none, which would hide the folder's other bags.
+    pub owns_folder: bool,
     /// The ROS distribution that `metadata.yaml` names. The layout is that of Jazzy, whichever is named.
     pub ros_distro: String,
 }
@@ -52,6 +61,7 @@ impl Default for WriteOptions {
             compression: Compression::default(),
             overwrite: false,
             inputs: Vec::new(),
+            owns_folder: false,
             ros_distro: "jazzy".to_owned(),
         }
     }
@@ -146,7 +156,23 @@ impl BagWriter {
     /// # Errors
     /// [`BagError::Format`] beyond 65535 channels or schemas, [`BagError::DiskFull`], [`BagError::Io`].
     pub fn add_channel(&mut self, channel: NewChannel<'_>) -> Result<OutChannel, BagError> {
-        let mut metadata = BTreeMap::new();
+        self.add_noted(channel, BTreeMap::new())
+    }
+
+    /// As [`add_channel`](Self::add_channel), for the inputs of a live node: its log times are those at which the node had
+    /// the messages, so that a replay knows how old they were.
+    ///
+    /// # Errors
+    /// As [`add_channel`](Self::add_channel).
+    pub fn add_live_input(&mut self, channel: NewChannel<'_>) -> Result<OutChannel, BagError> {
+        self.add_noted(channel, BTreeMap::from([(RECEIPTS_KEY.to_owned(), RECEIPTS_LIVE.to_owned())]))
+    }
+
+    fn add_noted(
+        &mut self,
+        channel: NewChannel<'_>,
+        mut metadata: BTreeMap<String, String>,
+    ) -> Result<OutChannel, BagError> {
         metadata.insert(QOS_KEY.to_owned(), channel.qos_yaml.to_owned());
         if !channel.type_hash.is_empty() {
             metadata.insert(TYPE_HASH_KEY.to_owned(), channel.type_hash.to_owned());
@@ -259,8 +285,9 @@ impl BagWriter {
 
     /// Complete the bag, see it onto the disk, and give it the name that was asked for.
     ///
-    /// Beside a single file a `metadata.yaml` is written when the folder has none, or one of this very file; any other
-    /// is left as it is, which a note says.
+    /// A bag folder gets a `metadata.yaml`. Beside a single file there is none, unless
+    /// [`owns_folder`](WriteOptions::owns_folder): one that lists this very file is kept true, any other is left as it is,
+    /// which a note says.
     ///
     /// # Errors
     /// [`BagError::DiskFull`], [`BagError::Io`], [`BagError::Exists`] when something took the name meanwhile. Nothing is

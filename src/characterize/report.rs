@@ -109,7 +109,7 @@ pub fn characterize(sessions: &[SessionFrames], joints: &[String], n_taxels: usi
         hysteresis: HysteresisReport::of(&posed),
         drift: DriftReport::of(&posed, &rest, &curves),
         noise: NoiseReport::of(posed.iter().map(|posed| &posed.session), &rest),
-        offset: OffsetReport::of(&posed),
+        offset: OffsetReport::of(&posed, &chosen),
         bend_score,
         selection,
     }

@@ -63,6 +63,12 @@ impl CsvFile {
     }
 }
 
+/// A text that no spreadsheet takes for a formula: with an apostrophe in front where it begins like one. A number is none.
+fn harmless(text: String) -> String {
+    let begins = text.starts_with(['=', '+', '-', '@', '\t', '\r']);
+    if begins && text.parse::<f64>().is_err() { format!("'{text}") } else { text }
+}
+
 /// A cell as text. Numbers are written in as few digits as give them back; a list has spaces between its elements.
 fn text(cells: &Cells, row: usize) -> String {
     fn shown<T: ToString>(value: Option<T>) -> String {
@@ -72,7 +78,7 @@ fn text(cells: &Cells, row: usize) -> String {
         values.iter().map(T::to_string).collect::<Vec<_>>().join(" ")
     }
     match cells {
-        Cells::Text(cells) => cells[row].clone().unwrap_or_default(),
+        Cells::Text(cells) => harmless(cells[row].clone().unwrap_or_default()),
         Cells::Number(cells) => shown(cells[row]),
         Cells::Single(cells) => shown(Some(cells[row])),
         Cells::Whole(cells) => shown(cells[row]),

@@ -6,8 +6,8 @@ mod live;
 use std::path::PathBuf;
 
 use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
-use super::zero::ZeroArgs;
-use super::{Failure, Outcome, print};
+use super::zero::{ZeroArgs, hashes};
+use super::{Failure, Outcome, print, say};
 use crate::bag::{BagReader, Input, Inputs};
 use crate::calibration::Calibration;
 use crate::fusion::Fusion;
@@ -15,7 +15,7 @@ use crate::fusion::Fusion;
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// MCAP files or bag folders; several are parts of one recording
+    /// MCAP file or bag folder: one recording; several are parts of one, merged by time
     #[cfg_attr(feature = "ros", arg(required_unless_present = "live", value_name = "BAG"))]
     #[cfg_attr(not(feature = "ros"), arg(required = true, value_name = "BAG"))]
     bags: Vec<PathBuf>,
@@ -44,14 +44,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let models = load_models(&cfg)?;
     let mut zero = ZeroArgs::first(args.calibrate_first).find(&cfg, &args.bags, &models.infos)?;
-    let calibration = zero.to_calibration(&cfg, &models.infos);
+    let calibration = zero.to_calibration(&cfg, &hashes(&cfg, &models.infos));
     let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
     zero.install(&mut fusion)?;
     if let Some(mut check) = zero.check.take() {
         let mut reader = BagReader::open(&args.bags)?;
         let mut inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
         'calibration: while let Some(message) = reader.next_message()? {
-            if let Input::Event(event) = inputs.decode(&message)? {
+            for part in inputs.parts(message.channel)? {
+                let Input::Event(event) = inputs.decode(&message, part) else { continue };
                 fusion.handle(event);
                 while let Some(tick) = fusion.poll()? {
                     if !check.takes(tick) {
@@ -60,7 +61,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
                 }
             }
         }
-        check.judge(&cfg)?;
+        check.judge(&cfg)?.iter().for_each(|note| say(note));
     }
     calibration.save(&args.output)?;
     let mut text = format!("{}: zero from {}\n", shown(&args.output), zero.from);

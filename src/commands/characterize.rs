@@ -35,7 +35,7 @@ pub(super) struct Args {
     #[command(flatten)]
     zero: ZeroArgs,
     /// When nothing touches the glove, in seconds from the first taxels of each bag, or `all`; instead of annotations
-    #[arg(long, value_name = "FROM..TO|all")]
+    #[arg(long, value_name = "FROM..TO|all", allow_hyphen_values = true)]
     in_air: Option<InAir>,
     /// Suggest joints as long as each adds this share to what is explained of the artifact
     #[arg(long, value_name = "SHARE", default_value_t = 0.005, value_parser = share)]
@@ -119,6 +119,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 fn find(args: &Args, cfg: &Config) -> Result<Characterized, Failure> {
     let bags = find_bags(&args.bags)?;
     let scans = bags.iter().map(|bag| Scan::of(bag, cfg)).collect::<Result<Vec<_>, _>>()?;
+    if let Some(in_air) = args.in_air {
+        for scan in &scans {
+            in_air.check(scan)?.iter().for_each(|note| say(note));
+        }
+    }
     let (found, joints_left_out) = common_joints(cfg, &scans);
     let (joints, sources): (Vec<String>, Vec<usize>) = found.into_iter().unzip();
     let loader = Loader { cfg, joints: &joints, in_air: args.in_air, is_truth_needed: args.truth.is_some() };

@@ -11,7 +11,8 @@ use std::path::PathBuf;
 
 use super::live::RosArguments;
 use super::setup::ParamArgs;
-use super::{Failure, Outcome, interrupt, print, say};
+use super::{Failure, Outcome, print, say};
+use crate::leave;
 use begun::Begun;
 use collection::{Collection, End};
 use desk::Desk;
@@ -86,11 +87,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.finish {
         return begun.complete(&cfg);
     }
-    interrupt::listen();
     let mut desk = Desk::open(&cfg, &place)?;
     let mut screen = Screen::open(args.plain)?;
     let mut collection = Collection::new(args, begun);
     let ended = collection.run(&mut desk, &mut screen);
+    let _kept = leave::keep(); // until everything is on the disk
     drop(screen);
     let (unreadable, missed) = (std::mem::take(&mut desk.unreadable), desk.missed());
     desk.close()?;

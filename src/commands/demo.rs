@@ -10,7 +10,7 @@ use clap::Parser;
 use super::{Cli, Command, Failure, Outcome, eval, interrupt, print, say, simulate};
 use crate::config;
 use crate::files;
-use crate::sim::SessionSpec;
+use crate::sim::{Activity, SessionSpec, Tracking};
 
 /// Seed, users and donnings of the sessions that the shipped models were trained on; the demo takes another donning.
 const TRAINING_SEED: u64 = 1;
@@ -68,7 +68,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     ));
 
     let (user, session, seed) = (1, TRAINING_SESSIONS + 1, TRAINING_SEED);
-    let spec = SessionSpec { glove: args.glove, user, session, seed, minutes: args.minutes };
+    let spec = SessionSpec {
+        glove: args.glove,
+        user,
+        session,
+        seed,
+        minutes: args.minutes,
+        activity: Activity::Protocol,
+        tracking: Tracking::Markers,
+    };
     say(&format!("simulate a session by the paper's protocol: {}", folder.session().display()));
     simulate::write(&spec, &folder.session(), true)?;
 

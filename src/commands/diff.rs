@@ -8,7 +8,7 @@ use comfy_table::{Table, presets};
 
 use super::checks::CheckArgs;
 use super::{Failure, Outcome, print, say};
-use crate::bag::BagReader;
+use crate::bag::{BagReader, ContactReader};
 use crate::eval::{
     Check, Diff, DiffConfig, Difference, EstimateRecord, FieldValue, Moment, OnlyIn, RegionDiff, Verdict, diff,
 };
@@ -63,6 +63,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 struct Records {
     path: PathBuf,
     reader: BagReader,
+    contacts: ContactReader,
     wrenches: BTreeMap<String, (Time, [f64; 6])>,
     waiting: std::vec::IntoIter<EstimateRecord>,
     n_arrays: u64,
@@ -70,9 +71,10 @@ struct Records {
 
 impl Records {
     fn open(path: &Path) -> Result<Self, Failure> {
-        let reader = BagReader::open(&[path.to_path_buf()])?;
+        let reader = super::sessions::open(&[path.to_path_buf()])?;
         let (wrenches, waiting) = (BTreeMap::new(), Vec::new().into_iter());
-        Ok(Records { path: path.to_path_buf(), reader, wrenches, waiting, n_arrays: 0 })
+        let contacts = ContactReader::default();
+        Ok(Records { path: path.to_path_buf(), reader, contacts, wrenches, waiting, n_arrays: 0 })
     }
 
     fn check(&self) -> Result<(), Failure> {
@@ -94,20 +96,20 @@ impl Records {
                 return Ok(Some(record));
             }
             let Some(message) = self.reader.next_message()? else { return Ok(None) };
-            let malformed = |error: crate::msg::WireError| {
-                Failure(format!("{}: {}: {error}", self.path.display(), message.channel.topic))
-            };
+            let malformed =
+                |error: String| Failure(format!("{}: {}: {error}", self.path.display(), message.channel.topic));
             match message.channel.type_name() {
                 WrenchStamped::TYPE_NAME => {
                     // `~/REGION/wrench` comes before the contacts of its frame.
                     let Some(region) = message.channel.topic.strip_suffix("/wrench") else { continue };
                     let region = region.rsplit('/').next().unwrap_or_default().to_owned();
-                    let stamped: WrenchStamped = from_cdr(message.data).map_err(malformed)?;
+                    let stamped: WrenchStamped =
+                        from_cdr(message.data).map_err(|error| malformed(error.to_string()))?;
                     let (f, t) = (&stamped.wrench.force, &stamped.wrench.torque);
                     self.wrenches.insert(region, (stamped.header.stamp, [f.x, f.y, f.z, t.x, t.y, t.z]));
                 }
                 ContactArray::TYPE_NAME => {
-                    let array: ContactArray = from_cdr(message.data).map_err(malformed)?;
+                    let array = self.contacts.read(&message).map_err(malformed)?;
                     self.n_arrays += 1;
                     let wrenches = &self.wrenches;
                     let record = |state: &ContactState| {
@@ -149,6 +151,7 @@ fn record_of(stamp: Time, state: &ContactState, wrench: Option<[f64; 6]>) -> Est
         since: stamp_of(state.since),
         flags: Flags::from_bits(state.flags),
         pose_age_ns: value(state.pose_age).map(|age_s| (age_s * 1e9).round() as i64),
+        age_ns: value(state.age).map(|age_s| (age_s * 1e9).round() as i64),
         on_threshold: value(state.on_threshold),
         off_threshold: value(state.off_threshold),
         mdf: value(state.mdf),

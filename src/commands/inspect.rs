@@ -20,6 +20,7 @@ use serde::Serialize;
 
 use super::setup::shown;
 use super::{Failure, Outcome, print, say};
+use crate::bag::{Recordings, recordings_at};
 use crate::model::{self, ModelInfo};
 use bag::BagReport;
 
@@ -51,7 +52,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut reports = Vec::new();
     let mut failures = Vec::new();
     let mut outcome = Outcome::Done;
-    for (idx, path) in args.paths.iter().enumerate() {
+    for (idx, path) in recordings(&args.paths).iter().enumerate() {
         let report = match inspect(path) {
             Ok(report) => report,
             Err(Failure(error)) => {
@@ -83,6 +84,18 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             Err(last)
         }
     }
+}
+
+/// Each path, or the recordings in it where it is a folder of several files.
+fn recordings(paths: &[PathBuf]) -> Vec<PathBuf> {
+    let of_path = |path: &PathBuf| match recordings_at(path) {
+        Ok(Recordings { paths, note }) if paths.iter().any(|found| found.parent() == Some(path) && found.is_file()) => {
+            note.iter().for_each(|note| say(&format::printable(note)));
+            paths
+        }
+        _ => vec![path.clone()],
+    };
+    paths.iter().flat_map(of_path).collect()
 }
 
 fn inspect(path: &Path) -> Result<Report, Failure> {

@@ -1,33 +1,32 @@
 //! Ctrl-C and SIGTERM: work stops at the next message, so that what is half written is taken away.
 
-use std::sync::Once;
-use std::sync::atomic::{AtomicBool, Ordering};
+use super::Failure;
+use crate::leave;
 
-use super::{Failure, say};
-
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// From now on an interrupt is noted instead of ending the process at once.
+/// From now on an interrupt is noted instead of ending the process at once; a second one ends it.
 pub(super) fn listen() {
-    static LISTENING: Once = Once::new();
-    LISTENING.call_once(register);
+    leave::listen();
 }
 
-fn register() {
-    if let Err(error) = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed)) {
-        say(&format!("interrupts end this run at once, and may leave a hidden temporary file: {error}"));
-    }
+/// As [`listen`], for what talks to a graph: it ends within two seconds, whatever the graph does.
+///
+/// # Errors
+/// [`Failure`] when there is no thread to be had.
+#[cfg(feature = "ros")]
+pub(super) fn listen_live() -> Result<(), Failure> {
+    leave::listen();
+    leave::in_time().map_err(|error| Failure(format!("thread: {error}")))
 }
 
 /// Whether there was an interrupt.
 #[cfg(feature = "ros")]
 pub(super) fn happened() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
+    leave::asked()
 }
 
 /// Fails when there was an interrupt.
 pub(super) fn check() -> Result<(), Failure> {
-    match INTERRUPTED.load(Ordering::Relaxed) {
+    match leave::asked() {
         true => Err(Failure("interrupted; nothing was written".to_owned())),
         false => Ok(()),
     }
@@ -35,6 +34,6 @@ pub(super) fn check() -> Result<(), Failure> {
 
 /// Whether there was an interrupt, for work that asks by itself.
 #[cfg(feature = "train")]
-pub(super) fn flag() -> &'static AtomicBool {
-    &INTERRUPTED
+pub(super) fn flag() -> &'static std::sync::atomic::AtomicBool {
+    leave::flag()
 }

@@ -1,6 +1,6 @@
 //! What the tools beside the live node have in common: names and the graph.
 
-use super::{Failure, say};
+use super::{Failure, interrupt, say};
 use crate::config::NodeName;
 use crate::ros::args::RosArgs;
 use crate::ros::environment::Environment;
@@ -24,6 +24,7 @@ pub(super) struct Place {
 impl RosArguments {
     /// Where a tool called `node` will be.
     pub(super) fn place(&self, node: &str) -> Result<Place, Failure> {
+        interrupt::listen_live()?;
         let args = RosArgs::parse(&self.ros)?;
         let environment = Environment::from_vars(|name| std::env::var(name).ok(), &args.enclave)?;
         environment.notes.iter().for_each(|note| say(note));
@@ -33,6 +34,11 @@ impl RosArguments {
 }
 
 impl Place {
+    /// The absolute name of a topic that is relative to the place's namespace.
+    pub(super) fn topic(&self, relative: &str) -> Result<String, Failure> {
+        Ok(self.node.resolve(relative)?)
+    }
+
     /// Joins the graph.
     pub(super) fn join(&self) -> Result<Listening, Failure> {
         let listening = Listening::join(&self.node, &self.environment, &self.args.remaps)?;

@@ -58,7 +58,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         None => node.resolve("~/contacts")?,
     };
     let place = args.ros.place(NODE)?;
-    interrupt::listen();
     let mut listening = place.join()?;
     let heard_contacts = listening.hear(&contacts, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
     listening.hear("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use super::{Failure, Outcome, interrupt, print, say};
+use super::{Failure, Outcome, counted, interrupt, print, say};
 use crate::bag::{BagChannel, BagReader};
 use crate::config::NodeName;
 use crate::msg::definition::TypeTree;
@@ -18,6 +18,9 @@ const NODE: &str = "/tpf_play";
 
 /// Longest time without looking for an interrupt.
 const NAP: Duration = Duration::from_millis(50);
+
+/// Later than any busy machine is.
+const LATE: Duration = Duration::from_millis(300);
 
 /// Publishes a bag's topics at the times at which they were recorded.
 #[derive(Debug, clap::Args)]
@@ -50,12 +53,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let environment = Environment::from_vars(|name| std::env::var(name).ok(), &ros_args.enclave)?;
     environment.notes.iter().for_each(|note| say(note));
     let node = remap::node_name(&ros_args.remaps, &NodeName::parse(NODE)?)?;
-    let mut reader = BagReader::open(&args.bags)?;
+    let mut reader = super::sessions::open(&args.bags)?;
     let wanted: Vec<&str> = args.topics.iter().map(String::as_str).collect();
     reader.scan(&wanted)?;
     for topic in &wanted {
         reader.required(topic)?;
     }
+    interrupt::listen_live()?;
     let mut play = Play {
         player: Player::join(&node, &environment, &ros_args.remaps, args.clock.is_some())?,
         topics: BTreeMap::new(),
@@ -67,7 +71,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     for channel in reader.channels() {
         play.add(channel, args)?;
     }
-    interrupt::listen();
     sleep_until(Instant::now() + Duration::from_secs_f64(args.delay));
     loop {
         play.once(&mut reader, args)?;
@@ -88,7 +91,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         };
         say(&format!("topic {topic}: {n} messages not played: {why}"));
     }
-    print(&format!("{} messages on {} topics\n", played, by_name.len()))?;
+    print(&format!("{} on {}\n", counted(played, "message"), counted(by_name.len() as u64, "topic")))?;
     Ok(if not_played.is_empty() && reader.losses().is_empty() { Outcome::Done } else { Outcome::InputLost })
 }
 
@@ -140,9 +143,16 @@ impl Play {
         let mut began: Option<(Instant, Stamp)> = None;
         let mut next_clock = Instant::now();
         while let Some(message) = reader.next_message()? {
-            let (start, first) = *began.get_or_insert_with(|| (Instant::now(), message.log_time));
-            let since = message.log_time.nanos_since(first).max(0) as f64 * 1e-9;
-            let due = start + Duration::from_secs_f64(since / args.rate);
+            let (start, first) = began.get_or_insert_with(|| (Instant::now(), message.log_time));
+            let since = Duration::from_secs_f64(message.log_time.nanos_since(*first).max(0) as f64 * 1e-9 / args.rate);
+            // A process that was stopped goes on where it was, and doesn't make up for it.
+            let late = Instant::now().saturating_duration_since(*start + since);
+            if late > LATE {
+                *start += late;
+                next_clock += late;
+            }
+            let (start, first) = (*start, *first);
+            let due = start + since;
             while let Some(step) = step
                 && next_clock <= due
             {

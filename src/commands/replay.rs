@@ -11,8 +11,8 @@ use super::progress::Progress;
 use super::setup::{ModelArgs, ParamArgs, batch_hint, input_topics, load_models, shown, without_unused_joints};
 use super::summary::{ModelSummary, Summary};
 use super::zero::ZeroArgs;
-use super::{Failure, Outcome, interrupt, print, say};
-use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions};
+use super::{Failure, Outcome, interrupt, print, say, sessions};
+use crate::bag::{BagError, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions};
 use crate::fusion::Fusion;
 use crate::msg::EstimateTopics;
 pub(super) use stages::BusySeconds;
@@ -21,7 +21,7 @@ use stages::{Core, InferenceTime, Reading, Writing, busy_seconds};
 /// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// MCAP files or bag folders; several are parts of one recording
+    /// MCAP file or bag folder: one recording; several are parts of one, merged by time
     #[arg(required = true, value_name = "BAG")]
     bags: Vec<PathBuf>,
     #[command(flatten)]
@@ -62,7 +62,7 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZero::<usize>::MIN);
     cfg.models.iter_mut().for_each(|model| model.spec.threads = jobs);
     args.models.apply(&mut cfg)?;
-    let mut reader = BagReader::open(&args.bags)?;
+    let mut reader = sessions::open(&args.bags)?;
     let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
     let topics = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
     if args.merge
@@ -74,17 +74,23 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     }
     interrupt::listen();
     let options = WriteOptions { overwrite: args.overwrite, inputs: args.bags.clone(), ..WriteOptions::default() };
-    let mut writer = BagWriter::create(&args.output, options)?;
+    let mut writer = BagWriter::create(&args.output, options).map_err(|error| match error {
+        BagError::Exists { path } => {
+            Failure(format!("{}: is there already; choose another name, or give --overwrite", path.display()))
+        }
+        error => error.into(),
+    })?;
     let models = load_models(&cfg)?;
     cfg.fusion.batch = args.batch.unwrap_or_else(|| batch_hint(&models.infos));
     if args.models.replaces() {
         without_unused_joints(&mut cfg, &models.infos);
     }
     let zero = args.zero.find(&cfg, &args.bags, &models.infos)?;
-    let mdf: Vec<_> = cfg.fusion.regions.iter().map(|region| models.infos[region.model].contract.mdf).collect();
-    let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &mdf)?;
+    let contracts: Vec<_> = cfg.fusion.regions.iter().map(|region| &models.infos[region.model].contract).collect();
+    let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &contracts)?;
     let inference = InferenceTime::default();
     let regressors = models.regressors.into_iter().map(|model| inference.of(model)).collect();
+    cfg.fusion.receipts = inputs.receipts(&reader);
     let mut fusion = Fusion::new(cfg.fusion.clone(), regressors)?;
     zero.install(&mut fusion)?;
 
@@ -98,9 +104,10 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     drop(progress);
     let busy = busy_seconds(&reading, &core, &writing);
 
-    let (Core { fusion, inputs, span, .. }, Writing { writer, estimates, .. }) = (core, writing);
+    let (Core { fusion, inputs, span, .. }, Writing { mut writer, mut estimates, .. }) = (core, writing);
     let reader = reading.reader;
     let losses: Vec<String> = reader.losses().iter().map(ToString::to_string).collect();
+    estimates.finish(&mut writer)?;
     let sha256 = estimates.sha256();
     let finished = writer.finish()?;
     let summary = Summary {
@@ -124,6 +131,7 @@ pub(super) fn replay(args: &Args) -> Result<(String, Outcome), Failure> {
     };
     finished.notes.iter().for_each(|note| say(note));
     summary.warnings(&fusion).iter().for_each(|warning| say(warning));
+    inputs.angle_doubts().iter().for_each(|doubt| say(doubt));
     let text = if args.json { summary.to_json()? } else { summary.to_string() };
     let lost = !summary.losses.is_empty() || inputs.has_unreadable();
     Ok((text, if lost { Outcome::InputLost } else { Outcome::Done }))

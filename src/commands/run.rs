@@ -4,9 +4,10 @@ mod record;
 
 use std::path::PathBuf;
 
-use super::setup::ModelArgs;
-use super::{Failure, Outcome, say};
-use crate::config::{Config, DEFAULT_NODE, NodeName, ParamTree, load_tree};
+use super::setup::{ModelArgs, config};
+use super::{Failure, Outcome, interrupt, say};
+use crate::config::{DEFAULT_NODE, NodeName, ParamTree, load_tree};
+use crate::leave;
 use crate::ros::args::RosArgs;
 use crate::ros::definitions::Definitions;
 use crate::ros::environment::Environment;
@@ -40,21 +41,24 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let environment = Environment::from_vars(|name| std::env::var(name).ok(), &ros_args.enclave)?;
     let node = remap::node_name(&ros_args.remaps, &NodeName::parse(DEFAULT_NODE)?)?;
     let tree = parameters(args, &ros_args, &node.to_string())?;
-    let mut cfg = Config::from_tree(&tree)?;
+    let mut cfg = config(&tree)?;
     args.models.apply(&mut cfg)?;
 
     let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &environment.prefixes);
     let names = Names::new(&cfg, &ros_args.remaps)?;
     let recording = match &args.record {
-        Some(out) => Some(record::start(out, &cfg, &names, &definitions)?),
+        Some(out) => Some(record::start(out, &names, &definitions)?),
         None => None,
     };
     let (recorder, recording) = recording.unzip();
+    interrupt::listen_live()?;
     let calibration = args.calibration.clone();
     let ran = ros::run(ros::Setup { cfg, tree, args: ros_args, environment, calibration, recorder });
     if let Some(recording) = recording {
-        // What was handled before the node failed is worth keeping too.
+        // What was handled before the node failed is worth keeping too, however long the disk takes.
+        let kept = leave::keep();
         let finished = recording.finish()?;
+        drop(kept);
         finished.notes.iter().for_each(|note| say(note));
         say(&format!("{}: {} messages", finished.path.display(), finished.n_messages));
     }

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::Failure;
 use super::setup::shown;
-use crate::bag::{BagReader, bags_at};
+use super::{Failure, say};
+use crate::bag::{BagReader, Recordings, recordings_at};
 use crate::recording::RecordingError;
 
 /// Why the reading of a session ended before its end.
@@ -46,13 +46,22 @@ pub(super) fn session_name(bag: &Path) -> String {
     bag.file_stem().map_or_else(|| shown(bag), |name| name.to_string_lossy().into_owned())
 }
 
-/// The bags that paths stand for: each is a bag, or a folder with bags in it.
+/// The recordings that paths stand for: each is one, or a folder of several. Says what was found in a folder.
 pub(super) fn find_bags(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut bags = Vec::new();
     for path in paths {
-        bags.extend(bags_at(path)?);
+        let Recordings { paths, note } = recordings_at(path)?;
+        bags.extend(paths);
+        note.iter().for_each(|note| say(note));
     }
     Ok(bags)
+}
+
+/// Opens one recording, or several that are parts of one. Says how the files of a folder are read.
+pub(super) fn open(bags: &[PathBuf]) -> Result<BagReader, Failure> {
+    let reader = BagReader::open(bags)?;
+    reader.notes().iter().for_each(|note| say(note));
+    Ok(reader)
 }
 
 /// SHA-256 of the files of a bag one after the other, in hexadecimal.

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::{Failure, say};
-use crate::bag::InputTopics;
-use crate::config::{Config, DEFAULT_NODE, Origin, ParamValue, load_tree};
-use crate::fusion::{CalibrationLimits, RegionConfig, Regressor};
+use crate::config::{Config, DEFAULT_NODE, Origin, ParamTree, ParamValue, load_tree};
+use crate::fusion::{RegionConfig, Regressor};
 use crate::model::{self, BackendChoice, ModelInfo};
+pub(super) use crate::recording::input_topics;
 
 /// Where the parameters come from.
 #[derive(Debug, clap::Args)]
@@ -37,7 +37,7 @@ pub(super) struct ModelArgs {
 /// In what models run.
 #[derive(Debug, clap::Args)]
 pub(super) struct BackendArgs {
-    /// Runtime for the models; auto takes ONNX Runtime where it is found
+    /// What runs the models; auto: our own code for the paper's network, else ONNX Runtime where it is found, else RTen
     #[arg(long, value_enum)]
     backend: Option<Backend>,
 }
@@ -45,6 +45,7 @@ pub(super) struct BackendArgs {
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Backend {
     Auto,
+    Builtin,
     Onnxruntime,
     Rten,
 }
@@ -64,7 +65,7 @@ impl ParamArgs {
                 return Err(Failure(format!("-p {rule} is for another node than {}; correct it or --node", self.node)));
             }
         }
-        let Some(topic) = truth else { return Ok(Config::from_tree(&tree)?) };
+        let Some(topic) = truth else { return config(&tree) };
         let sources = match tree.get("truth_sources").map(|param| &param.value) {
             Some(ParamValue::StrArray(sources)) => sources.clone(),
             _ => Vec::new(),
@@ -81,8 +82,15 @@ impl ParamArgs {
         };
         tree.set("truth_sources", ParamValue::StrArray(vec![source.to_owned()]), Origin::CommandLine);
         tree.set(&format!("truth.{source}.topic"), ParamValue::Str(topic.to_owned()), Origin::CommandLine);
-        Ok(Config::from_tree(&tree)?)
+        config(&tree)
     }
+}
+
+/// The configuration that parameters make. Says which of their keys are of other nodes.
+pub(super) fn config(tree: &ParamTree) -> Result<Config, Failure> {
+    let cfg = Config::from_tree(tree)?;
+    cfg.note_on_others().iter().for_each(|note| say(note));
+    Ok(cfg)
 }
 
 /// Models that are ready to run, in the order of the configuration.
@@ -116,6 +124,7 @@ impl BackendArgs {
         for model in &mut cfg.models {
             model.spec.backend = match backend {
                 Backend::Auto => BackendChoice::Auto,
+                Backend::Builtin => BackendChoice::Builtin,
                 Backend::Onnxruntime => BackendChoice::OnnxRuntime,
                 Backend::Rten => BackendChoice::Rten,
             };
@@ -177,26 +186,7 @@ pub(super) fn load_models_quietly(cfg: &Config) -> Result<Models, Failure> {
     Ok(models)
 }
 
-/// The topics of a bag that feed this configuration.
-pub(super) fn input_topics(cfg: &Config) -> InputTopics {
-    InputTopics {
-        taxels: cfg.tactile.clone(),
-        joints: cfg.joints.clone(),
-        truth: Vec::new(),
-        stage: cfg.stage_topic.clone(),
-    }
-}
-
-/// When a calibration is refused.
-pub(super) fn calibration_limits(cfg: &Config) -> CalibrationLimits {
-    CalibrationLimits {
-        min_s: cfg.calibration.min_duration.as_secs_f64(),
-        max_force: cfg.calibration.max_force,
-        max_loaded_fraction: cfg.calibration.max_loaded_fraction,
-    }
-}
-
 /// How a path is told in results: as it was given.
 pub(super) fn shown(path: &Path) -> String {
-    path.display().to_string()
+    crate::bag::printable(&path.display().to_string())
 }

@@ -7,13 +7,10 @@ use serde::Serialize;
 
 use super::Failure;
 use super::replay::BusySeconds;
-use super::zero::ZeroFrom;
 use crate::bag::TopicCounters;
-use crate::fusion::{Counters, FrameClock, Fusion};
+use crate::fusion::{Counters, Fusion, TactileSourceIdx};
 use crate::model::{BackendInfo, ModelInfo};
-
-/// How far the measured rate of a source may lie from its model's before it is worth a word.
-const RATE_TOLERANCE: f64 = 0.2;
+use crate::zero::ZeroFrom;
 
 #[derive(Debug, Serialize)]
 pub(super) struct ModelSummary {
@@ -73,20 +70,21 @@ impl Summary<'_> {
                 warnings.push(format!("{topic}: {n} messages could not be read, the first: {first}"));
             }
         }
-        let cfg = fusion.config();
-        for (source_idx, source) in cfg.tactile_sources.iter().enumerate() {
-            let region_idx = cfg.regions.iter().position(|region| region.source.0 == source_idx);
-            let measured = self.counters.tactile[source_idx].measured_rate_hz;
-            let (Some(region_idx), Some(measured), FrameClock::Tactile) = (region_idx, measured, source.frame_clock)
-            else {
-                continue;
-            };
-            let model_hz = fusion.contract(region_idx).rate_hz;
-            if (measured / model_hz - 1.0).abs() > RATE_TOLERANCE {
-                warnings.push(format!(
-                    "tactile source {name} came at {measured:.1} Hz and its model was trained on {model_hz} Hz: set tactile.{name}.frame_clock to grid",
-                    name = source.name
-                ));
+        for (source_idx, source) in self.counters.tactile.iter().enumerate() {
+            warnings.extend(fusion.rate_fault(TactileSourceIdx(source_idx)).map(|fault| fault.to_string()));
+            let (name, c) = (source.name, &source.counts);
+            for (n, what) in [
+                (
+                    c.frozen,
+                    "while all its taxels stood still for longer than their noise allows: was its driver running?",
+                ),
+                (c.stuck, "while some of its taxels stood still and others moved: look at their wiring"),
+                (c.interleaved, "of two senders in turn: record one"),
+                (c.non_finite, "with a NaN or an infinite reading: look at its driver"),
+            ] {
+                if n > 0 {
+                    warnings.push(format!("tactile source {name}: {n} of {} rows came {what}", c.used));
+                }
             }
         }
         warnings
@@ -124,12 +122,16 @@ impl fmt::Display for Summary<'_> {
         }
         for source in &self.counters.joints {
             let c = &source.counts;
-            let counts = listed(&[("lacked some joints", c.partial), ("time jumps", c.time_jumps)]);
+            let counts = listed(&[
+                ("lacked some joints", c.partial),
+                ("with a NaN or infinity", c.non_finite),
+                ("time jumps", c.time_jumps),
+            ]);
             let drops = dropped(&[
                 ("without a known joint", c.unknown),
                 ("duplicate", c.duplicate),
                 ("out of order", c.out_of_order),
-                ("not finite", c.non_finite),
+                ("without a finite angle", c.nothing_finite),
                 ("malformed", c.malformed),
             ]);
             writeln!(f, "  joints {}: {} of {} messages used{counts}{drops}", source.name, c.used, c.messages)?;
@@ -138,7 +140,9 @@ impl fmt::Display for Summary<'_> {
             let c = &region.counts;
             let degraded = listed(&[
                 ("tactile-only for want of pose", c.base_only),
+                ("with held pose", c.held_pose),
                 ("with pose out of range", c.pose_out_of_range),
+                ("late", c.late),
                 ("contacts", c.onsets),
             ]);
             let without = listed(&[
@@ -146,6 +150,7 @@ impl fmt::Display for Summary<'_> {
                 ("uncalibrated", c.uncalibrated),
                 ("without pose", c.stale_pose),
                 ("not finite", c.non_finite),
+                ("frozen", c.frozen),
             ]);
             let without = if without.is_empty() { without } else { format!("; no estimate{without}") };
             writeln!(f, "  region {}: {} estimates{degraded}{without}", region.name, c.estimates)?;

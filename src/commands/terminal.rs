@@ -7,6 +7,7 @@ use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers
 use ratatui::{DefaultTerminal, Frame};
 
 use super::Failure;
+use crate::leave;
 
 /// A terminal that is drawn on; given back when this is dropped.
 pub(super) struct Terminal(Box<DefaultTerminal>);
@@ -16,7 +17,11 @@ impl Terminal {
     pub(super) fn open(plain: bool) -> Result<Option<Self>, Failure> {
         match plain || !std::io::stdout().is_terminal() {
             true => Ok(None),
-            false => Ok(Some(Terminal(Box::new(ratatui::try_init()?)))),
+            false => {
+                let terminal = ratatui::try_init()?;
+                leave::before_the_end(Some(ratatui::restore));
+                Ok(Some(Terminal(Box::new(terminal))))
+            }
         }
     }
 
@@ -39,6 +44,7 @@ impl Terminal {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
+        leave::before_the_end(None);
         ratatui::restore();
     }
 }

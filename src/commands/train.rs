@@ -15,7 +15,7 @@ use super::progress::Progress as Bar;
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::split::SplitArgs;
-use super::{Failure, Outcome, interrupt, print, say};
+use super::{Failure, Outcome, counted, interrupt, print, say};
 use crate::config::Config;
 use crate::eval::{Part, Split};
 use crate::files;
@@ -68,7 +68,7 @@ pub(super) struct Args {
     /// Go on from the checkpoint that an interrupted run of the same command left
     #[arg(long)]
     resume: bool,
-    /// Replace a model that is already there
+    /// Replace a model that is already there, and begin anew where an interrupted run left a checkpoint
     #[arg(long)]
     overwrite: bool,
     /// Print the report as JSON
@@ -145,16 +145,13 @@ impl From<KindArg> for Kind {
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let kind = Kind::from(args.kind);
     let files = Files::of(&args.output);
+    let lambdas = args.lambdas();
     files.check(args)?;
     let cfg = only_region(args.params.load_with_truth(args.truth.as_deref())?, args.region.as_deref(), kind)?;
     interrupt::listen();
     let data = Data::load(args, &cfg, kind)?;
     let threads = args.run.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
 
-    let lambdas = match args.loss.sweep_lambda.as_slice() {
-        [] => vec![args.loss.lambda.unwrap_or(LossConfig::default().lambda)],
-        sweep => sweep.to_vec(),
-    };
     let started = Instant::now();
     let mut report = Report::new(kind, &data.dataset, data.split, &data.notes, threads);
     for (idx, lambda) in lambdas.iter().enumerate() {
@@ -203,6 +200,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 impl Args {
+    /// The weights to train with, one after the other.
+    fn lambdas(&self) -> Vec<f32> {
+        match self.loss.sweep_lambda.as_slice() {
+            [] => vec![self.loss.lambda.unwrap_or(LossConfig::default().lambda)],
+            sweep => sweep.to_vec(),
+        }
+    }
+
     fn train_config(&self, kind: Kind, lambda: f32, n_windows: usize) -> TrainConfig {
         let steps = match self.run.epochs {
             Some(epochs) => (epochs * (n_windows / self.run.batch.clamp(1, n_windows.max(1))) as f64).ceil() as u64,
@@ -318,8 +323,8 @@ impl Data {
         };
         let dataset = Dataset::new(sessions, spec)?;
         say(&format!(
-            "{} sessions{}: {} windows to train on, {} to pick the best step, {} kept for the test",
-            notes.len(),
+            "{}{}: {} windows to train on, {} to pick the best step, {} kept for the test",
+            counted(notes.len() as u64, "session"),
             if synthetic { " (synthetic)" } else { "" },
             dataset.n_windows(Part::Train),
             dataset.n_windows(Part::Validation),
@@ -379,12 +384,21 @@ impl Files {
         if self.model.extension().is_none_or(|extension| extension != "onnx") {
             return Err(Failure(format!("{}: expected a name that ends with .onnx", self.model.display())));
         }
-        let there = [&self.model, &self.report].into_iter().find(|file| file.exists());
-        match there {
-            Some(file) if !args.overwrite => {
-                Err(Failure(format!("{}: is already there; choose another name, or give --overwrite", file.display())))
-            }
-            _ => Ok(()),
+        if args.overwrite {
+            return Ok(());
+        }
+        if let Some(file) = [&self.model, &self.report].into_iter().find(|file| file.exists()) {
+            let file = file.display();
+            return Err(Failure(format!("{file}: is already there; choose another name, or give --overwrite")));
+        }
+        let lambdas = args.lambdas();
+        let mut checkpoints = lambdas.iter().map(|lambda| self.checkpoint(&lambdas, *lambda));
+        match checkpoints.find(|checkpoint| checkpoint.exists()).filter(|_| !args.resume) {
+            Some(checkpoint) => Err(Failure(format!(
+                "{}: an interrupted run left it; give --resume to go on from there, or --overwrite to begin anew",
+                checkpoint.display()
+            ))),
+            None => Ok(()),
         }
     }
 }

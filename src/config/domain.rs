@@ -6,7 +6,7 @@ mod reader;
 mod region;
 mod source;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -17,7 +17,8 @@ use super::error::ConfigError;
 use super::keys::{KEYS, ParamKey};
 use super::names::NodeName;
 use super::param_file::{Origin, ParamTree};
-use crate::fusion::{ForceUnit, FusionConfig, Timing};
+use super::text::list;
+use crate::fusion::{ForceUnit, FusionConfig, Receipts, Timing};
 use crate::model::{BackendChoice, ModelSpec, TensorNames};
 use crate::msg::binding::{JointFields, TaxelFields, Topic, TruthFields};
 use crate::units::{GramForce, Newton, from_millis};
@@ -70,6 +71,8 @@ pub struct CalibrationConfig {
     pub max_loaded_fraction: f64,
     /// How far some joint of each region must move in a live calibration, rad; 0 takes a still hand.
     pub min_joint_span: f64,
+    /// Whether a zero is used that would be refused.
+    pub insist: bool,
 }
 
 /// Everything that parameters say.
@@ -103,9 +106,16 @@ pub struct Config {
     pub use_sim_time: bool,
     /// What only the live node follows.
     pub live: LiveConfig,
+    /// Keys of sections for nodes of any name that are those of other nodes: they are not followed.
+    pub of_others: Vec<String>,
 }
 
 impl Config {
+    /// Names of the joints that some region needs.
+    pub fn needed_joints(&self) -> BTreeSet<String> {
+        self.fusion.regions.iter().flat_map(|region| region.joints.iter().cloned()).collect()
+    }
+
     /// Reads the parameters of a node.
     ///
     /// # Errors
@@ -113,7 +123,7 @@ impl Config {
     /// another one.
     pub fn from_tree(tree: &ParamTree) -> Result<Self, ConfigError> {
         let node = NodeName::parse(tree.node_fqn())?;
-        check::keys_and_values(tree)?;
+        let of_others = check::keys_and_values(tree)?;
         let reader = Reader { tree, node: &node };
         let tactile_names = reader.names("tactile_sources")?;
         reader.refuse_empty("tactile_sources", &tactile_names)?;
@@ -124,6 +134,7 @@ impl Config {
         let models = region::model_names(&reader, &region_names)?;
         check::names(
             tree,
+            &of_others,
             &[
                 ("tactile", "tactile_sources", &tactile_names),
                 ("joint", "joint_sources", &joint_names),
@@ -136,10 +147,20 @@ impl Config {
         let (tactile_sources, tactile) = source::all(&reader, &tactile_names, source::tactile)?;
         let (joint_sources, joints) = source::all(&reader, &joint_names, source::joint)?;
         let (truth_sources, truth) = source::all(&reader, &truth_names, source::truth)?;
+        source::one_type_a_topic(
+            &reader,
+            &[
+                source::types("tactile", &tactile_names, &tactile),
+                source::types("joint", &joint_names, &joints),
+                source::types("truth", &truth_names, &truth),
+            ]
+            .concat(),
+        )?;
         let truth_of_region = region::truths(&reader, &region_names, &truth_names)?;
         let regions = region::all(&reader, &region_names, &models, &tactile_sources, &joints)?;
         let calibration = calibration(&reader)?;
-        let fusion = FusionConfig { tactile_sources, joint_sources, regions, timing: timing(&reader)?, batch: 1 };
+        let (timing, receipts) = (timing(&reader)?, Receipts::default());
+        let fusion = FusionConfig { tactile_sources, joint_sources, regions, timing, receipts, batch: 1 };
         Ok(Config {
             fusion,
             tactile,
@@ -154,8 +175,16 @@ impl Config {
             stage_topic: reader.topic("stage_topic")?,
             use_sim_time: reader.bool("use_sim_time")?,
             live: live::live(&reader)?,
+            of_others: of_others.into_iter().map(str::to_owned).collect(),
             node,
         })
+    }
+
+    /// What is to be said about keys that are not followed, in one line; none where there are none.
+    pub fn note_on_others(&self) -> Option<String> {
+        let keys = list(self.of_others.iter().map(String::as_str));
+        let hint = check::EXPLAINED;
+        (!keys.is_empty()).then(|| format!("not followed, because this node has no such parameters: {keys}; {hint}"))
     }
 
     /// Every parameter that this configuration has, set or not, with its entry in the table.
@@ -180,8 +209,12 @@ fn timing(reader: &Reader<'_>) -> Result<Timing, ConfigError> {
     Ok(Timing {
         max_gap: from_millis(reader.double("timing.max_gap_ms")?),
         joint_slack: from_millis(reader.double("timing.joint_slack_ms")?),
-        max_pose_age: from_millis(reader.double("timing.max_pose_age_ms")?),
+        max_pose_age: match reader.is_set("timing.max_pose_age_ms") {
+            true => Some(from_millis(reader.double("timing.max_pose_age_ms")?)),
+            false => None,
+        },
         time_jump: from_millis(reader.double("timing.time_jump_ms")?),
+        max_age: Some(reader.double("timing.max_age_ms")?).filter(|max_ms| *max_ms > 0.0).map(from_millis),
     })
 }
 
@@ -198,6 +231,7 @@ fn calibration(reader: &Reader<'_>) -> Result<CalibrationConfig, ConfigError> {
         max_force: Newton(reader.double("calibration.max_force")?),
         max_loaded_fraction: reader.double("calibration.max_loaded_fraction")?,
         min_joint_span: reader.double("calibration.min_joint_span")?,
+        insist: reader.bool("calibration.insist")?,
     })
 }
 
@@ -208,6 +242,7 @@ fn model(reader: &Reader<'_>, name: &str) -> Result<ModelConfig, ConfigError> {
     reader.required_text(&path_key)?;
     let path = reader.path(&path_key)?.ok_or_else(|| reader.missing(&path_key))?;
     let backend = match reader.text(&key("backend"))?.as_str() {
+        "builtin" => BackendChoice::Builtin,
         "onnxruntime" => BackendChoice::OnnxRuntime,
         "rten" => BackendChoice::Rten,
         _ => BackendChoice::Auto,
@@ -218,6 +253,7 @@ fn model(reader: &Reader<'_>, name: &str) -> Result<ModelConfig, ConfigError> {
         _ => None,
     };
     let rate_hz = Some(reader.double(&key("rate_hz"))?).filter(|rate_hz| *rate_hz > 0.0);
+    let (glove, of_glove) = (reader.non_empty("glove")?, reader.non_empty(&key("glove"))?);
     let names = TensorNames {
         tactile: tensor("inputs.tactile")?,
         pose: tensor("inputs.pose")?,
@@ -225,7 +261,8 @@ fn model(reader: &Reader<'_>, name: &str) -> Result<ModelConfig, ConfigError> {
         force_base: tensor("outputs.force_base")?,
         force_residual: tensor("outputs.force_residual")?,
     };
-    Ok(ModelConfig { name: name.to_owned(), spec: ModelSpec { backend, unit, rate_hz, names, ..ModelSpec::new(path) } })
+    let spec = ModelSpec { backend, unit, rate_hz, glove, of_glove, names, ..ModelSpec::new(path) };
+    Ok(ModelConfig { name: name.to_owned(), spec })
 }
 
 /// The folder that a relative path in the file is meant from; none for paths from elsewhere.

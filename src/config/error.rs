@@ -151,7 +151,10 @@ pub enum ParamError {
         reason: String,
     },
     /// No section is meant for the node.
-    #[error("{files}: no parameters for the node {node}: the file has {names}")]
+    #[error(
+        "{files}: no parameters for the node {node}: the file has {names}; put them under `/**` for a node of any name, or \
+         under `{node}` for this one only"
+    )]
     NoSection {
         /// The files, separated by commas.
         files: String,

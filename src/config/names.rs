@@ -195,6 +195,11 @@ impl NodePattern {
         Ok(NodePattern { tokens: tokens.collect::<Result<_, _>>()? })
     }
 
+    /// Whether it names no node: its last part stands for any name.
+    pub(super) fn is_any_node(&self) -> bool {
+        matches!(self.tokens.last(), Some(Token::One | Token::Any))
+    }
+
     /// Whether a node is meant.
     pub(super) fn matches(&self, node_fqn: &str) -> bool {
         let names: Vec<&str> = node_fqn.split('/').filter(|name| !name.is_empty()).collect();

@@ -24,6 +24,8 @@ pub enum Origin {
         file: Arc<str>,
         /// Line of the value, from 1.
         line: usize,
+        /// Whether the section is for any node, as `/**` is, and not for one by its name.
+        any_node: bool,
     },
     /// By `-p key:=value`.
     CommandLine,
@@ -34,7 +36,7 @@ pub enum Origin {
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Origin::File { file, line } => write!(f, "{}:{line}", printable(file)),
+            Origin::File { file, line, .. } => write!(f, "{}:{line}", printable(file)),
             Origin::CommandLine => f.write_str("command line"),
             Origin::Request => f.write_str("parameter request"),
         }
@@ -48,6 +50,13 @@ pub struct Param {
     pub value: ParamValue,
     /// Where it was set.
     pub origin: Origin,
+}
+
+impl Origin {
+    /// Whether it is a section that is shared by nodes, which may hold parameters of others.
+    pub fn is_shared(&self) -> bool {
+        matches!(self, Origin::File { any_node: true, .. })
+    }
 }
 
 /// The parameters that are meant for one node, by dotted key.
@@ -226,7 +235,7 @@ impl Reader<'_> {
             return Err(self.yaml_error(node.line, "`ros__parameters:` must be followed by keys and values"));
         }
         let mut params = BTreeMap::new();
-        self.params(node, "", &mut params)?;
+        self.params(node, "", pattern.is_any_node(), &mut params)?;
         match self.sections.iter_mut().find(|section| section.name == name) {
             Some(section) => section.params.extend(params),
             None => self.sections.push(Section { name: name.to_owned(), pattern, params }),
@@ -235,7 +244,13 @@ impl Reader<'_> {
     }
 
     /// Flattens nested mappings into dotted keys.
-    fn params(&self, node: &Node, prefix: &str, params: &mut BTreeMap<String, Param>) -> Result<(), ParamError> {
+    fn params(
+        &self,
+        node: &Node,
+        prefix: &str,
+        any_node: bool,
+        params: &mut BTreeMap<String, Param>,
+    ) -> Result<(), ParamError> {
         if let NodeData::Mapping(entries) = &node.data
             && (prefix.is_empty() || !entries.is_empty())
         {
@@ -244,7 +259,7 @@ impl Reader<'_> {
                     return Err(self.yaml_error(key.line, "a key must not be empty"));
                 }
                 let separator = if prefix.is_empty() { "" } else { "." };
-                self.params(value, &format!("{prefix}{separator}{}", key.text), params)?;
+                self.params(value, &format!("{prefix}{separator}{}", key.text), any_node, params)?;
             }
             return Ok(());
         }
@@ -257,7 +272,7 @@ impl Reader<'_> {
         if let Some(Param { origin: Origin::File { line: first_line, .. }, .. }) = params.get(prefix) {
             return Err(ParamError::Duplicate { file, line, key, first_line: *first_line });
         }
-        let origin = Origin::File { file: Arc::clone(self.file), line };
+        let origin = Origin::File { file: Arc::clone(self.file), line, any_node };
         params.insert(prefix.to_owned(), Param { value, origin });
         Ok(())
     }

@@ -38,6 +38,8 @@ pub struct EstimateRecord {
     pub flags: Flags,
     /// Age of the pose, ns.
     pub pose_age_ns: Option<i64>,
+    /// Age of the frame when the node had all of it, ns.
+    pub age_ns: Option<i64>,
     /// Threshold that contact began at, N.
     pub on_threshold: Option<f64>,
     /// Threshold that contact ends at, N.

@@ -90,7 +90,7 @@ impl Layout {
             sources,
             joints: first.joint_names.clone(),
             max_gap_ns: nanos(cfg.timing.max_gap),
-            max_pose_age_ns: nanos(cfg.timing.max_pose_age),
+            max_pose_age_ns: nanos(cfg.timing.usual_pose_age()),
         })
     }
 

@@ -46,7 +46,7 @@ pub fn rows(cfg: &FusionConfig, joints: &[String], session: &Session<'_>) -> Res
             let truth = session.truth.get(region_idx).and_then(Option::as_deref).unwrap_or_default();
             let truth = (0..track.stamp.len()).map(|idx| finite(Newton::from((*truth.get(idx)?)?)));
             let mut cells = of_region(session, region, track, truth.collect());
-            let max_age_ns = nanos(cfg.timing.max_pose_age);
+            let max_age_ns = nanos(cfg.timing.usual_pose_age());
             cells.extend(
                 joints
                     .iter()

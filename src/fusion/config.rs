@@ -5,6 +5,12 @@ use std::time::Duration;
 use super::geometry::Patch;
 use crate::units::Newton;
 
+/// A pose as old as this is as usual, however fast its source is.
+pub(super) const USUAL_POSE_AGE: Duration = Duration::from_millis(50);
+
+/// Unless it is set, a pose is held for this long at least: a hand that a tracker loses for a moment.
+pub(super) const SHORTEST_HOLD: Duration = Duration::from_millis(200);
+
 /// How model frames are cut from tactile samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrameClock {
@@ -48,10 +54,26 @@ pub struct Timing {
     pub max_gap: Duration,
     /// How much data time a frame waits for the joint state after it.
     pub joint_slack: Duration,
-    /// How long the last joint state is held, and the longest span that is interpolated across.
-    pub max_pose_age: Duration,
+    /// How long the last joint state is held, and the longest span that is interpolated across. `None` follows the measured
+    /// period of each joint, within bounds: see [`JointTimelines`](super::JointTimelines).
+    pub max_pose_age: Option<Duration>,
     /// A stamp this far behind the newest one of its stream is a jump of time, not a late sample.
     pub time_jump: Duration,
+    /// A frame whose stamp is further than this from its receipt is LATE, where receipts are those of a live run. `None`
+    /// for no such limit.
+    pub max_age: Option<Duration>,
+}
+
+impl Timing {
+    /// How long an angle stands for a time where no rate is known: what is set, or 50 ms.
+    pub fn usual_pose_age(&self) -> Duration {
+        self.max_pose_age.unwrap_or(USUAL_POSE_AGE)
+    }
+
+    /// How long an angle is held at least: what is set, or 200 ms.
+    pub fn shortest_hold(&self) -> Duration {
+        self.max_pose_age.unwrap_or(SHORTEST_HOLD)
+    }
 }
 
 /// When a force becomes a contact and when it stops being one.
@@ -86,6 +108,16 @@ pub struct RegionConfig {
     pub contact: ContactThresholds,
 }
 
+/// What the receipts of events say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Receipts {
+    /// Nothing of how old the data were: they mark outputs and reach no estimate. A bag of any other recorder.
+    #[default]
+    Unknown,
+    /// When a live node had each event, by its ROS time: the age of a frame follows from them, and LATE.
+    Live,
+}
+
 /// Everything the core needs to know, apart from models and calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FusionConfig {
@@ -97,6 +129,8 @@ pub struct FusionConfig {
     pub regions: Vec<RegionConfig>,
     /// Tolerances in time.
     pub timing: Timing,
+    /// What the receipts of events say.
+    pub receipts: Receipts,
     /// Frames run in one inference call; 1 gives each frame its own, and the same bytes live and offline.
     pub batch: usize,
 }

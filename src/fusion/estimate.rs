@@ -15,18 +15,28 @@ impl Flags {
     pub const WARMUP: Flags = Flags(1);
     /// There is no baseline to subtract: no estimate.
     pub const UNCALIBRATED: Flags = Flags(2);
-    /// The pose of some frame of the window is unknown or too old: the base branch alone, or no estimate.
+    /// The pose of some frame of the window is unknown or too old to be held: the base branch alone, or no estimate.
     pub const STALE_POSE: Flags = Flags(4);
     /// The tactile stream has stopped: no estimate.
     pub const STALE_TACTILE: Flags = Flags(8);
     /// A joint is outside of what the model was trained on.
     pub const POSE_OUT_OF_RANGE: Flags = Flags(16);
-    /// A taxel of the region was found dead when the baseline was taken.
+    /// A taxel of the region was found dead when the baseline was taken, or stands still now.
     pub const FAULTY_TAXEL: Flags = Flags(32);
     /// A taxel or the model's output was NaN or infinite: no estimate.
     pub const NON_FINITE: Flags = Flags(64);
+    /// The pose of some frame of the window is held for longer than its source's rate explains.
+    pub const HELD_POSE: Flags = Flags(256);
+    /// All taxels of the source stand still for longer than their noise allows: no estimate.
+    pub const FROZEN: Flags = Flags(512);
+    /// Rows of two senders come in turn: the force may be of either.
+    pub const INTERLEAVED: Flags = Flags(1024);
+    /// Frames come faster than the model's rate.
+    pub const WRONG_RATE: Flags = Flags(2048);
+    /// The frame's stamp is further from its receipt than [`Timing::max_age`](super::Timing::max_age).
+    pub const LATE: Flags = Flags(128);
 
-    const NAMES: [(Flags, &'static str); 7] = [
+    const NAMES: [(Flags, &'static str); 12] = [
         (Flags::WARMUP, "WARMUP"),
         (Flags::UNCALIBRATED, "UNCALIBRATED"),
         (Flags::STALE_POSE, "STALE_POSE"),
@@ -34,6 +44,11 @@ impl Flags {
         (Flags::POSE_OUT_OF_RANGE, "POSE_OUT_OF_RANGE"),
         (Flags::FAULTY_TAXEL, "FAULTY_TAXEL"),
         (Flags::NON_FINITE, "NON_FINITE"),
+        (Flags::LATE, "LATE"),
+        (Flags::HELD_POSE, "HELD_POSE"),
+        (Flags::FROZEN, "FROZEN"),
+        (Flags::INTERLEAVED, "INTERLEAVED"),
+        (Flags::WRONG_RATE, "WRONG_RATE"),
     ];
 
     /// The bits as they go on the wire.
@@ -127,6 +142,8 @@ pub struct Tick {
     pub number: i64,
     /// Receipt of the event that completed the frame.
     pub received: Stamp,
+    /// From the stamp to that receipt, ns; `None` where receipts say nothing ([`Receipts::Unknown`](super::Receipts::Unknown)).
+    pub age_ns: Option<i64>,
     /// One a region of the source, in the order of the configuration.
     pub estimates: Vec<Estimate>,
 }

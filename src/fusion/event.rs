@@ -25,8 +25,19 @@ pub struct TactileBlock<'a> {
     pub sequence: Option<u32>,
     /// `[rows, taxels]`, row-major, raw as the sensor sent them.
     pub values: &'a [f32],
-    /// When the message arrived, by the clock of whoever received it. It marks outputs and reaches no estimate.
+    /// When the message arrived, by the clock of whoever received it. It marks outputs, and tells the age of frames where
+    /// [`Receipts::Live`](super::Receipts::Live); it reaches no force.
     pub received: Stamp,
+}
+
+impl TactileBlock<'_> {
+    /// Whether it holds whole samples of so many taxels, with the time between them where there are several. Nothing else
+    /// of a message that doesn't is used, its stamp included.
+    pub fn is_of(&self, n_taxels: usize) -> bool {
+        self.rows > 0
+            && self.rows.checked_mul(n_taxels) == Some(self.values.len())
+            && (self.rows == 1 || self.row_period_ns > 0)
+    }
 }
 
 /// One message of joint angles. Joints are told apart by name, never by position.
@@ -40,7 +51,7 @@ pub struct JointSample<'a> {
     pub names: &'a [String],
     /// `[joints of the message]`, in the source's own unit. Shorter than `names` when the message was malformed.
     pub positions: &'a [f64],
-    /// When the message arrived, by the clock of whoever received it. It marks outputs and reaches no estimate.
+    /// When the message arrived, by the clock of whoever received it, as of taxels.
     pub received: Stamp,
 }
 
@@ -51,4 +62,14 @@ pub enum Event<'a> {
     Tactile(TactileBlock<'a>),
     /// Joint angles arrived.
     Joints(JointSample<'a>),
+}
+
+impl Event<'_> {
+    /// When the message arrived.
+    pub fn received(&self) -> Stamp {
+        match self {
+            Event::Tactile(block) => block.received,
+            Event::Joints(sample) => sample.received,
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! The only builder of a model's input: live node, replay and training all go through here.
 
 use super::config::{RegionConfig, TactileSource};
+use super::joints::PoseTrust;
 
 /// Which taxels of a sample a region uses, and how a raw reading becomes a feature.
 ///
@@ -46,8 +47,9 @@ pub struct FeatureWindow {
     filled: usize,
     tactile: Vec<f32>,
     pose: Vec<f32>,
-    pose_known: Vec<bool>,
-    n_unknown: usize,
+    pose_trust: Vec<PoseTrust>,
+    n_held: usize,
+    n_stale: usize,
     n_new: usize,
 }
 
@@ -73,37 +75,41 @@ impl FeatureWindow {
             filled: 0,
             tactile: vec![0.0; 2 * len * n_taxels],
             pose: vec![0.0; 2 * len * n_joints],
-            pose_known: vec![false; 2 * len],
-            n_unknown: 0,
+            pose_trust: vec![PoseTrust::Stale; 2 * len],
+            n_held: 0,
+            n_stale: 0,
             n_new: 0,
         }
     }
 
     /// Forgets all frames.
     pub fn clear(&mut self) {
-        (self.end, self.filled, self.n_unknown) = (0, 0, 0);
+        (self.end, self.filled, self.n_held, self.n_stale) = (0, 0, 0, 0);
     }
 
     /// Appends a frame; the oldest one leaves a full window.
     ///
     /// # Shapes
-    /// `tactile`: `[taxels]`; `pose`: `[joints]`, rad, finite even where `pose_known` is false.
-    pub fn push(&mut self, tactile: &[f32], pose: &[f32], pose_known: bool) {
+    /// `tactile`: `[taxels]`; `pose`: `[joints]`, rad, finite even where it is stale.
+    pub fn push(&mut self, tactile: &[f32], pose: &[f32], trust: PoseTrust) {
         if self.filled == self.len {
-            self.n_unknown -= usize::from(!self.pose_known[self.end - self.filled]);
+            let leaving = self.pose_trust[self.end - self.filled];
+            self.n_held -= usize::from(leaving == PoseTrust::Held);
+            self.n_stale -= usize::from(leaving == PoseTrust::Stale);
             self.filled -= 1;
         }
         if self.end == 2 * self.len {
             let from = self.end - self.filled;
             self.tactile.copy_within(from * self.n_taxels..self.end * self.n_taxels, 0);
             self.pose.copy_within(from * self.n_joints..self.end * self.n_joints, 0);
-            self.pose_known.copy_within(from..self.end, 0);
+            self.pose_trust.copy_within(from..self.end, 0);
             self.end = self.filled;
         }
         self.tactile[self.end * self.n_taxels..(self.end + 1) * self.n_taxels].copy_from_slice(tactile);
         self.pose[self.end * self.n_joints..(self.end + 1) * self.n_joints].copy_from_slice(pose);
-        self.pose_known[self.end] = pose_known;
-        self.n_unknown += usize::from(!pose_known);
+        self.pose_trust[self.end] = trust;
+        self.n_held += usize::from(trust == PoseTrust::Held);
+        self.n_stale += usize::from(trust == PoseTrust::Stale);
         self.end += 1;
         self.filled += 1;
         self.n_new += 1;
@@ -114,9 +120,13 @@ impl FeatureWindow {
         self.filled == self.len
     }
 
-    /// Whether the pose of every frame is known.
-    pub fn is_pose_known(&self) -> bool {
-        self.n_unknown == 0
+    /// How far the pose of all frames may be trusted: as that of the worst.
+    pub fn pose_trust(&self) -> PoseTrust {
+        match (self.n_stale, self.n_held) {
+            (0, 0) => PoseTrust::Fresh,
+            (0, _) => PoseTrust::Held,
+            _ => PoseTrust::Stale,
+        }
     }
 
     /// Takes the window, when it is full: the next one tells which of its frames are new.
@@ -139,7 +149,7 @@ mod tests {
         let mut window = FeatureWindow::new(3, 2, 1);
         for k in 0..20 {
             let k = k as f32;
-            window.push(&[k, -k], &[k / 2.0], true);
+            window.push(&[k, -k], &[k / 2.0], PoseTrust::Fresh);
             if k < 2.0 {
                 assert!(!window.is_full());
             } else {
@@ -155,12 +165,17 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_pose_taints_the_window_until_it_leaves() {
+    fn a_window_is_trusted_as_the_worst_pose_in_it() {
         let mut window = FeatureWindow::new(4, 1, 1);
         for k in 0..40 {
-            window.push(&[0.0], &[0.0], k % 9 != 0);
-            let tainted = (k - 3..=k).any(|j: i32| j >= 0 && j % 9 == 0);
-            assert_eq!(window.is_pose_known(), !tainted, "frame {k}");
+            let trust = |j: i32| match j {
+                _ if j < 0 => PoseTrust::Fresh,
+                _ if j % 9 == 0 => PoseTrust::Stale,
+                _ if j % 5 == 0 => PoseTrust::Held,
+                _ => PoseTrust::Fresh,
+            };
+            window.push(&[0.0], &[0.0], trust(k));
+            assert_eq!(Some(window.pose_trust()), (k - 3..=k).map(trust).max(), "frame {k}");
         }
     }
 

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::config::{FrameClock, TactileSource, Timing};
 use super::event::TactileBlock;
+use super::health::SourceHealth;
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
 /// What became of a source's samples. Every row is counted in exactly one of `used` and the drops after it, up to
@@ -26,6 +27,14 @@ pub struct TactileCounters {
     pub no_row_period: u64,
     /// Messages with no row in them.
     pub empty: u64,
+    /// Used rows with a reading that is NaN or infinite.
+    pub non_finite: u64,
+    /// Used rows that came while all taxels stood still for longer than their noise allows.
+    pub frozen: u64,
+    /// Used rows that came while some taxels stood still and others didn't.
+    pub stuck: u64,
+    /// Used rows that came while rows of two senders came in turn.
+    pub interleaved: u64,
     /// Blocks that came faster than their rows last: their rows were spread over the time since the block before.
     pub bursts: u64,
     /// Messages that are missing in the sender's own count.
@@ -77,6 +86,7 @@ pub struct FrameCutter {
     number: i64,
     nominal: Option<(Stamp, i64)>, // stamp of the last frame, and where the steady clock would have put it
     grid: Grid,
+    health: SourceHealth,
     counters: TactileCounters,
 }
 
@@ -113,6 +123,7 @@ impl FrameCutter {
                 frame: vec![0.0; n],
                 ..Grid::default()
             },
+            health: SourceHealth::new(&source, rate_hz),
             counters: TactileCounters::default(),
             source,
         }
@@ -126,6 +137,19 @@ impl FrameCutter {
     /// The longest step between samples that is not a gap, ns.
     pub fn max_gap_ns(&self) -> i64 {
         self.max_gap_ns
+    }
+
+    /// Takes the noise that a calibration found.
+    ///
+    /// # Shapes
+    /// `noise`: `[taxels of the source]`, raw units.
+    pub fn handle_noise(&mut self, noise: &[f32]) {
+        self.health.handle_noise(noise);
+    }
+
+    /// Whether the source can be believed.
+    pub fn health(&self) -> &SourceHealth {
+        &self.health
     }
 
     /// What became of the samples.
@@ -150,20 +174,25 @@ impl FrameCutter {
             }
         }
         self.sequence = block.sequence;
+        self.health.handle_sequence(block.sequence);
+        if !block.is_of(self.source.n_taxels) {
+            return Continuity::Steady; // its rows are dropped, and its stamp tells nothing
+        }
         let stamp = block.stamp.offset(self.source.stamp_offset_ns);
         let jumped = self.newest.is_some_and(|newest| stamp.nanos_since(newest) < -self.time_jump_ns);
         if !jumped {
             return Continuity::Steady;
         }
         self.counters.time_jumps += 1;
+        self.health.handle_jump(stamp);
         self.newest = None;
         self.nominal = None;
         self.epoch += 1;
         Continuity::Jumped
     }
 
-    /// Cuts the frames that a message completes, oldest first, and hands each to `sink`.
-    pub fn cut(&mut self, block: &TactileBlock<'_>, mut sink: impl FnMut(Frame<'_>)) {
+    /// Cuts the frames that a message completes, oldest first, and hands each to `sink`, with what is known of the source by then.
+    pub fn cut(&mut self, block: &TactileBlock<'_>, mut sink: impl FnMut(Frame<'_>, &SourceHealth)) {
         let rows = block.rows;
         self.counters.rows += rows as u64;
         if rows == 0 {
@@ -204,12 +233,17 @@ impl FrameCutter {
                 continue;
             }
             self.counters.used += 1;
+            self.health.handle_row(stamp, values);
+            self.counters.non_finite += u64::from(values.iter().any(|value| !value.is_finite()));
+            self.counters.frozen += u64::from(self.health.is_frozen());
+            self.counters.stuck += u64::from(self.health.has_stuck());
+            self.counters.interleaved += u64::from(self.health.is_interleaved());
             self.handle_row(stamp, values, &mut sink);
             self.newest = Some(stamp);
         }
     }
 
-    fn handle_row(&mut self, stamp: Stamp, values: &[f32], sink: &mut impl FnMut(Frame<'_>)) {
+    fn handle_row(&mut self, stamp: Stamp, values: &[f32], sink: &mut impl FnMut(Frame<'_>, &SourceHealth)) {
         let gap = self.newest.is_some_and(|newest| stamp.nanos_since(newest) > self.max_gap_ns);
         if gap {
             self.counters.gaps += 1;
@@ -222,7 +256,13 @@ impl FrameCutter {
         }
     }
 
-    fn handle_grid_row(&mut self, stamp: Stamp, values: &[f32], gap: bool, sink: &mut impl FnMut(Frame<'_>)) {
+    fn handle_grid_row(
+        &mut self,
+        stamp: Stamp,
+        values: &[f32],
+        gap: bool,
+        sink: &mut impl FnMut(Frame<'_>, &SourceHealth),
+    ) {
         let mut grid = std::mem::take(&mut self.grid);
         let previous_stamp = match self.newest {
             Some(newest) if !gap => newest,
@@ -261,12 +301,12 @@ impl FrameCutter {
         self.grid = grid;
     }
 
-    fn emit(&mut self, stamp: Stamp, values: &[f32], sink: &mut impl FnMut(Frame<'_>)) {
+    fn emit(&mut self, stamp: Stamp, values: &[f32], sink: &mut impl FnMut(Frame<'_>, &SourceHealth)) {
         let missing = self.advance(stamp);
         self.counters.missing_frames += missing as u64;
         self.counters.frames += 1;
         self.number += 1 + missing;
-        sink(Frame { stamp, epoch: self.epoch, number: self.number, values });
+        sink(Frame { stamp, epoch: self.epoch, number: self.number, values }, &self.health);
     }
 
     /// How many frames are missing before the one at `stamp`.
@@ -279,6 +319,7 @@ impl FrameCutter {
             return 0;
         };
         self.counters.active_ns += stamp.nanos_since(last).unsigned_abs();
+        self.health.handle_interval(stamp.nanos_since(last));
         let expected = nominal.saturating_add(self.period_ns.round() as i64);
         let lag = stamp.0.saturating_sub(expected);
         let missing = if lag as f64 > 0.75 * self.period_ns { (lag as f64 / self.period_ns).round() as i64 } else { 0 };

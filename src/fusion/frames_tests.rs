@@ -8,8 +8,9 @@ fn cutter(frame_clock: FrameClock, n_taxels: usize) -> FrameCutter {
     let timing = Timing {
         max_gap: Duration::from_millis(50),
         joint_slack: Duration::from_millis(10),
-        max_pose_age: Duration::from_millis(50),
+        max_pose_age: None,
         time_jump: Duration::from_millis(200),
+        max_age: None,
     };
     let source = TactileSource { name: "glove".into(), n_taxels, stamp_offset_ns: 0, inverted: false, frame_clock };
     FrameCutter::new(source, 100.0, &timing)
@@ -34,7 +35,7 @@ fn send_block(cutter: &mut FrameCutter, at_us: i64, rows: usize, period_us: i64,
     };
     let mut frames = Vec::new();
     cutter.handle_header(&block);
-    cutter.cut(&block, |frame| {
+    cutter.cut(&block, |frame, _| {
         frames.push(Cut {
             stamp_us: frame.stamp.0 / 1000,
             epoch: frame.epoch,
@@ -137,7 +138,7 @@ fn the_senders_count_shows_what_was_lost() {
             received: Stamp(0),
         };
         cutter.handle_header(&block);
-        cutter.cut(&block, |_| ());
+        cutter.cut(&block, |_, _| ());
     }
     assert_eq!(cutter.counters().lost_messages, 1); // 0 is missing after the wrap; going back to 0 is a restart
 }
@@ -194,7 +195,7 @@ fn a_grid_stands_still_at_the_end_of_time() {
         let (stamp, values) = (Stamp(stamp), &[1.0][..]);
         let block = TactileBlock { source, stamp, rows: 1, row_period_ns: 0, sequence: None, values, received };
         cutter.handle_header(&block);
-        cutter.cut(&block, |_| n_frames += 1);
+        cutter.cut(&block, |_, _| n_frames += 1);
     }
     assert!((2..=3).contains(&n_frames), "{n_frames} frames");
     assert!(conserved(cutter.counters()));

@@ -8,11 +8,11 @@ use super::contact::{ContactDetector, ContactEvent};
 use super::estimate::{Estimate, Flags};
 use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
-use super::joints::JointTimelines;
+use super::joints::{JointTimelines, PoseTrust};
 use super::regressor::{Contract, PoseRange};
 use crate::units::{Newton, Stamp};
 
-/// What became of a region's frames. Every frame is counted in `estimates` or in exactly one of the four after it.
+/// What became of a region's frames. Every frame is counted in `estimates` or in exactly one of the five after it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct RegionCounters {
     /// Frames of the region's source.
@@ -23,14 +23,20 @@ pub struct RegionCounters {
     pub warmup: u64,
     /// Frames without one: there is no baseline.
     pub uncalibrated: u64,
-    /// Frames without one: the pose was unknown or stale, and the model has no base branch to fall back on.
+    /// Frames without one: the pose was unknown or too old, and the model has no base branch to fall back on.
     pub stale_pose: u64,
     /// Frames without one: a taxel or the model's output was NaN or infinite.
     pub non_finite: u64,
+    /// Frames without one: the source stood still.
+    pub frozen: u64,
     /// Estimates of the base branch alone, because the pose was unknown or stale.
     pub base_only: u64,
+    /// Estimates with a pose that was held for longer than its source's rate explains.
+    pub held_pose: u64,
     /// Estimates with a joint outside of what the model was trained on.
     pub pose_out_of_range: u64,
+    /// Frames whose stamp was too far from their receipt, with an estimate or without.
+    pub late: u64,
     /// Frames that were missing and interpolated.
     pub filled_frames: u64,
     /// Times the window was emptied by a gap or a jump of time.
@@ -87,6 +93,8 @@ pub(super) struct Region {
     between: Vec<f32>,
     pose: Vec<f32>,
     faulty: bool,
+    /// What is wrong with its taxels by the frame that is handled.
+    faults: Flags,
     /// Whether the window was emptied since the last frame. Contact learns of it with the next one, because frames from
     /// before may still wait for their forces.
     was_reset: bool,
@@ -119,6 +127,7 @@ impl Region {
             between: vec![0.0; n_taxels],
             pose: vec![0.0; n_joints],
             faulty: false,
+            faults: Flags::default(),
             was_reset: false,
             max_gap_ns,
             contact: ContactDetector::new(cfg.contact),
@@ -132,14 +141,16 @@ impl Region {
         self.reset();
     }
 
-    /// Takes a frame of the region's source, and says whether there is a window to run.
+    /// Takes a frame of the region's source, with what is wrong with its taxels, and says whether there is a window to run.
     pub(super) fn handle_frame(
         &mut self,
         frame: &Frame<'_>,
+        faults: Flags,
         baseline: Option<&Baseline>,
         joints: &JointTimelines,
     ) -> Readiness {
         self.counters.frames += 1;
+        self.faults = faults;
         let connected = self
             .last
             .as_ref()
@@ -148,27 +159,39 @@ impl Region {
             self.reset();
         }
         let Some(baseline) = baseline else { return self.no_estimate(Flags::UNCALIBRATED, None) };
+        if faults.contains(Flags::FROZEN) {
+            // What stands still is no data: the window starts again after it, as after a gap.
+            self.reset();
+            let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
+            return self.no_estimate(Flags::FROZEN, pose_age_ns);
+        }
         if !self.features.write(frame.values, &baseline.median, &mut self.tactile) {
             let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
             return self.no_estimate(Flags::NON_FINITE, pose_age_ns);
         }
         self.fill_up_to(frame, joints);
-        let (pose_known, pose_age_ns) = self.read_pose(joints, frame.stamp);
-        self.window.push(&self.tactile, &self.pose, pose_known);
+        let (trust, pose_age_ns) = self.read_pose(joints, frame.stamp);
+        self.window.push(&self.tactile, &self.pose, trust);
         self.last = Some(LastGood { stamp: frame.stamp, epoch: frame.epoch, number: frame.number });
         self.last_tactile.copy_from_slice(&self.tactile);
         if !self.window.is_full() {
             return self.no_estimate(Flags::WARMUP, pose_age_ns);
         }
         let mut flags = Flags::default();
-        let base_only = !self.window.is_pose_known();
+        let trust = self.window.pose_trust();
+        let base_only = trust == PoseTrust::Stale;
         if base_only {
             flags.insert(Flags::STALE_POSE);
             if !self.has_base {
                 return self.no_estimate(flags, pose_age_ns);
             }
-        } else if self.is_out_of_range() {
-            flags.insert(Flags::POSE_OUT_OF_RANGE);
+        } else {
+            if trust == PoseTrust::Held {
+                flags.insert(Flags::HELD_POSE);
+            }
+            if self.is_out_of_range() {
+                flags.insert(Flags::POSE_OUT_OF_RANGE);
+            }
         }
         let after_reset = std::mem::take(&mut self.was_reset);
         Readiness { run: true, base_only, after_reset, pose_age_ns, flags: self.with_fault(flags) }
@@ -203,8 +226,10 @@ impl Region {
             Some(_) => {
                 counters.estimates += 1;
                 counters.base_only += u64::from(readiness.base_only);
+                counters.held_pose += u64::from(flags.contains(Flags::HELD_POSE));
                 counters.pose_out_of_range += u64::from(flags.contains(Flags::POSE_OUT_OF_RANGE));
             }
+            None if flags.contains(Flags::FROZEN) => counters.frozen += 1,
             None if flags.contains(Flags::NON_FINITE) => counters.non_finite += 1,
             None if flags.contains(Flags::UNCALIBRATED) => counters.uncalibrated += 1,
             None if flags.contains(Flags::STALE_POSE) => counters.stale_pose += 1,
@@ -225,6 +250,7 @@ impl Region {
     }
 
     fn with_fault(&self, flags: Flags) -> Flags {
+        let flags = flags | self.faults;
         if self.faulty { flags | Flags::FAULTY_TAXEL } else { flags }
     }
 
@@ -247,28 +273,28 @@ impl Region {
             {
                 *between = (f64::from(before) + (f64::from(after) - f64::from(before)) * part) as f32;
             }
-            let (pose_known, _) = self.read_pose(joints, last.stamp.offset((span_ns as f64 * part) as i64));
-            self.window.push(&self.between, &self.pose, pose_known);
+            let (trust, _) = self.read_pose(joints, last.stamp.offset((span_ns as f64 * part) as i64));
+            self.window.push(&self.between, &self.pose, trust);
             self.counters.filled_frames += 1;
         }
     }
 
-    /// Reads the joints at `stamp` into `pose`; whether all are known and fresh, and the age of the oldest.
+    /// Reads the joints at `stamp` into `pose`; how far the worst of them may be trusted, and the age of the oldest.
     ///
     /// A joint that has never been seen leaves its last value in place: such a frame is never used with its pose.
-    fn read_pose(&mut self, joints: &JointTimelines, stamp: Stamp) -> (bool, Option<i64>) {
-        let (mut known, mut seen, mut age_ns) = (true, true, 0);
+    fn read_pose(&mut self, joints: &JointTimelines, stamp: Stamp) -> (PoseTrust, Option<i64>) {
+        let (mut trust, mut seen, mut age_ns) = (PoseTrust::Fresh, true, 0);
         for (angle, &joint_idx) in self.pose.iter_mut().zip(&self.joints) {
             match joints.angle_at(joint_idx, stamp) {
                 Some(joint) => {
                     *angle = joint.angle as f32;
-                    known &= joint.fresh;
+                    trust = trust.max(joint.trust);
                     age_ns = age_ns.max(joint.age_ns);
                 }
-                None => (known, seen) = (false, false),
+                None => (trust, seen) = (PoseTrust::Stale, false),
             }
         }
-        (known, (seen && !self.joints.is_empty()).then_some(age_ns))
+        (trust, (seen && !self.joints.is_empty()).then_some(age_ns))
     }
 
     fn is_out_of_range(&self) -> bool {

@@ -103,6 +103,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
     let (unit, unit_from) = settle_unit(path, metadata, spec)?;
     let (rate_hz, rate_from) = settle_rate(path, metadata, spec)?;
     let mut notes = Vec::new();
+    notes.extend(check_glove(path, metadata, spec)?);
     if unit_from == Origin::Default {
         notes.push("neither the model nor the parameters tell the unit of its forces: gF is assumed".to_string());
     }
@@ -298,6 +299,24 @@ fn settle_unit(path: &Path, metadata: &Metadata, spec: &ModelSpec) -> Result<(Fo
         (None, Some(unit)) => Ok((unit, Origin::Parameters)),
         (None, None) => Ok((ForceUnit::GramForce, Origin::Default)),
     }
+}
+
+/// Refuses the model of another glove, as far as both sides tell theirs; what is to be said where one is wanted.
+fn check_glove(path: &Path, metadata: &Metadata, spec: &ModelSpec) -> Result<Option<String>, ModelError> {
+    let trained = metadata.entries.get("glove").map(|glove| glove.trim()).filter(|glove| !glove.is_empty());
+    let (Some(trained), Some(wanted)) = (trained, spec.of_glove.as_ref().or(spec.glove.as_ref())) else {
+        return Ok(None);
+    };
+    if trained != wanted.trim() {
+        let (path, trained, wanted) = (path.to_path_buf(), one_line(trained), one_line(wanted));
+        let key = if spec.of_glove.is_some() { "model.NAME.glove" } else { "glove" };
+        return Err(ModelError::OtherGlove { path, trained, key, wanted });
+    }
+    let worn = spec.glove.as_deref().filter(|worn| worn.trim() != trained);
+    Ok(worn.map(|worn| {
+        let (trained, worn) = (one_line(trained), one_line(worn));
+        format!("it was trained on glove {trained} and is used on glove {worn}, as model.NAME.glove says")
+    }))
 }
 
 fn settle_rate(path: &Path, metadata: &Metadata, spec: &ModelSpec) -> Result<(f64, Origin), ModelError> {

@@ -3,17 +3,13 @@
 //! Windows that share nothing, the newest of some regions, are lanes of the network; many that overlap go in stretches to
 //! as many threads as there may be.
 
-mod trial;
-
 use std::ops::Range;
 use std::sync::Mutex;
 
-use self::trial::{Trial, differ};
-use super::contract::Terms;
+use super::comparison::compare;
 use super::network::lanes::{self, Lanes};
 use super::network::{Known, Network, Scratch};
-use super::onnx::GraphProto;
-use super::paper;
+use super::paper::Paper;
 use super::session::{Session, check};
 use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows};
 
@@ -58,27 +54,18 @@ struct Worker {
 }
 
 impl Direct {
-    /// A model in our own code, stretches on so many threads, if it is the paper's network; `None` if it isn't.
+    /// The paper's network in our own code, stretches on so many threads.
     ///
     /// # Errors
-    /// Why it can't be run so, where one would expect it: it gives other forces then.
-    pub(super) fn of(
-        runtime: &mut Session,
-        graph: &GraphProto,
-        terms: &Terms,
-        n_threads: usize,
-    ) -> Result<Option<Self>, String> {
+    /// Why it can't be run so: windows that are too short, or other forces than those of its runtime.
+    pub(super) fn of(runtime: &mut Session, paper: &Paper, n_threads: usize) -> Result<Self, String> {
         let contract = runtime.contract().clone();
-        let found = paper::find(graph, terms);
-        let network = found.and_then(|paper| Network::new(&paper, contract.n_taxels, contract.n_joints));
-        let Some(network) = network else { return Ok(None) };
+        let network = Network::new(paper, contract.n_taxels, contract.n_joints);
+        let network = network.ok_or_else(|| format!("a window of {} frames is too short for it", contract.window))?;
         let label = runtime.label().to_owned();
         let mut direct = Direct { contract, label, network, lanes: Lanes::default(), n_threads };
-        let trial = Trial::new(&direct.contract);
-        let (mut expected, mut got) = (Forces::default(), Forces::default());
-        let ran = runtime.run(trial.windows(), &mut expected);
-        ran.and_then(|()| direct.run(trial.windows(), &mut got)).map_err(|error| error.to_string())?;
-        differ(&expected, &got).map(|()| Some(direct))
+        compare(&mut direct, runtime)?;
+        Ok(direct)
     }
 }
 

@@ -149,6 +149,28 @@ pub enum ModelError {
         /// Where it was looked for and what was found.
         reason: String,
     },
+    /// The model tells another glove than the parameters.
+    #[error(
+        "{path}: was trained on glove {trained:?}, the parameters say {key}: {wanted:?}; take the model of this glove, correct `{key}`, or set model.NAME.glove to {trained:?} to use it all the same"
+    )]
+    OtherGlove {
+        /// The model file.
+        path: PathBuf,
+        /// The glove in its metadata.
+        trained: String,
+        /// The parameter that says otherwise.
+        key: &'static str,
+        /// What it says.
+        wanted: String,
+    },
+    /// Our own code was asked for, and can't run the model.
+    #[error("{path}: backend builtin can't run it: {reason}; set backend: auto, onnxruntime or rten")]
+    NotBuiltin {
+        /// The model file.
+        path: PathBuf,
+        /// What is not the paper's network.
+        reason: String,
+    },
     /// The runtime refuses the model, or fails to run it.
     #[error("{path}: {reason}")]
     Runtime {
@@ -156,6 +178,12 @@ pub enum ModelError {
         path: PathBuf,
         /// Which runtime, and what it said.
         reason: String,
+    },
+    /// The first run, in a process of its own, failed or ended that process.
+    #[error("{line}")]
+    FirstRun {
+        /// What that process said, or how it ended.
+        line: String,
     },
     /// A trial run gave something other than a finite force.
     #[error(
@@ -173,13 +201,15 @@ pub enum ModelError {
     },
     /// The force of a window depends on the other windows of its batch.
     #[error(
-        "{path}: output {output} mixes the windows of a batch: a window gives {alone} alone and {batched} among three; export the model in evaluation mode, with the batch as its first dimension"
+        "{path}: output {output} mixes the windows of a batch: with {scale} readings a window gives {alone} alone and {batched} among three; export the model in evaluation mode, with the batch as its first dimension"
     )]
     MixesWindows {
         /// The model file.
         path: PathBuf,
         /// The output.
         output: String,
+        /// What the trial's readings were, in a word.
+        scale: &'static str,
         /// The force of the window on its own.
         alone: f32,
         /// The force of the same window in a batch.

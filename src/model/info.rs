@@ -20,7 +20,7 @@ pub struct ModelInfo {
     pub sha256: String,
     /// Length of the file, bytes.
     pub size_bytes: u64,
-    /// The runtime that runs it, or that our own code was held against; absent when it was only inspected.
+    /// What runs it; absent when it was only inspected.
     pub backend: Option<BackendInfo>,
     /// What it promises. Where it was only inspected, `has_base` is what the file says, untried.
     #[serde(serialize_with = "contract")]
@@ -43,13 +43,15 @@ pub struct ModelInfo {
     pub inputs: Vec<TensorInfo>,
     /// Outputs in the file's order.
     pub outputs: Vec<TensorInfo>,
+    /// Why our own code can't run it; absent for the paper's network.
+    pub not_builtin: Option<String>,
     /// Windows of one call that it runs fastest with.
     pub batch_hint: usize,
     /// What a person should know: fallbacks, defaults that were taken, outputs that are not used.
     pub notes: Vec<String>,
 }
 
-/// A runtime, and where it comes from.
+/// What runs a model, and where it comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct BackendInfo {
     /// Which runtime.
@@ -59,22 +61,42 @@ pub struct BackendInfo {
     /// The shared library, for ONNX Runtime.
     #[serde(serialize_with = "lossy_optional_path", skip_serializing_if = "Option::is_none")]
     pub library: Option<PathBuf>,
+    /// The runtime that our own code was held against, where that is what runs it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub checked_against: Option<Box<BackendInfo>>,
+}
+
+impl BackendInfo {
+    /// Our own code, held against a runtime.
+    pub(super) fn builtin(runtime: BackendInfo) -> Self {
+        BackendInfo {
+            runtime: RuntimeName::Builtin,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            library: None,
+            checked_against: Some(Box::new(runtime)),
+        }
+    }
 }
 
 impl fmt::Display for BackendInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.runtime, self.version)?;
-        match &self.library {
-            Some(library) => write!(f, " ({})", library.display()),
+        if let Some(library) = &self.library {
+            write!(f, " ({})", library.display())?;
+        }
+        match &self.checked_against {
+            Some(runtime) => write!(f, ", checked against {runtime}"),
             None => Ok(()),
         }
     }
 }
 
-/// A runtime that models run in.
+/// What models run in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RuntimeName {
+    /// Our own code for the paper's network.
+    Builtin,
     /// ONNX Runtime, loaded from a shared library at start.
     OnnxRuntime,
     /// RTen, built in.
@@ -84,6 +106,7 @@ pub enum RuntimeName {
 impl fmt::Display for RuntimeName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            RuntimeName::Builtin => "built-in code",
             RuntimeName::OnnxRuntime => "ONNX Runtime",
             RuntimeName::Rten => "RTen",
         })

@@ -48,6 +48,7 @@ pub(super) fn info() -> Result<BackendInfo, String> {
         runtime: RuntimeName::OnnxRuntime,
         version: library.version.clone(),
         library: Some(library.path.clone()),
+        checked_against: None,
     })
 }
 

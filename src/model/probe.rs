@@ -5,6 +5,7 @@ use std::path::Path;
 use super::contract::Terms;
 use super::error::ModelError;
 use super::session::Session;
+use super::trial::{Frames, SCALES, Scale};
 use crate::fusion::{Contract, SharedWindows};
 
 /// Windows of a trial batch.
@@ -23,15 +24,65 @@ const SMALLEST_SCALE: f32 = 0.1;
 /// What the trial windows are, for people.
 const WINDOW_NAMES: [&str; N] = ["a small trial window", "a window of zeros", "a second small trial window"];
 
-/// Runs the trials. The notes that come back are for [`ModelInfo::notes`](super::ModelInfo::notes).
+/// Runs the trials, on readings and poses of every scale. The notes that come back are for
+/// [`ModelInfo::notes`](super::ModelInfo::notes).
 ///
 /// # Errors
 /// [`ModelError::Runtime`], [`ModelError::NonFiniteOutput`], [`ModelError::MixesWindows`], [`ModelError::Convention`].
 pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result<Vec<String>, ModelError> {
-    let names = terms.tensors.outputs();
-    let trial = Trial::new(&terms.contract);
-    let batched = run(path, session, names.len(), trial.batch())?;
-    for (name, output) in names.iter().zip(&batched) {
+    let (mut base_moves, mut notes) = (false, Vec::new());
+    for (idx, scale) in SCALES.iter().enumerate() {
+        let trial = Trial::new(&terms.contract, scale);
+        let names = terms.tensors.outputs();
+        let batched = match run(path, session, names.len(), trial.batch()) {
+            Ok(batched) => batched,
+            Err(refused) if idx == 0 => return Err(refused),
+            Err(_) => continue, // what a model refuses of itself gives no wrong force
+        };
+        if idx == 0 {
+            check_finite(path, &names, &batched)?;
+        }
+        let mut outputs = names.iter().zip(&batched);
+        if let Some((name, _)) = outputs.find(|(_, output)| output.iter().any(|value| !value.is_finite()))
+            && notes.is_empty()
+        {
+            let scale = scale.name;
+            notes.push(format!(
+                "output {name} is no finite number with {scale} readings: such estimates are flagged NON_FINITE"
+            ));
+        }
+        let largest = batched.iter().flatten().filter(|value| value.is_finite());
+        let largest = largest.fold(SMALLEST_SCALE, |largest, value| largest.max(value.abs()));
+        for window_idx in 0..N {
+            let alone = run(path, session, names.len(), trial.window(window_idx))?;
+            for ((name, batched), alone) in names.iter().zip(&batched).zip(&alone) {
+                let (batched, alone) = (batched[window_idx], alone[0]);
+                if differ(batched, alone, BATCH_TOLERANCE * largest) {
+                    let (path, output, scale) = (path.to_path_buf(), name.clone(), scale.name);
+                    return Err(ModelError::MixesWindows { path, output, scale, alone, batched });
+                }
+            }
+        }
+        if let (Some(base), Some(residual)) = (&terms.tensors.base, &terms.tensors.residual) {
+            check_convention(path, &names[0], base, residual, &batched, largest)?;
+        }
+        if terms.tensors.base.is_some() && terms.contract.n_joints > 0 {
+            let moved = run(path, session, names.len(), trial.batch_with_other_poses())?;
+            let mut pairs = moved[1].iter().zip(&batched[1]);
+            base_moves |= pairs.any(|(moved, base)| differ(*moved, *base, BASE_TOLERANCE * largest));
+        }
+    }
+    if let Some(base) = terms.tensors.base.as_ref().filter(|_| base_moves) {
+        session.drop_base();
+        notes.push(format!(
+            "output {base} moves when only the pose moves, so it can't stand in when the pose is stale: it is not used"
+        ));
+    }
+    Ok(notes)
+}
+
+fn check_finite(path: &Path, names: &[String], outputs: &[Vec<f32>]) -> Result<(), ModelError> {
+    for (name, output) in names.iter().zip(outputs) {
         if let Some((idx, value)) = output.iter().enumerate().find(|(_, value)| !value.is_finite()) {
             return Err(ModelError::NonFiniteOutput {
                 path: path.to_path_buf(),
@@ -41,39 +92,7 @@ pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result
             });
         }
     }
-    let scale = batched.iter().flatten().fold(SMALLEST_SCALE, |scale, value| scale.max(value.abs()));
-
-    for window_idx in 0..N {
-        let alone = run(path, session, names.len(), trial.window(window_idx))?;
-        for ((name, batched), alone) in names.iter().zip(&batched).zip(&alone) {
-            let (batched, alone) = (batched[window_idx], alone[0]);
-            if differ(batched, alone, BATCH_TOLERANCE * scale) {
-                return Err(ModelError::MixesWindows {
-                    path: path.to_path_buf(),
-                    output: name.clone(),
-                    alone,
-                    batched,
-                });
-            }
-        }
-    }
-
-    let mut notes = Vec::new();
-    if let Some(base_name) = &terms.tensors.base {
-        if let Some(residual_name) = &terms.tensors.residual {
-            check_convention(path, &names[0], base_name, residual_name, &batched, scale)?;
-        }
-        if terms.contract.n_joints > 0 {
-            let moved = run(path, session, names.len(), trial.batch_with_other_poses())?;
-            if moved[1].iter().zip(&batched[1]).any(|(moved, base)| differ(*moved, *base, BASE_TOLERANCE * scale)) {
-                session.drop_base();
-                notes.push(format!(
-                    "output {base_name} moves when only the pose moves, so it can't stand in when the pose is stale: it is not used"
-                ));
-            }
-        }
-    }
-    Ok(notes)
+    Ok(())
 }
 
 fn run(
@@ -91,10 +110,12 @@ fn run(
     Ok(outputs)
 }
 
-/// Whether two forces lie further apart than `tolerance`; a NaN differs from everything.
+/// Whether two forces lie further apart than `tolerance`, or only one of them is a number.
 fn differ(a: f32, b: f32, tolerance: f32) -> bool {
-    let distance = (a - b).abs();
-    distance.is_nan() || distance > tolerance
+    match (a.is_finite(), b.is_finite()) {
+        (true, true) => (a - b).abs() > tolerance,
+        (a, b) => a != b,
+    }
 }
 
 /// The paper's convention: what the residual branch predicts is the artifact, and it is taken away.
@@ -109,6 +130,9 @@ fn check_convention(
     let [forces, bases, residuals] = outputs else { return Ok(()) };
     let far = |a: f32, b: f32| differ(a, b, BATCH_TOLERANCE * scale);
     let windows: Vec<[f32; 3]> = (0..N).map(|idx| [forces[idx], bases[idx], residuals[idx]]).collect();
+    // Where one of them is no number, nothing says how they belong together.
+    let windows: Vec<[f32; 3]> =
+        windows.into_iter().filter(|window| window.iter().all(|value| value.is_finite())).collect();
     let Some([got, b, r]) = windows.iter().copied().find(|[f, b, r]| far(*f, b - r)) else { return Ok(()) };
     let added = windows.iter().all(|[f, b, r]| !far(*f, b + r));
     Err(ModelError::Convention {
@@ -122,61 +146,41 @@ fn check_convention(
     })
 }
 
-/// Pseudo-random windows, the same at every start, with one of zeros among them: a hand in the air.
+/// Windows of a scale, with one of zeros among them: a hand in the air.
 struct Trial {
     starts: [usize; N],
-    tactile: Vec<f32>,
-    pose: Vec<f32>,
+    frames: Frames,
     other_pose: Vec<f32>,
 }
 
 impl Trial {
-    fn new(contract: &Contract) -> Self {
-        let mut random = Lcg::new();
-        let n_tactile = contract.window * contract.n_taxels;
-        let n_pose = contract.window * contract.n_joints;
-        let mut tactile: Vec<f32> = (0..N * n_tactile).map(|_| random.next_unit()).collect();
-        let mut pose: Vec<f32> = (0..N * n_pose)
-            .map(|idx| {
-                let joint = idx % contract.n_joints;
-                let range = contract.pose_range.as_ref().and_then(|ranges| ranges.get(joint));
-                let (min, max) = range.map_or((-0.5, 0.5), |range| (range.min as f32, range.max as f32));
-                min + (max - min) * random.next_unit()
-            })
-            .collect();
-        let mut other_pose = pose.clone();
-        other_pose.rotate_left(n_pose);
-        tactile[n_tactile..2 * n_tactile].fill(0.0);
-        pose[n_pose..2 * n_pose].fill(0.0);
-        Trial { starts: std::array::from_fn(|idx| idx * contract.window), tactile, pose, other_pose }
+    fn new(contract: &Contract, scale: &Scale) -> Self {
+        let mut frames = Frames::new(contract, scale, N * contract.window);
+        let of_one = |width: usize| contract.window * width;
+        let other_pose = {
+            let mut pose = frames.pose.clone();
+            pose.rotate_left(of_one(contract.n_joints));
+            pose
+        };
+        for (values, n) in
+            [(&mut frames.tactile, of_one(contract.n_taxels)), (&mut frames.pose, of_one(contract.n_joints))]
+        {
+            values[n..2 * n].fill(0.0);
+        }
+        Trial { starts: std::array::from_fn(|idx| idx * contract.window), frames, other_pose }
     }
 
     fn batch(&self) -> SharedWindows<'_> {
-        SharedWindows { starts: &self.starts, tactile: &self.tactile, pose: &self.pose }
+        self.frames.windows(&self.starts)
     }
 
     fn batch_with_other_poses(&self) -> SharedWindows<'_> {
-        SharedWindows { starts: &self.starts, tactile: &self.tactile, pose: &self.other_pose }
+        SharedWindows { pose: &self.other_pose, ..self.batch() }
     }
 
     fn window(&self, idx: usize) -> SharedWindows<'_> {
         let part = |values: &'_ [f32]| idx * (values.len() / N)..(idx + 1) * (values.len() / N);
-        SharedWindows { starts: &[0], tactile: &self.tactile[part(&self.tactile)], pose: &self.pose[part(&self.pose)] }
-    }
-}
-
-/// Knuth's 64-bit linear congruential generator: enough for trial windows, and the same everywhere.
-pub(super) struct Lcg(u64);
-
-impl Lcg {
-    /// The same at every start.
-    pub(super) fn new() -> Self {
-        Lcg(0x7470_665f_7472_6961)
-    }
-
-    /// A number in `[0, 1)`.
-    pub(super) fn next_unit(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f32 / (1u32 << 24) as f32 // the top 24 bits, exact in f32
+        let Frames { tactile, pose } = &self.frames;
+        SharedWindows { starts: &[0], tactile: &tactile[part(tactile)], pose: &pose[part(pose)] }
     }
 }

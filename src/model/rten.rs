@@ -38,7 +38,7 @@ impl fmt::Debug for Rten {
 
 /// Which runtime this is.
 pub(super) fn info() -> BackendInfo {
-    BackendInfo { runtime: RuntimeName::Rten, version: VERSION.to_string(), library: None }
+    BackendInfo { runtime: RuntimeName::Rten, version: VERSION.to_string(), library: None, checked_against: None }
 }
 
 /// Opens a model from its bytes.

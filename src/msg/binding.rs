@@ -128,6 +128,16 @@ pub enum SampleError {
         /// What came; 0 when nothing says.
         row_period_ns: i64,
     },
+    /// A force that is not one number.
+    #[error(
+        "a {type_name} holds {n_values} numbers where the force must be one; name one of them, such as forces[0].z"
+    )]
+    NotOneForce {
+        /// The type.
+        type_name: String,
+        /// Numbers at the path.
+        n_values: usize,
+    },
     /// Names and angles of joints are not equally many.
     #[error("a {type_name} names {n_names} joints and holds {n_positions} positions; expected as many of both")]
     JointCount {
@@ -146,7 +156,7 @@ impl SampleError {
         match self {
             SampleError::Read(_) => "unreadable",
             SampleError::Empty { .. } => "empty",
-            SampleError::Shape { .. } | SampleError::Uneven { .. } => "shape",
+            SampleError::Shape { .. } | SampleError::Uneven { .. } | SampleError::NotOneForce { .. } => "shape",
             SampleError::RowPeriod { .. } => "row_period",
             SampleError::JointCount { .. } => "joint_count",
         }

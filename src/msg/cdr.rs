@@ -62,6 +62,12 @@ pub enum CdrError {
         /// What came.
         value: String,
     },
+    /// What describes packed bytes doesn't fit them, or says that they are no readings.
+    #[error("{reason}")]
+    Packed {
+        /// What was expected, and what came.
+        reason: String,
+    },
     /// A wide string, whose encoding differs between ROS 2 releases.
     #[error("wstring is not supported: its encoding differs between ROS 2 releases")]
     WideText,

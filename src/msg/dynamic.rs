@@ -3,9 +3,13 @@
 //! A field is named by a path: `data`, `header.stamp`, `wrench.force.z`, `sensors[2].values` for one element of an
 //! array of messages, `fingers[].pressure` for all of them one after another. [`FieldPlan`] compiles a path once
 //! and then reads it from each message, past everything that stands before it, without allocating.
+//!
+//! Bytes that a message describes are read as the numbers that they are: `data` of an image by its encoding, and
+//! `data[].z` of a point cloud by its point fields.
 
 mod listing;
 mod numbers;
+mod packed;
 mod path;
 mod skip;
 mod value;
@@ -13,12 +17,13 @@ mod walk;
 
 use std::fmt;
 
-pub use listing::{NumericPath, numeric_paths};
+pub use listing::{NumericPath, numeric_paths, text_paths};
 pub use value::{Value, read_value};
 
 use super::cdr::{CdrError, CdrReader};
 use super::definition::{Primitive, TypeTree};
 use crate::units::{NANOS_PER_SEC, Stamp};
+use packed::Packed;
 use walk::{Leaf, Walk};
 
 /// What one element of a field is, and whether there can be several.
@@ -41,6 +46,13 @@ pub enum ElementKind {
     Time,
     /// `builtin_interfaces/msg/Duration`.
     Duration,
+}
+
+impl ElementKind {
+    /// Whether one element is a byte, which may be a number or a part of one.
+    pub fn is_byte(self) -> bool {
+        matches!(self, ElementKind::Number(Primitive::Byte | Primitive::Char | Primitive::UInt8))
+    }
 }
 
 impl fmt::Display for FieldKind {
@@ -154,6 +166,14 @@ pub enum FieldError {
     },
 }
 
+/// Refuses what is not written as a path, before there is a type to compile it against.
+///
+/// # Errors
+/// [`FieldError::Syntax`].
+pub fn check_path(path: &str) -> Result<(), FieldError> {
+    path::parse(path).map(|_| ())
+}
+
 /// Why a field can't be read from the bytes of a message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("field '{path}' of {type_name}: {fault}")]
@@ -173,6 +193,7 @@ pub struct FieldPlan {
     type_name: String,
     kind: FieldKind,
     walk: Walk,
+    packed: Option<Packed>,
 }
 
 impl FieldPlan {
@@ -181,13 +202,23 @@ impl FieldPlan {
     /// # Errors
     /// [`FieldError`] naming the path, the type and the fields that are there.
     pub fn compile(tree: &TypeTree, path: &str, read_as: ReadAs) -> Result<Self, FieldError> {
+        match packed::compile(tree, path)? {
+            Some((data, packed)) if read_as == ReadAs::Numbers => {
+                Ok(FieldPlan { path: path.to_owned(), packed: Some(packed), ..data })
+            }
+            _ => FieldPlan::plain(tree, path, read_as),
+        }
+    }
+
+    /// Compiles a path to what stands in the message itself.
+    fn plain(tree: &TypeTree, path: &str, read_as: ReadAs) -> Result<Self, FieldError> {
         let (walk, kind) = walk::compile(tree, path)?;
         let type_name = tree.type_name().to_owned();
         if !read_as.accepts(kind) {
             let (found, wanted) = (kind.to_string(), read_as.wanted());
             return Err(FieldError::Kind { path: path.to_owned(), type_name, found, wanted });
         }
-        Ok(FieldPlan { path: path.to_owned(), type_name, kind, walk })
+        Ok(FieldPlan { path: path.to_owned(), type_name, kind, walk, packed: None })
     }
 
     /// The path as it was given.
@@ -206,10 +237,8 @@ impl FieldPlan {
     /// [`ReadError`] when the bytes end early or are no plain CDR; `out` is then as it was.
     pub fn read_f32(&self, cdr: &[u8], out: &mut Vec<f32>) -> Result<usize, ReadError> {
         let before = out.len();
-        let outcome = self.run(cdr, |leaf, reader| {
-            let (primitive, bytes) = leaf.numbers(reader)?;
-            numbers::append_f32(primitive, bytes, reader.is_little_endian(), out);
-            Ok(())
+        let outcome = self.numbers(cdr, &mut |primitive, bytes, is_little| {
+            numbers::append_f32(primitive, bytes, is_little, out);
         });
         out.truncate(if outcome.is_ok() { out.len() } else { before });
         outcome.map(|()| out.len() - before)
@@ -221,10 +250,8 @@ impl FieldPlan {
     /// [`ReadError`] when the bytes end early or are no plain CDR; `out` is then as it was.
     pub fn read_f64(&self, cdr: &[u8], out: &mut Vec<f64>) -> Result<usize, ReadError> {
         let before = out.len();
-        let outcome = self.run(cdr, |leaf, reader| {
-            let (primitive, bytes) = leaf.numbers(reader)?;
-            numbers::append_f64(primitive, bytes, reader.is_little_endian(), out);
-            Ok(())
+        let outcome = self.numbers(cdr, &mut |primitive, bytes, is_little| {
+            numbers::append_f64(primitive, bytes, is_little, out);
         });
         out.truncate(if outcome.is_ok() { out.len() } else { before });
         outcome.map(|()| out.len() - before)
@@ -295,6 +322,28 @@ impl FieldPlan {
         });
         out.truncate(if outcome.is_ok() { filled } else { 0 });
         outcome
+    }
+
+    /// Tells all numbers stretch by stretch: what they are, their bytes, whether those are little-endian.
+    fn numbers(&self, cdr: &[u8], tell: &mut dyn FnMut(Primitive, &[u8], bool)) -> Result<(), ReadError> {
+        match &self.packed {
+            Some(packed) => packed.read(self, cdr, tell),
+            None => self.run(cdr, |leaf, reader| {
+                let (primitive, bytes) = leaf.numbers(reader)?;
+                tell(primitive, bytes, reader.is_little_endian());
+                Ok(())
+            }),
+        }
+    }
+
+    /// The bytes of an array of them.
+    fn bytes<'a>(&self, cdr: &'a [u8]) -> Result<&'a [u8], ReadError> {
+        let mut found: &[u8] = &[];
+        self.run(cdr, |leaf, reader| {
+            found = leaf.numbers(reader)?.1;
+            Ok(())
+        })?;
+        Ok(found)
     }
 
     fn read_one<T>(

@@ -48,7 +48,9 @@ pub struct ContactState {
     pub mdf: f64,
     /// s; 0 when angles were interpolated, NaN when there were none.
     pub pose_age: f64,
-    /// Bits from [`WARMUP`](Self::WARMUP) to [`NON_FINITE`](Self::NON_FINITE), or-ed.
+    /// s, from the stamp until the node had received all of the frame; NaN where nobody knows.
+    pub age: f64,
+    /// Bits from [`WARMUP`](Self::WARMUP) on, or-ed.
     pub flags: u32,
 }
 
@@ -70,10 +72,20 @@ impl ContactState {
     pub const STALE_TACTILE: u32 = 8;
     /// `flags`: a joint angle lies outside of what the model was trained on.
     pub const POSE_OUT_OF_RANGE: u32 = 16;
-    /// `flags`: a taxel of the region never moved while the baseline was taken.
+    /// `flags`: a taxel of the region never moved while the baseline was taken, or stands still now.
     pub const FAULTY_TAXEL: u32 = 32;
     /// `flags`: an input or the output of the model was not finite.
     pub const NON_FINITE: u32 = 64;
+    /// `flags`: `age` is beyond `timing.max_age_ms`, before or after.
+    pub const LATE: u32 = 128;
+    /// `flags`: joint angles of the window are missing, and the last ones are held.
+    pub const HELD_POSE: u32 = 256;
+    /// `flags`: all taxels stand still for longer than their noise allows.
+    pub const FROZEN: u32 = 512;
+    /// `flags`: taxels of two senders come in turn.
+    pub const INTERLEAVED: u32 = 1024;
+    /// `flags`: taxels come faster than the model's rate, each taken as a frame.
+    pub const WRONG_RATE: u32 = 2048;
 }
 
 /// All regions of one glove at one frame.

@@ -1,8 +1,11 @@
 //! Estimates as messages: the one way in which live node and replay tell forces and contacts.
 
+mod gathering;
+
+use self::gathering::Gathering;
 use super::{ContactArray, ContactState, Header, Time, Vector3, Wrench, WrenchStamped, to_cdr_into};
-use crate::fusion::{ContactEvent, Estimate, FusionConfig, RegionConfig, Tick};
-use crate::units::{Newton, Stamp};
+use crate::fusion::{ContactEvent, Contract, Estimate, FusionConfig, RegionConfig, Tick};
+use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
 /// Which of a node's topics a message is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,11 +42,14 @@ impl EstimateTopics {
     }
 }
 
-/// The messages of a tick, in buffers that are filled anew for each one.
+/// The messages of ticks, in buffers that are filled anew for each one.
 #[derive(Debug, Clone)]
 pub struct Outgoing {
     regions: Vec<RegionConfig>,
-    contacts: Vec<ContactArray>,
+    contacts: ContactArray,
+    gathering: Gathering,
+    /// Receipt of the last tick.
+    received: Stamp,
     wrenches: Vec<WrenchStamped>,
 }
 
@@ -51,33 +57,39 @@ impl Outgoing {
     /// Messages for the regions of a configuration.
     ///
     /// # Shapes
-    /// `mdf`: `[regions]`, the minimum detectable force of each one's model, where it is known.
-    pub fn new(cfg: &FusionConfig, mdf: &[Option<Newton>]) -> Self {
-        let contact = |region: &RegionConfig, mdf: Option<Newton>| ContactState {
+    /// `contracts`: `[regions]`, that of each one's model.
+    pub fn new(cfg: &FusionConfig, contracts: &[&Contract]) -> Self {
+        let contact = |(region, contract): (&RegionConfig, &&Contract)| ContactState {
             region: region.name.clone(),
             frame_id: region.patch.frame_id.clone(),
             on_threshold: region.contact.force_on.0,
             off_threshold: region.contact.force_off.0,
-            mdf: or_nan(mdf),
+            mdf: or_nan(contract.mdf),
             ..ContactState::default()
-        };
-        let of_source = |source_idx: usize| {
-            let regions = cfg.regions.iter().zip(mdf).filter(move |(region, _)| region.source.0 == source_idx);
-            let contacts = regions.map(|(region, &mdf)| contact(region, mdf)).collect();
-            ContactArray { header: Header::default(), contacts }
         };
         let wrench = |region: &RegionConfig| {
             let header = Header { stamp: Time::default(), frame_id: region.patch.frame_id.clone() };
             WrenchStamped { header, wrench: Wrench::default() }
         };
-        Outgoing {
-            contacts: (0..cfg.tactile_sources.len()).map(of_source).collect(),
+        let period_ns = |source_idx: usize| {
+            let region = cfg.regions.iter().position(|region| region.source.0 == source_idx)?;
+            Some((NANOS_PER_SEC as f64 / contracts[region].rate_hz) as i64)
+        };
+        let periods_ns: Vec<Option<i64>> = (0..cfg.tactile_sources.len()).map(period_ns).collect();
+        let contacts = cfg.regions.iter().zip(contracts).map(contact).collect();
+        let mut outgoing = Outgoing {
+            contacts: ContactArray { header: Header::default(), contacts },
+            gathering: Gathering::new(&periods_ns),
+            received: Stamp(0),
             wrenches: cfg.regions.iter().map(wrench).collect(),
             regions: cfg.regions.clone(),
-        }
+        };
+        outgoing.contacts.contacts.iter_mut().for_each(silence);
+        outgoing
     }
 
-    /// Hands over the messages of a tick as CDR: the wrench of each region that has a force, then the contacts.
+    /// Hands over the messages that a tick completes as CDR: the wrench of each region that has a force, at once, and the
+    /// contacts of all regions once each source that comes has a frame for them.
     ///
     /// # Errors
     /// Those of `write`, at once.
@@ -87,36 +99,77 @@ impl Outgoing {
         cdr: &mut Vec<u8>,
         mut write: impl FnMut(Slot, &[u8]) -> Result<(), E>,
     ) -> Result<(), E> {
+        self.received = tick.received;
         for estimate in &tick.estimates {
             if let Some(wrench) = self.wrench(tick.stamp, estimate) {
                 to_cdr_into(wrench, cdr);
                 write(Slot::Wrench(estimate.region), cdr)?;
             }
         }
-        to_cdr_into(self.contact_array(tick), cdr);
+        if tick.estimates.is_empty() {
+            return Ok(()); // a source that no region uses
+        }
+        for estimate in &tick.estimates {
+            let is_told = !self.gathering.is_fresh(tick.source.0);
+            self.handle_estimate(tick, estimate, is_told);
+        }
+        if self.gathering.handle_frame(tick.source.0, tick.stamp) { self.tell(cdr, write) } else { Ok(()) }
+    }
+
+    /// Hands over, at the end, the contacts that still wait for a frame of another source.
+    ///
+    /// # Errors
+    /// Those of `write`.
+    pub fn finish<E>(&mut self, cdr: &mut Vec<u8>, write: impl FnMut(Slot, &[u8]) -> Result<(), E>) -> Result<(), E> {
+        if self.gathering.stamp().is_some() { self.tell(cdr, write) } else { Ok(()) }
+    }
+
+    /// Receipt of the last tick.
+    pub fn received(&self) -> Stamp {
+        self.received
+    }
+
+    /// The contacts at a time at which no source comes: every region without an estimate.
+    pub fn silent(&self, stamp: Stamp) -> ContactArray {
+        let mut contacts = self.contacts.clone(); // frames that wait to be told are told all the same
+        contacts.header.stamp = time(stamp);
+        contacts.contacts.iter_mut().for_each(silence);
+        contacts
+    }
+
+    fn tell<E>(&mut self, cdr: &mut Vec<u8>, mut write: impl FnMut(Slot, &[u8]) -> Result<(), E>) -> Result<(), E> {
+        self.contacts.header.stamp = time(self.gathering.stamp().unwrap_or_default());
+        for (region, state) in self.regions.iter().zip(&mut self.contacts.contacts) {
+            if !self.gathering.is_fresh(region.source.0) {
+                silence(state);
+            }
+        }
+        self.gathering.handle_told();
+        to_cdr_into(&self.contacts, cdr);
         write(Slot::Contacts, cdr)
     }
 
-    /// The contacts of a tick: every region of its source, touching or not.
-    pub fn contact_array(&mut self, tick: &Tick) -> &ContactArray {
-        let array = &mut self.contacts[tick.source.0];
-        array.header.stamp = time(tick.stamp);
-        for (state, estimate) in array.contacts.iter_mut().zip(&tick.estimates) {
-            state.contact_raw = estimate.contact.raw;
-            state.contact = estimate.contact.state;
-            state.event = match estimate.contact.event {
-                ContactEvent::None => ContactState::NONE,
-                ContactEvent::Onset => ContactState::ONSET,
-                ContactEvent::Offset => ContactState::OFFSET,
-            };
-            state.since = time(estimate.contact.since);
-            state.force = or_nan(estimate.force);
-            state.force_base = or_nan(estimate.force_base);
-            state.artifact = or_nan(estimate.artifact());
-            state.pose_age = estimate.pose_age_ns.map_or(f64::NAN, |age_ns| age_ns as f64 * 1e-9);
-            state.flags = estimate.flags.bits();
+    /// Puts an estimate into the contacts that are told next. What began or ended in a frame that is told in no message of
+    /// its own (`is_told` says whether the last one was) is told in the next.
+    fn handle_estimate(&mut self, tick: &Tick, estimate: &Estimate, is_told: bool) {
+        let state = &mut self.contacts.contacts[estimate.region];
+        let event = match estimate.contact.event {
+            ContactEvent::None => ContactState::NONE,
+            ContactEvent::Onset => ContactState::ONSET,
+            ContactEvent::Offset => ContactState::OFFSET,
+        };
+        if is_told || event != ContactState::NONE {
+            state.event = event;
         }
-        array
+        state.contact_raw = estimate.contact.raw;
+        state.contact = estimate.contact.state;
+        state.since = time(estimate.contact.since);
+        state.force = or_nan(estimate.force);
+        state.force_base = or_nan(estimate.force_base);
+        state.artifact = or_nan(estimate.artifact());
+        state.pose_age = estimate.pose_age_ns.map_or(f64::NAN, |age_ns| age_ns as f64 * 1e-9);
+        state.age = tick.age_ns.map_or(f64::NAN, |age_ns| age_ns as f64 * 1e-9);
+        state.flags = estimate.flags.bits();
     }
 
     /// The wrench of an estimate at `stamp`; `None` where there is no force, because a wrench has no way to say so.
@@ -128,6 +181,15 @@ impl Outgoing {
         message.wrench = Wrench { force: vector(wrench.force), torque: vector(wrench.torque) };
         Some(message)
     }
+}
+
+/// What is told of a region of whose source no taxels came in time: its contact as it was last known, and no force.
+fn silence(state: &mut ContactState) {
+    (state.contact_raw, state.event) = (false, ContactState::NONE);
+    (state.force, state.force_base, state.artifact) = (f64::NAN, f64::NAN, f64::NAN);
+    state.pose_age = f64::NAN;
+    state.age = f64::NAN;
+    state.flags = ContactState::STALE_TACTILE;
 }
 
 fn or_nan(force: Option<Newton>) -> f64 {

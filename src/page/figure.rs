@@ -106,6 +106,15 @@ impl Figure {
         self.scatter(name, x, y, mode, &style);
     }
 
+    /// Adds a line over time: NaN breaks it, and so does time without samples.
+    ///
+    /// # Shapes
+    /// `x`, `y`: `[n]`, x rising.
+    pub fn time_line(&mut self, name: &str, x: &[f64], y: &[f64], style: Style) {
+        let (x, y) = broken(x, y);
+        self.line(name, x, y, style);
+    }
+
     /// Adds points without a line.
     ///
     /// # Shapes
@@ -159,8 +168,9 @@ impl Figure {
         let row = -(self.rows.len() as f64);
         self.rows.push(name.to_owned());
         let y: Vec<f64> = states.iter().map(|state| if *state { row } else { f64::NAN }).collect();
+        let (x, y) = broken(x, &y);
         let line = Line::new().color(style.colour).width(9.0).dash(DashType::Solid);
-        let trace = Scatter::new(x.to_vec(), y).mode(Mode::Lines).line(line).connect_gaps(false);
+        let trace = Scatter::new(x, y).mode(Mode::Lines).line(line).connect_gaps(false);
         self.plot.add_trace(trace.name(name).show_legend(false).y_axis("y2"));
     }
 
@@ -246,10 +256,54 @@ impl Figure {
     }
 }
 
+/// Steps of a line over time, in median ones, from which on samples are missing between two.
+const GAP_STEPS: f64 = 2.5;
+
+/// The longest step over which a line over time is drawn.
+pub fn longest_step(x: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = x.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    let middle = steps.len() / 2;
+    match steps.is_empty() {
+        true => f64::INFINITY,
+        false => GAP_STEPS * *steps.select_nth_unstable_by(middle, f64::total_cmp).1,
+    }
+}
+
+/// The points of a line over time, with NaN where samples are missing.
+fn broken(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let longest = longest_step(x);
+    let (mut with, mut values) = (Vec::with_capacity(x.len()), Vec::with_capacity(x.len()));
+    for (idx, (at, value)) in x.iter().zip(y).enumerate() {
+        if let Some(before) = idx.checked_sub(1).map(|before| x[before])
+            && at - before > longest
+        {
+            with.push((before + at) / 2.0);
+            values.push(f64::NAN);
+        }
+        with.push(*at);
+        values.push(*value);
+    }
+    (with, values)
+}
+
 /// The library that draws, as a script element. What comes with it for formulas is left out.
 pub(super) fn script() -> String {
     const END: &str = "</script>";
     let sources = Plot::offline_js_sources();
     let end = sources.find(END).map_or(sources.len(), |at| at + END.len());
     sources[..end].to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_without_samples_breaks_a_line_and_uneven_steps_do_not() {
+        let (x, y) = broken(&[0.0, 1.0, 2.2, 3.0, 9.0, 10.0], &[1.0, 2.0, f64::NAN, 4.0, 5.0, 6.0]);
+        assert_eq!(x, [0.0, 1.0, 2.2, 3.0, 6.0, 9.0, 10.0]);
+        assert!(y[4].is_nan() && y[2].is_nan() && y[5] == 5.0, "{y:?}");
+        assert_eq!(broken(&[], &[]), (vec![], vec![]));
+        assert_eq!(broken(&[3.0], &[1.0]).0, [3.0]);
+    }
 }

@@ -98,8 +98,8 @@ impl Trial {
     }
 }
 
-/// The trials of a session in their order.
-#[derive(Debug, Clone, PartialEq)]
+/// The trials of a session in their order. The default is no protocol: no trial.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plan {
     trials: Vec<Trial>,
 }

@@ -1,5 +1,6 @@
 //! Annotations as messages, and the stretches of a recording that they mark.
 
+use crate::bag::printable;
 use crate::eval::{StageSpan, ZeroLoad};
 use crate::msg::{Header, Stage};
 use crate::protocol::{Annotation, Annotations};
@@ -10,8 +11,8 @@ impl From<Stage> for Annotation {
         Annotation {
             from: stage.header.stamp.into(),
             stage: stage.stage,
-            substage: stage.substage,
-            pose: stage.pose,
+            substage: printable(&stage.substage),
+            pose: printable(&stage.pose),
             repetition: stage.repetition,
             zero_load: stage.zero_load,
         }

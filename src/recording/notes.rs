@@ -1,6 +1,6 @@
 //! What the recorder noted about a session as a whole.
 
-use crate::bag::BagMetadata;
+use crate::bag::{BagMetadata, printable};
 
 /// Name of the notes within a bag that say who wore which glove.
 pub const SESSION_NOTES: &str = "tactile_pose_fusion.session";
@@ -24,7 +24,8 @@ impl Notes {
         if metadata.name != SESSION_NOTES {
             return;
         }
-        let noted = |key: &str| metadata.metadata.get(key).filter(|value| !value.is_empty()).cloned();
+        let noted =
+            |key: &str| metadata.metadata.get(key).filter(|value| !value.is_empty()).map(|value| printable(value));
         self.glove = noted("glove").or_else(|| self.glove.take());
         self.user = noted("user").or_else(|| self.user.take());
         self.donning = noted("donning").or_else(|| self.donning.take());

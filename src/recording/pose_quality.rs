@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::fusion::{JointSample, JointSource};
 use crate::random::Noise;
+use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// How much worse joint angles are made. The default leaves them as they are.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -18,7 +19,12 @@ pub struct PoseQuality {
     pub delay_ms: f64,
     /// Share of the joint messages that are lost, each by chance.
     pub dropout: f64,
+    /// Joint messages a second that are kept of those recorded, at times as uneven as a camera's; `None` keeps all.
+    pub rate_hz: Option<f64>,
 }
+
+/// How far a kept message may lie from its regular time, in periods: 15 ms at 30 Hz.
+const UNEVEN: f64 = 0.45;
 
 /// Pose quality that can't be meant.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -39,6 +45,9 @@ pub struct PoseDegrader {
     noise: Noise,
     /// By joint, degrees; drawn when it is first seen.
     biases: BTreeMap<String, f64>,
+    /// `[joint sources]`: where a rate is asked for, the period that the next kept message is of, and the earliest stamp that
+    /// it may have.
+    next: Vec<Option<(i64, Stamp)>>,
     positions: Vec<f64>,
 }
 
@@ -61,6 +70,9 @@ impl PoseQuality {
         if !(0.0..=1.0).contains(&self.dropout) {
             return Err(PoseQualityError { what: "pose dropout", got: self.dropout, expected: "a share from 0 to 1" });
         }
+        if let Some(got) = self.rate_hz.filter(|rate| !(0.01..=1e6).contains(rate)) {
+            return Err(PoseQualityError { what: "pose rate, in Hz,", got, expected: "0.01 or more, and finite" });
+        }
         Ok(())
     }
 }
@@ -74,13 +86,31 @@ impl PoseDegrader {
             name: name.to_owned(),
             noise: Noise::named(&format!("pose of {name}")),
             biases: BTreeMap::new(),
+            next: vec![None; sources.len()],
             positions: Vec::new(),
         }
     }
 
+    /// Whether a message is one of those that are kept at this rate.
+    fn is_kept(&mut self, source: usize, stamp: Stamp, rate_hz: f64) -> bool {
+        let period_ns = NANOS_PER_SEC as f64 / rate_hz;
+        let Some(next) = self.next.get_mut(source) else { return true };
+        if next.is_some_and(|(_, earliest)| stamp < earliest) {
+            return false;
+        }
+        let period = (stamp.0 as f64 / period_ns).floor() as i64 + 1;
+        let period = next.map_or(period, |(last, _)| period.max(last + 1));
+        let time = (period as f64 + 0.5 + self.noise.uniform(-UNEVEN, UNEVEN)) * period_ns;
+        *next = Some((period, Stamp(time as i64)));
+        true
+    }
+
     /// The sample as it reaches the core; `None` when it is lost.
     pub fn handle<'a>(&'a mut self, sample: JointSample<'a>) -> Option<JointSample<'a>> {
-        let PoseQuality { noise_deg, bias_deg, delay_ms, dropout } = self.quality;
+        let PoseQuality { noise_deg, bias_deg, delay_ms, dropout, rate_hz } = self.quality;
+        if rate_hz.is_some_and(|rate_hz| !self.is_kept(sample.source.0, sample.stamp, rate_hz)) {
+            return None;
+        }
         if dropout > 0.0 && self.noise.uniform(0.0, 1.0) < dropout {
             return None;
         }
@@ -112,7 +142,6 @@ impl PoseDegrader {
 mod tests {
     use super::*;
     use crate::fusion::JointSourceIdx;
-    use crate::units::Stamp;
 
     fn sources() -> [JointSource; 1] {
         [JointSource { name: "hand".into(), stamp_offset_ns: 0, scale: 1f64.to_radians() }]
@@ -155,6 +184,25 @@ mod tests {
         let kept = through(PoseQuality { dropout: 0.25, ..PoseQuality::default() }, 4000).len();
         assert!((kept as f64 / 4000.0 - 0.75).abs() < 0.03, "{kept}");
         assert!(through(PoseQuality { dropout: 1.0, ..PoseQuality::default() }, 10).is_empty());
+    }
+
+    #[test]
+    fn a_rate_keeps_messages_as_unevenly_as_a_camera_gives_them() {
+        let names = ["dip".to_owned()];
+        let mut degrader =
+            PoseDegrader::new(PoseQuality { rate_hz: Some(30.0), ..PoseQuality::default() }, &sources(), "session");
+        let mut sample = |k: i64| {
+            let stamp = Stamp(1_000_000_000_000 + k * 1_000_000);
+            let sample =
+                JointSample { source: JointSourceIdx(0), stamp, names: &names, positions: &[10.0], received: stamp };
+            degrader.handle(sample).is_some()
+        };
+        let kept: Vec<i64> = (0..60_000).filter(|k| sample(*k)).collect();
+        assert!(kept.len().abs_diff(1800) <= 2, "{}", kept.len());
+        let steps: Vec<i64> = kept.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let (least, most) = (*steps.iter().min().unwrap(), *steps.iter().max().unwrap());
+        assert!((2..12).contains(&least) && (54..65).contains(&most), "{least} to {most} ms");
+        assert!(PoseQuality { rate_hz: Some(0.0), ..PoseQuality::default() }.check().is_err());
     }
 
     #[test]

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use crate::config::TruthSource;
 use crate::eval::{TareBuilder, TareCurve, TruthError, ZeroLoad};
-use crate::units::{GramForce, Stamp, nanos};
+use crate::fusion::ForceUnit;
+use crate::units::{GramForce, Newton, Stamp, nanos};
 
 /// What became of the readings of a force sensor.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -95,6 +96,53 @@ impl TruthTrack {
     }
 }
 
+/// Tared forces beyond which no hand presses, gF: 300 N.
+const MOST_PRESSED_GF: f64 = 30_000.0;
+/// Tared forces within which nobody presses all the time, gF: 0.3 N.
+const LEAST_PRESSED_GF: f64 = 30.0;
+/// Drift and noise of a load cell, gF, by its unit in the parameters: in gF a cell that sends N seems to have little.
+const DRIFT_GF: [(ForceUnit, f64); 2] = [(ForceUnit::Newton, 15.0), (ForceUnit::GramForce, 0.5)];
+/// Share of readings at either end that may be anything.
+const OUTLIERS: f64 = 0.002;
+/// Fewer readings are no recording.
+const FEW: usize = 100;
+
+impl TruthTrack {
+    /// What of the readings nobody can mean: a press that is negative, a unit in which no hand presses so much or so
+    /// little. Each text is one line that names the parameter.
+    pub fn doubts(&self, tare: &TareCurve) -> Vec<String> {
+        let tared = self.readings().map(|(stamp, force)| tare.tared(stamp, force).0);
+        let mut forces: Vec<f64> = tared.filter(|force| force.is_finite()).collect();
+        if forces.len() < FEW {
+            return Vec::new();
+        }
+        forces.sort_by(f64::total_cmp);
+        let outliers = (OUTLIERS * forces.len() as f64) as usize;
+        let (low, high) = (forces[outliers], forces[forces.len() - 1 - outliers]);
+        let TruthSource { name, unit, inverted, .. } = &self.source;
+        let drift = DRIFT_GF.iter().find(|(of, _)| of == unit).map_or(0.0, |(_, drift)| *drift);
+        let mut doubts = Vec::new();
+        if low < -drift && -low > 3.0 * high {
+            let sign = if *inverted { 1 } else { -1 };
+            doubts.push(format!(
+                "truth {name}: the force falls to {low:.1} gF and rises to {high:.1} gF at most: a press seems to be negative; set truth.{name}.sign to {sign}"
+            ));
+        }
+        let most = high.max(-low);
+        match unit {
+            ForceUnit::Newton if most > MOST_PRESSED_GF => doubts.push(format!(
+                "truth {name}: the force reaches {:.0} N, which no hand presses; set truth.{name}.unit to gF if that is what it sends, or have its driver send N",
+                most / GramForce::from(Newton(1.0)).0
+            )),
+            ForceUnit::GramForce if most > drift && most < LEAST_PRESSED_GF => doubts.push(format!(
+                "truth {name}: the force never leaves {low:.2} to {high:.2} gF: that looks like N; set truth.{name}.unit to N"
+            )),
+            _ => {}
+        }
+        doubts
+    }
+}
+
 /// The tared true force at each stamp; `None` where none was measured close enough, NaN where what was measured is.
 pub fn aligned(track: &TruthTrack, tare: &TareCurve, stamps: &[Stamp], max_gap: Duration) -> Vec<Option<GramForce>> {
     stamps.iter().map(|stamp| track.at(*stamp, max_gap).map(|force| tare.tared(*stamp, force))).collect()
@@ -103,7 +151,6 @@ pub fn aligned(track: &TruthTrack, tare: &TareCurve, stamps: &[Stamp], max_gap: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fusion::ForceUnit;
 
     const GAP: Duration = Duration::from_nanos(50);
 
@@ -128,6 +175,29 @@ mod tests {
         let track = track(&[(0, 1.0), (20, 2.0), (10, 9.0), (20, 9.0), (30, f64::NAN)], true);
         assert_eq!(track.counters(), TruthCounters { used: 3, late: 2, non_finite: 1 });
         assert_eq!(track.at(Stamp(15), GAP), Some(GramForce(-1.5)), "a lower reading means more pressure");
+    }
+
+    #[test]
+    fn a_press_that_is_negative_and_a_unit_nobody_presses_in_are_doubted_by_the_name_of_the_parameter() {
+        let doubts = |unit: ForceUnit, inverted: bool, press: f64| {
+            let source = TruthSource { name: "cell".into(), stamp_offset_ns: 0, inverted, unit };
+            let mut track = TruthTrack::new(source);
+            let reading = |k: i64| if k >= 200 && k % 100 < 50 { press } else { 0.02 * (k % 3) as f64 };
+            (0..1000).for_each(|k| track.handle_reading(Stamp(k), 7.0 + reading(k)));
+            let tare = track.tare(&[ZeroLoad { from: Stamp(0), to: Stamp(200) }]).unwrap();
+            track.doubts(&tare)
+        };
+        let none: [String; 0] = [];
+        assert_eq!(doubts(ForceUnit::Newton, false, 6.0), none);
+        assert_eq!(doubts(ForceUnit::Newton, true, -6.0), none);
+        assert_eq!(doubts(ForceUnit::GramForce, false, 600.0), none);
+        assert_eq!(doubts(ForceUnit::Newton, false, 0.0), none, "nobody presses");
+        assert!(doubts(ForceUnit::Newton, false, -6.0)[0].ends_with("set truth.cell.sign to -1"));
+        assert!(doubts(ForceUnit::Newton, true, 6.0)[0].ends_with("set truth.cell.sign to 1"));
+        assert!(doubts(ForceUnit::GramForce, false, 6.0)[0].ends_with("set truth.cell.unit to N"));
+        assert!(doubts(ForceUnit::Newton, false, 600.0)[0].contains("set truth.cell.unit to gF"));
+        let both = doubts(ForceUnit::GramForce, false, -6.0);
+        assert!(both.len() == 2 && both[0].contains("sign to -1") && both[1].contains("unit to N"), "{both:?}");
     }
 
     #[test]

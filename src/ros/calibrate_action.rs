@@ -8,8 +8,8 @@ use std::time::Duration;
 use byteorder::LittleEndian;
 use futures::StreamExt;
 use ros2_client::action::{
-    CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultResponse, GoalId, GoalInfo, GoalStatusEnum,
-    SendGoalRequest, SendGoalResponse,
+    CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultRequest, GetResultResponse, GoalId, GoalInfo,
+    GoalStatusEnum, SendGoalRequest, SendGoalResponse,
 };
 use ros2_client::action_msgs::{CancelGoalResponseEnum, GoalStatus, GoalStatusArray};
 use ros2_client::builtin_interfaces::Time as WireTime;
@@ -22,9 +22,11 @@ use super::entities::Graph;
 use super::interfaces::CancelGoal;
 use super::loading;
 use super::middleware::{Action, Answer, Request, Sender};
-use super::node::{NodeError, Shared};
-use crate::calibration::Calibration;
+use super::node::NodeError;
+use super::serving::Shared;
+use super::threads::Vital;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
+use crate::zero::{Zero, ZeroFrom};
 
 /// How often it is looked how far a calibration is; a person calibrates for seconds.
 const POLL: Duration = Duration::from_millis(20);
@@ -34,6 +36,9 @@ const FEEDBACK: Duration = Duration::from_millis(500);
 
 /// Results that are kept for clients that ask for them late.
 const KEPT_RESULTS: usize = 16;
+
+/// Clients that may wait for the result of a goal; whoever comes then is told that it is unknown.
+const MAX_ASKED: usize = 64;
 
 /// Longest calibration that a goal may ask for, as in the table of parameters.
 const MAX_DURATION: Duration = Duration::from_secs(600);
@@ -104,13 +109,12 @@ async fn conclude(
     if let Err(message) = installed {
         return CalibrateResult { success: false, message, ..result };
     }
-    result.message = from.clone();
+    let noted = std::mem::take(&mut result.message);
+    result.message = if noted.is_empty() { from.clone() } else { format!("{from}; {noted}") };
     if purpose == Purpose::Calibrate {
-        let text = |value: &Option<String>| value.clone().unwrap_or_default();
-        let names = cfg.fusion.tactile_sources.iter().map(|source| source.name.clone());
-        let sources: BTreeMap<_, _> = names.zip(baselines).collect();
-        let mut calibration = Calibration::new(&text(&cfg.glove), &text(&cfg.user), from, sources);
-        calibration.models.clone_from(&shared.hashes.borrow());
+        let zero = Zero::new(ZeroFrom::Live { frames: result.frames }, baselines);
+        let mut calibration = zero.to_calibration(&cfg, &shared.hashes.borrow());
+        calibration.recorded = from;
         match &cfg.calibration.file {
             None => result.message.push_str("; it is lost when the node ends: calibration.file is not set"),
             Some(path) => match calibration.replace(path) {
@@ -150,13 +154,14 @@ pub(super) fn start(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeEr
     let mut known = Goals { feedback, status, active: None, accepted, finished, asked: Vec::new() };
     let shared = Rc::clone(shared);
     tokio::task::spawn_local(async move {
+        let _vital = Vital::new("calibrate");
         let mut poll = tokio::time::interval(POLL);
         poll.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         loop {
             tokio::select! {
                 Some(Ok(request)) = goals.next() => known.handle_goal(request, &shared).await,
                 Some(Ok(request)) = cancels.next() => known.handle_cancel(request, &shared).await,
-                Some(Ok(Request { question, answer })) = results.next() => known.asked.push((question.goal_id, answer)),
+                Some(Ok(request)) = results.next() => known.handle_result_request(request).await,
                 _ = poll.tick() => known.go_on(),
             }
             known.answer_results().await;
@@ -203,6 +208,7 @@ impl Goals {
         let (result_sender, result) = oneshot::channel();
         let (shared, cancel) = (Rc::clone(shared), Rc::clone(&cancelled));
         tokio::task::spawn_local(async move {
+            let _vital = Vital::new("calibrate");
             let give = |feedback| {
                 let _ = feedback_sender.send(feedback); // the action server is there as long as the node is
             };
@@ -227,6 +233,16 @@ impl Goals {
         if (request.answer)(CancelGoalResponse { return_code, goals_canceling }).await.is_err() {
             shared.outbox.log(Severity::Warn, "a cancel response of ~/calibrate could not be sent");
         }
+    }
+
+    async fn handle_result_request(&mut self, request: Request<GetResultRequest, GetResultResponse<CalibrateResult>>) {
+        let Request { question, answer } = request;
+        if self.asked.len() < MAX_ASKED {
+            self.asked.push((question.goal_id, answer));
+            return;
+        }
+        let (status, result) = (GoalStatusEnum::Unknown, CalibrateResult::default());
+        let _ = answer(GetResultResponse { status, result }).await; // the client may ask again
     }
 
     /// Answers who asked for the result of a goal that is not at work.

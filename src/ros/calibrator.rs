@@ -1,16 +1,16 @@
 //! A calibration in the air while the node runs: samples are collected, then judged by the model before their baseline
 //! is taken. Pure but for the time it is told.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::config::{CalibrationConfig, Config};
+use crate::config::Config;
 use crate::fusion::{
-    Baseline, BaselineBuilder, CalibrationLimits, Event, Fusion, FusionConfig, JointSample, JointSourceIdx,
-    TactileBlock, TactileSourceIdx, judge_forces,
+    Baseline, BaselineBuilder, CalibrationLimits, Event, Fusion, JointSample, JointSourceIdx, TactileBlock,
+    TactileSourceIdx,
 };
 use crate::msg::{CalibrateFeedback, CalibrateResult, Duration as WireDuration};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp, nanos};
+use crate::zero::{self, LoadCheck, Movement, Rest, ZeroFrom};
 
 /// An event that owns what it holds, so that it can be kept.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,13 +81,12 @@ pub enum Purpose {
 
 /// A calibration that is under way.
 pub struct Calibrator {
-    cfg: FusionConfig,
-    calibration: CalibrationConfig,
+    cfg: Config,
     purpose: Purpose,
     duration: Duration,
     builders: Vec<BaselineBuilder>,
     frames: u32,
-    spans: BTreeMap<String, (f64, f64)>,
+    movement: Movement,
     samples: Vec<Sample>,
 }
 
@@ -97,13 +96,12 @@ impl Calibrator {
         let hole_ns = nanos(cfg.fusion.timing.max_gap).max(NANOS_PER_SEC / 2);
         let sources = &cfg.fusion.tactile_sources;
         Calibrator {
-            cfg: cfg.fusion.clone(),
-            calibration: cfg.calibration.clone(),
+            cfg: cfg.clone(),
             purpose,
             duration,
             builders: sources.iter().map(|source| BaselineBuilder::new(source.n_taxels, hole_ns)).collect(),
             frames: 0,
-            spans: BTreeMap::new(),
+            movement: Movement::default(),
             samples: Vec::new(),
         }
     }
@@ -112,7 +110,7 @@ impl Calibrator {
     pub fn handle(&mut self, sample: Sample) {
         match &sample {
             Sample::Tactile { source, stamp, rows, row_period_ns, values, .. } => {
-                let cfg = &self.cfg.tactile_sources[source.0];
+                let cfg = &self.cfg.fusion.tactile_sources[source.0];
                 if rows.checked_mul(cfg.n_taxels) != Some(values.len()) {
                     return; // the core counts it
                 }
@@ -124,12 +122,7 @@ impl Calibrator {
                 }
             }
             Sample::Joints { source, names, positions, .. } => {
-                let scale = self.cfg.joint_sources[source.0].scale;
-                for (name, position) in names.iter().zip(positions).filter(|(_, position)| position.is_finite()) {
-                    let angle = position * scale;
-                    let (low, high) = self.spans.entry(name.clone()).or_insert((angle, angle));
-                    (*low, *high) = (low.min(angle), high.max(angle));
-                }
+                self.movement.handle(names, positions, self.cfg.fusion.joint_sources[source.0].scale);
             }
         }
         self.samples.push(sample);
@@ -137,7 +130,7 @@ impl Calibrator {
 
     /// How far it has come.
     pub fn feedback(&self, elapsed: Duration) -> CalibrateFeedback {
-        let (joints, joint_span) = self.joint_spans();
+        let (joints, joint_span) = self.movement.spans();
         CalibrateFeedback {
             time_left: WireDuration::from_nanos(nanos(self.duration.saturating_sub(elapsed))),
             joints,
@@ -152,7 +145,7 @@ impl Calibrator {
     ///
     /// `judge` is a core of the same configuration that nothing was shown yet.
     pub fn finish(self, judge: Fusion) -> (Option<Vec<Baseline>>, CalibrateResult) {
-        let (joints, joint_span) = self.joint_spans();
+        let (joints, joint_span) = self.movement.spans();
         let mut result = CalibrateResult {
             frames: self.frames,
             joints,
@@ -162,8 +155,9 @@ impl Calibrator {
             ..CalibrateResult::default()
         };
         match self.judged(judge) {
-            Ok(baselines) => {
+            Ok((baselines, noted)) => {
                 result.success = true;
+                result.message = noted;
                 result.noise = baselines.iter().flat_map(|baseline| baseline.noise.iter().copied()).collect();
                 let faulty = baselines.iter().flat_map(|baseline| &baseline.faulty).zip(0_u32..);
                 result.faulty_taxels = faulty.filter(|(faulty, _)| **faulty).map(|(_, idx)| idx).collect();
@@ -177,67 +171,52 @@ impl Calibrator {
         }
     }
 
-    fn judged(&self, mut judge: Fusion) -> Result<Vec<Baseline>, String> {
-        let min_s = self.calibration.min_duration.as_secs_f64();
-        let limits = CalibrationLimits {
-            min_s: min_s.min(self.duration.as_secs_f64() / 2.0),
-            max_force: self.calibration.max_force,
-            max_loaded_fraction: self.calibration.max_loaded_fraction,
-        };
+    /// The baselines, and what is to be said about them.
+    fn judged(&self, judge: Fusion) -> Result<(Vec<Baseline>, String), String> {
+        let limits = zero::limits(&self.cfg.calibration);
+        let limits = CalibrationLimits { min_s: limits.min_s.min(self.duration.as_secs_f64() / 2.0), ..limits };
         if self.purpose == Purpose::Calibrate {
-            self.check_movement()?;
+            self.movement.check(&self.cfg).map_err(|error| error.to_string())?;
         }
         let of_source = |(builder, source): (&BaselineBuilder, &crate::fusion::TactileSource)| {
             builder.finish(&limits).map_err(|error| format!("tactile source {}: {error}", source.name))
         };
-        let baselines: Vec<Baseline> =
-            self.builders.iter().zip(&self.cfg.tactile_sources).map(of_source).collect::<Result<_, _>>()?;
-        for (source_idx, baseline) in baselines.iter().enumerate() {
-            let installed = judge.handle_baseline(TactileSourceIdx(source_idx), baseline.clone());
-            installed.map_err(|error| error.to_string())?;
-        }
-        let mut forces: BTreeMap<usize, Vec<Newton>> = BTreeMap::new();
+        let sources = &self.cfg.fusion.tactile_sources;
+        let baselines: Vec<Baseline> = self.builders.iter().zip(sources).map(of_source).collect::<Result<_, _>>()?;
+        let noted = self.check_load(judge, &baselines, limits).map_err(|error| error.to_string())?;
+        Ok((baselines, noted.join("; ")))
+    }
+
+    /// Has the models read what was collected.
+    fn check_load(
+        &self,
+        mut judge: Fusion,
+        baselines: &[Baseline],
+        limits: CalibrationLimits,
+    ) -> Result<Vec<String>, Box<dyn std::error::Error>> {
+        zero::install(&mut judge, baselines)?;
+        let all = Rest { from: Stamp(i64::MIN), to: Stamp(i64::MAX) };
+        let mut check =
+            LoadCheck::new(ZeroFrom::Live { frames: self.frames }, vec![vec![all]; baselines.len()], limits);
         for sample in &self.samples {
             judge.handle(sample.event());
-            while let Some(tick) = judge.poll().map_err(|error| error.to_string())? {
-                for estimate in &tick.estimates {
-                    forces.entry(estimate.region).or_default().extend(estimate.force);
-                }
+            while let Some(tick) = judge.poll()? {
+                check.takes(tick);
             }
         }
-        for (region, forces) in &forces {
-            judge_forces(forces, &limits)
-                .map_err(|error| format!("region {}: {error}", self.cfg.regions[*region].name))?;
+        let mut noted: Vec<String> = check.judge(&self.cfg)?.into_iter().collect();
+        if self.purpose == Purpose::Calibrate {
+            noted.extend(check.check_pose(&self.cfg)?);
         }
-        Ok(baselines)
-    }
-
-    /// Refuses a calibration in which the hand hardly moved: its baseline would be that of one pose.
-    fn check_movement(&self) -> Result<(), String> {
-        let needed = self.calibration.min_joint_span;
-        let span = |joint: &String| self.spans.get(joint).map(|(low, high)| high - low);
-        for region in self.cfg.regions.iter().filter(|region| needed > 0.0 && !region.joints.is_empty()) {
-            let moved = region.joints.iter().filter_map(span).fold(0.0, f64::max);
-            if moved < needed {
-                return Err(format!(
-                    "region {}: the hand hardly moved: its joints went through {moved:.2} rad at most, {needed} rad needed (calibration.min_joint_span); open and close the hand in the air and calibrate again",
-                    region.name
-                ));
-            }
-        }
-        Ok(())
-    }
-
-    fn joint_spans(&self) -> (Vec<String>, Vec<f64>) {
-        self.spans.iter().map(|(name, (low, high))| (name.clone(), high - low)).unzip()
+        Ok(noted)
     }
 
     fn source_names(&self) -> Vec<String> {
-        self.cfg.tactile_sources.iter().map(|source| source.name.clone()).collect()
+        self.cfg.fusion.tactile_sources.iter().map(|source| source.name.clone()).collect()
     }
 
     fn source_taxels(&self) -> Vec<u32> {
-        self.cfg.tactile_sources.iter().map(|source| source.n_taxels as u32).collect()
+        self.cfg.fusion.tactile_sources.iter().map(|source| source.n_taxels as u32).collect()
     }
 
     /// Noise of each taxel so far; NaN where there is none yet.
@@ -246,6 +225,6 @@ impl Calibrator {
         let of_source = |(builder, source): (&BaselineBuilder, &crate::fusion::TactileSource)| {
             builder.finish(&limits).map_or_else(|_| vec![f32::NAN; source.n_taxels], |baseline| baseline.noise)
         };
-        self.builders.iter().zip(&self.cfg.tactile_sources).flat_map(of_source).collect()
+        self.builders.iter().zip(&self.cfg.fusion.tactile_sources).flat_map(of_source).collect()
     }
 }

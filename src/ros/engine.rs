@@ -2,35 +2,38 @@
 
 mod report;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Duration;
 
 use futures::StreamExt;
+use ros2_client::QosProfile;
 use tokio::sync::{mpsc, oneshot};
 
 use super::args::Severity;
 use super::calibrator::Sample;
 use super::clock::Clock;
-use super::diagnostics::{Budget, RateMeter};
-use super::middleware::{Arrival, Fault, Subscription};
+use super::diagnostics::Budget;
+use super::graph::Wanted;
+use super::middleware::{Arrival, Fault, Neighbours, Subscription};
+use super::order::Order;
 use super::outbox::{Origin, OutIdx, Outbox};
-use super::watchdog::Watchdog;
+use super::watchdog::{Silence, Watchdog};
+use super::watched::Watched;
 use crate::config::Config;
-use crate::fusion::{
-    Baseline, Contact, ContactEvent, ContactThresholds, Estimate, Event, Flags, Fusion, TactileSourceIdx, Tick,
-};
+use crate::fusion::{Baseline, ContactThresholds, Contract, Event, Fusion, Tick};
 use crate::msg::binding::SampleBinding;
-use crate::msg::{Outgoing, Slot};
-use crate::units::{Newton, Stamp};
+use crate::msg::{Outgoing, Slot, to_cdr};
+use crate::units::{Stamp, nanos};
+use crate::zero;
 
 /// What is recorded, in the order in which it was handled.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Record {
     /// A message came in.
     Input {
-        /// Index of the input: tactile sources first, then joint sources.
+        /// Index into [`Names::inputs`](super::Names::inputs).
         input: usize,
         /// When it came.
         received: Stamp,
@@ -69,8 +72,6 @@ pub(super) enum Command {
 /// What is there while the node is configured.
 pub(super) struct Core {
     pub(super) fusion: Fusion,
-    /// Minimum detectable force of each region's model, where it is known.
-    pub(super) mdf: Vec<Option<Newton>>,
     /// What runs each model, for people.
     pub(super) models: Vec<(String, String)>,
     /// Where the baseline is from; none where there is none.
@@ -79,9 +80,11 @@ pub(super) struct Core {
 
 /// A topic that feeds the core.
 pub(super) struct Input {
-    pub(super) topic: String,
+    /// What each source wants of it.
+    pub(super) wanted: Vec<Wanted>,
     pub(super) subscription: Subscription,
-    pub(super) binding: SampleBinding,
+    /// One a source that reads from it.
+    pub(super) bindings: Vec<SampleBinding>,
 }
 
 /// Where the engine's messages go.
@@ -90,6 +93,8 @@ pub(super) struct Outputs {
     pub(super) wrenches: Vec<OutIdx>,
     pub(super) contacts: OutIdx,
     pub(super) diagnostics: OutIdx,
+    /// Topics of estimates, and the QoS that they are offered with.
+    pub(super) offers: Vec<(String, QosProfile)>,
 }
 
 pub(super) struct Engine {
@@ -98,21 +103,24 @@ pub(super) struct Engine {
     pub(super) outbox: Outbox,
     pub(super) outputs: Outputs,
     pub(super) recorder: Option<SyncSender<Record>>,
+    pub(super) neighbours: Option<Neighbours>,
 }
 
 /// What runs while messages come.
 struct Running {
     engine: Engine,
-    topics: Vec<String>,
-    bindings: Vec<SampleBinding>,
+    watched: Watched,
+    bindings: Vec<Vec<SampleBinding>>,
     core: Option<Core>,
     outgoing: Option<Outgoing>,
     active: bool,
     watchdog: Watchdog,
-    meters: Vec<RateMeter>,
-    unreadable: Vec<BTreeMap<&'static str, u64>>,
+    order: Order,
     budgets: BTreeMap<String, Budget>,
-    contacts: Vec<Contact>,
+    /// Tactile sources that were said to be stale.
+    said_stale: BTreeSet<usize>,
+    /// When it was said last that no source comes.
+    silent_said: Option<Duration>,
     tap: Option<mpsc::UnboundedSender<Sample>>,
     received: Stamp,
     unrecorded: u64,
@@ -123,16 +131,23 @@ impl Engine {
     /// Reads and estimates until it is told to stop.
     pub(super) async fn run(self, inputs: Vec<Input>, mut commands: mpsc::UnboundedReceiver<Command>) {
         let mut running = Running {
-            watchdog: Watchdog::new(self.cfg.fusion.tactile_sources.len(), self.cfg.live.tactile_timeout),
-            topics: inputs.iter().map(|input| input.topic.clone()).collect(),
-            bindings: inputs.iter().map(|input| input.binding.clone()).collect(),
+            watchdog: Watchdog::new(
+                self.cfg.fusion.tactile_sources.len(),
+                self.cfg.live.tactile_timeout,
+                self.cfg.fusion.timing.joint_slack,
+            ),
+            order: Order::new(
+                self.cfg.fusion.tactile_sources.len(),
+                nanos(self.cfg.fusion.timing.max_age.unwrap_or(self.cfg.live.tactile_timeout)),
+            ),
+            watched: Watched::new(&self.cfg, inputs.iter().flat_map(|input| input.wanted.clone())),
+            bindings: inputs.iter().map(|input| input.bindings.clone()).collect(),
             core: None,
             outgoing: None,
             active: false,
-            meters: vec![RateMeter::default(); inputs.len()],
-            unreadable: vec![BTreeMap::new(); inputs.len()],
             budgets: BTreeMap::new(),
-            contacts: vec![Contact::default(); self.cfg.fusion.regions.len()],
+            said_stale: BTreeSet::new(),
+            silent_said: None,
             tap: None,
             received: Stamp(0),
             unrecorded: 0,
@@ -170,8 +185,9 @@ impl Running {
     fn handle_command(&mut self, command: Command) {
         match command {
             Command::Configure(core) => {
-                self.outgoing = Some(Outgoing::new(core.fusion.config(), &core.mdf));
-                self.contacts.fill(Contact::default());
+                self.outgoing = Some(outgoing(&core.fusion));
+                self.watched.begin(self.engine.clock.running());
+                self.watchdog.begin(self.engine.clock.running());
                 self.core = Some(*core);
             }
             Command::CleanUp => {
@@ -182,37 +198,42 @@ impl Running {
             Command::Thresholds(thresholds) => {
                 if let Some(core) = &mut self.core {
                     core.fusion.handle_thresholds(&thresholds);
-                    self.outgoing = Some(Outgoing::new(core.fusion.config(), &core.mdf));
+                    self.outgoing = Some(outgoing(&core.fusion));
                 }
                 for (region, thresholds) in self.engine.cfg.fusion.regions.iter_mut().zip(thresholds) {
                     region.contact = thresholds;
                 }
             }
             Command::Baselines(baselines, from, reply) => {
-                let _ = reply.send(self.install(baselines, from)); // who asked may be gone
+                let _ = reply.send(self.install(&baselines, from)); // who asked may be gone
             }
             Command::Tap(tap) => self.tap = Some(tap),
             Command::Stop => {}
         }
     }
 
-    fn install(&mut self, baselines: Vec<Baseline>, from: String) -> Result<(), String> {
+    fn install(&mut self, baselines: &[Baseline], from: String) -> Result<(), String> {
         let core = self.core.as_mut().ok_or("the node is not configured any more; configure it and calibrate again")?;
-        for (source_idx, baseline) in baselines.into_iter().enumerate() {
-            let installed = core.fusion.handle_baseline(TactileSourceIdx(source_idx), baseline);
-            installed.map_err(|error| error.to_string())?;
-        }
+        zero::install(&mut core.fusion, baselines).map_err(|error| error.to_string())?;
         core.calibration = Some(from);
         Ok(())
     }
 
     fn handle_incoming(&mut self, input: usize, incoming: Result<Arrival, Fault>) {
         let now = self.engine.clock.running();
-        let Arrival { cdr, received: arrived } = match incoming {
+        let Arrival { cdr, received: arrived, publisher } = match incoming {
             Ok(arrival) => arrival,
-            Err(fault) => return self.count(input, fault.n_messages, fault.reason, &fault.text),
+            Err(fault) => {
+                for part in 0..self.bindings[input].len() {
+                    self.count(self.source_of(input, part), fault.n_messages, fault.reason, &fault.text);
+                }
+                return;
+            }
         };
-        self.meters[input].handle_arrival(now);
+        for part in 0..self.bindings[input].len() {
+            let source = self.source_of(input, part);
+            self.watched.inputs[source].handle_arrival(now, publisher);
+        }
         let stamp = if self.engine.clock.is_sim() { self.engine.clock.now() } else { arrived };
         // Receipts only grow, so that a recording replays in the order in which it was handled.
         self.received = stamp.max(self.received.offset(1));
@@ -234,20 +255,25 @@ impl Running {
                 }
             }
         }
-        let event = match self.bindings[input].decode(&cdr, self.received) {
+        (0..self.bindings[input].len()).for_each(|part| self.handle_part(input, part, &cdr, arrived));
+    }
+
+    /// Takes what a message holds for one of the sources that read from its topic.
+    fn handle_part(&mut self, input: usize, part: usize, cdr: &[u8], arrived: Stamp) {
+        let now = self.engine.clock.running();
+        let source = self.source_of(input, part);
+        let event = match self.bindings[input][part].decode(cdr, self.received) {
             Ok(event) => event,
-            Err(error) => return self.count(input, 1, error.reason(), &error.to_string()),
+            Err(error) => return self.count(source, 1, error.reason(), &error.to_string()),
         };
         if let Some(tap) = &self.tap
             && tap.send(Sample::from(&event)).is_err()
         {
             self.tap = None;
         }
-        if let Event::Tactile(block) = &event
-            && self.watchdog.handle_sample(block.source.0, now)
-        {
-            let name = &self.engine.cfg.fusion.tactile_sources[block.source.0].name;
-            self.engine.outbox.log(Severity::Info, format!("tactile source {name} is back"));
+        self.watched.handle(&event);
+        if let Event::Tactile(block) = &event {
+            self.watchdog.handle_message(block.source.0, now);
         }
         let Some(core) = &mut self.core else { return };
         core.fusion.handle(event);
@@ -261,12 +287,18 @@ impl Running {
             match core.fusion.poll() {
                 Ok(None) => return,
                 Ok(Some(tick)) => {
+                    let was_stale = self.watchdog.handle_frame(tick.source.0, self.engine.clock.running());
+                    if was_stale && self.said_stale.remove(&tick.source.0) {
+                        let name = &self.engine.cfg.fusion.tactile_sources[tick.source.0].name;
+                        self.engine.outbox.log(Severity::Info, format!("tactile source {name} is back"));
+                    }
                     for estimate in &tick.estimates {
-                        self.contacts[estimate.region] = estimate.contact;
+                        self.watched.outcomes.handle(estimate);
                     }
                     let of = Some(Origin { stamp: tick.stamp, received: arrived });
                     let recorder = self.engine.recorder.as_ref();
-                    send(&self.engine, recorder, outgoing, tick, of, self.active, &mut self.cdr);
+                    let newest = self.order.admits(tick.source.0, tick.stamp, self.engine.clock.now());
+                    send(&self.engine, recorder, outgoing, tick, of, self.active && newest, &mut self.cdr);
                 }
                 Err(error) => break error,
             }
@@ -279,39 +311,50 @@ impl Running {
     /// Says which tactile sources have stopped, so that nobody goes on with their last force.
     fn watch(&mut self) {
         let now = self.engine.clock.running();
-        while let Some((source_idx, first)) = self.watchdog.poll(now) {
+        if self.core.is_none() {
+            return;
+        }
+        let mut barked = false;
+        while let Some((source_idx, silence, first)) = self.watchdog.poll(now) {
             let source = &self.engine.cfg.fusion.tactile_sources[source_idx];
-            if first {
-                let text = format!(
-                    "tactile source {}: nothing came for {:?}",
-                    source.name, self.engine.cfg.live.tactile_timeout
-                );
+            // One that was never heard is said with the other inputs, once the graph has had time to be found.
+            if first && self.watched.inputs[source_idx].meter().n_total() > 0 {
+                self.said_stale.insert(source_idx);
+                let what = match silence {
+                    Silence::Messages => "nothing came",
+                    Silence::Frames => "messages come, but no frame that could be used",
+                };
+                let timeout = self.engine.cfg.live.tactile_timeout;
+                let text = format!("tactile source {}: {what} for {timeout:?}: STALE_TACTILE", source.name);
                 self.engine.outbox.log(Severity::Warn, text);
             }
-            let Some(outgoing) = &mut self.outgoing else { continue };
-            let regions = self.engine.cfg.fusion.regions.iter().enumerate();
-            let of_source = regions.filter(|(_, region)| region.source.0 == source_idx);
-            let stale = |(region, _)| Estimate {
-                region,
-                contact: Contact { raw: false, event: ContactEvent::None, ..self.contacts[region] },
-                flags: Flags::STALE_TACTILE,
-                ..Estimate::default()
-            };
-            let stamp = self.engine.clock.now();
-            let estimates = of_source.map(stale).collect();
-            // No frame of the stream, so it counts in none of its epochs.
-            let (source, epoch, number) = (TactileSourceIdx(source_idx), 0, 0);
-            let tick = Tick { source, stamp, epoch, number, received: stamp, estimates };
+            barked = true;
+        }
+        // Where a source still comes, the contacts of its frames say which others don't.
+        let regions = &self.engine.cfg.fusion.regions;
+        if !barked || !regions.iter().all(|region| self.watchdog.is_stale(region.source.0)) {
+            return;
+        }
+        let is_due = |said: Duration| now.saturating_sub(said) * 2 >= self.engine.cfg.live.tactile_timeout;
+        if let Some(outgoing) = self.outgoing.as_ref().filter(|_| self.active && self.silent_said.is_none_or(is_due)) {
+            self.silent_said = Some(now);
+            let time = self.engine.clock.now();
+            let stamps = regions.iter().map(|region| self.order.silent(region.source.0, time));
+            let contacts = outgoing.silent(stamps.max().unwrap_or(time));
             // Not recorded: that time passed is no event, so replay could not say it again.
-            send(&self.engine, None, outgoing, &tick, None, self.active, &mut self.cdr);
+            self.engine.outbox.send(self.engine.outputs.contacts, to_cdr(&contacts), None);
         }
     }
 
-    fn count(&mut self, input: usize, n_messages: u64, reason: &'static str, text: &str) {
-        let counter = self.unreadable[input].entry(reason).or_default();
-        *counter += n_messages;
-        if *counter == n_messages {
-            let topic = &self.topics[input];
+    /// The index of a source that reads from an input: tactile sources first, then joint sources.
+    fn source_of(&self, input: usize, part: usize) -> usize {
+        self.watched.source_of(&self.bindings[input][part])
+    }
+
+    fn count(&mut self, source: usize, n_messages: u64, reason: &'static str, text: &str) {
+        let health = &mut self.watched.inputs[source];
+        if health.handle_unreadable(n_messages, reason, text) {
+            let topic = health.topic();
             self.engine
                 .outbox
                 .log(Severity::Warn, format!("topic {topic}: {text}; dropped, as all such messages will be"));
@@ -325,8 +368,27 @@ impl Running {
         {
             core.fusion.handle_end();
             self.drain(self.received);
+            let Some(outgoing) = &mut self.outgoing else { return };
+            let received = outgoing.received();
+            let recorder = self.engine.recorder.as_ref();
+            let told = outgoing.finish(&mut self.cdr, |slot, cdr| {
+                let sent =
+                    recorder.map(|recorder| recorder.try_send(Record::Output { slot, received, cdr: cdr.to_vec() }));
+                drop(sent); // replay makes it again from the inputs
+                Ok::<(), std::convert::Infallible>(())
+            });
+            match told {
+                Ok(()) => {}
+                Err(never) => match never {},
+            }
         }
     }
+}
+
+/// Messages of the regions of a core.
+fn outgoing(fusion: &Fusion) -> Outgoing {
+    let contracts: Vec<&Contract> = (0..fusion.config().regions.len()).map(|idx| fusion.contract(idx)).collect();
+    Outgoing::new(fusion.config(), &contracts)
 }
 
 /// Leaves the messages of a tick to be published and to be recorded.

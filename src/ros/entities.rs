@@ -1,22 +1,43 @@
 //! The node's topics and services: their names after remapping, and the entities behind them.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
 use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 use ros2_client::{Message, QosProfile};
 
 use super::environment::Environment;
-use super::middleware::{Action, ActionQos, Participant, Publisher, Requests, Subscription, TopicType};
+use super::middleware::{Action, ActionQos, Neighbours, Participant, Publisher, Requests, Subscription, TopicType};
 use super::node::NodeError;
 use super::remap::{self, NameKind, Remap};
+use super::threads;
 use crate::config::{Config, NameError, NodeName};
 use crate::msg::EstimateTopics;
+
+/// How often it is looked whether the middleware is at work.
+const LOOK: Duration = Duration::from_millis(250);
 
 /// The names that the node's inputs and outputs go by.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Names {
-    /// `[tactile sources, then joint sources]`.
-    pub inputs: Vec<String>,
+    /// Each topic once, in the order in which tactile sources, then joint sources, first name it.
+    pub inputs: Vec<InputName>,
     /// Where estimates go.
     pub estimates: EstimateTopics,
+}
+
+/// A topic that feeds the core, once, however many sources read from it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InputName {
+    /// Its name.
+    pub topic: String,
+    /// Canonical name of its message type.
+    pub type_name: String,
+    /// Indices of the tactile sources that are read from it.
+    pub tactile: Vec<usize>,
+    /// Indices of the joint sources that are read from it.
+    pub joints: Vec<usize>,
 }
 
 impl Names {
@@ -26,11 +47,16 @@ impl Names {
     /// [`NameError`] when a remap's names can't be expanded.
     pub fn new(cfg: &Config, remaps: &[Remap]) -> Result<Self, NameError> {
         let topic = |absolute: &str| remap::name(remaps, &cfg.node, NameKind::Topic, absolute);
-        let tactile = cfg.tactile.iter().map(|input| input.name.as_str());
-        let inputs = tactile.chain(cfg.joints.iter().map(|input| input.name.as_str())).map(topic);
+        let mut inputs = Vec::new();
+        for (source, input) in cfg.tactile.iter().enumerate() {
+            named(&mut inputs, topic(&input.name)?, &input.type_name).tactile.push(source);
+        }
+        for (source, input) in cfg.joints.iter().enumerate() {
+            named(&mut inputs, topic(&input.name)?, &input.type_name).joints.push(source);
+        }
         let estimates = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
         Ok(Names {
-            inputs: inputs.collect::<Result<_, _>>()?,
+            inputs,
             estimates: EstimateTopics {
                 wrenches: estimates.wrenches.iter().map(|name| topic(name)).collect::<Result<_, _>>()?,
                 contacts: topic(&estimates.contacts)?,
@@ -39,24 +65,51 @@ impl Names {
     }
 }
 
+/// The input of a name and type: the one that is there, or a new one.
+fn named<'n>(inputs: &'n mut Vec<InputName>, topic: String, type_name: &str) -> &'n mut InputName {
+    let known = inputs.iter().position(|input| input.topic == topic && input.type_name == type_name);
+    let idx = known.unwrap_or_else(|| {
+        inputs.push(InputName { topic, type_name: type_name.to_owned(), tactile: Vec::new(), joints: Vec::new() });
+        inputs.len() - 1
+    });
+    &mut inputs[idx]
+}
+
 /// What makes entities. Dropped, it leaves the graph: a DDS participant that is only dropped may still be discovering others.
 pub(super) struct Graph {
     /// `None` once it has left.
     participant: Option<Participant>,
+    /// Whether it has, for who watches over the middleware.
+    left: Arc<AtomicBool>,
     name: NodeName,
     remaps: Vec<Remap>,
 }
 
 impl Graph {
-    /// Joins the graph as a node.
+    /// Joins the graph as a node. Where a part of the middleware ends, the process is to end.
     pub(super) fn join(name: &NodeName, environment: &Environment, remaps: &[Remap]) -> Result<Self, NodeError> {
-        let participant = Some(Participant::join(name, environment)?);
-        Ok(Graph { participant, name: name.clone(), remaps: remaps.to_vec() })
+        let participant = Participant::join(name, environment)?;
+        let (pulse, left) = (participant.pulse(), Arc::new(AtomicBool::new(false)));
+        let has_left = Arc::clone(&left);
+        threads::spawn("watch", move || {
+            while !has_left.load(Ordering::Acquire) {
+                if let Some(part) = pulse().filter(|_| !has_left.load(Ordering::Acquire)) {
+                    return threads::ended(part);
+                }
+                std::thread::sleep(LOOK);
+            }
+        })?;
+        Ok(Graph { participant: Some(participant), left, name: name.clone(), remaps: remaps.to_vec() })
     }
 
     /// What a person should know about the graph that was joined.
     pub(super) fn note(&self) -> Option<String> {
         self.participant.as_ref().and_then(Participant::note)
+    }
+
+    /// Who else is in the graph, where the middleware is asked.
+    pub(super) fn neighbours(&self) -> Option<Neighbours> {
+        self.participant.as_ref().and_then(Participant::neighbours)
     }
 
     /// Leaves the graph, when everything that was made here has been dropped.
@@ -124,6 +177,7 @@ impl Graph {
 
 impl Drop for Graph {
     fn drop(&mut self) {
+        self.left.store(true, Ordering::Release);
         if let Some(participant) = self.participant.take() {
             participant.leave();
         }

@@ -130,6 +130,9 @@ pub enum Work {
     ShutDown,
 }
 
+/// Most characters of a label that is asked for and isn't there.
+const MAX_SHOWN: usize = 60;
+
 /// The life of one node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lifecycle {
@@ -138,11 +141,22 @@ pub struct Lifecycle {
 
 /// A transition that was asked for and does not start from where the node is.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{asked} is not possible in state {}: expected {}", state.label(), possible.join(", "))]
+#[error("{asked} is not possible in state {}: {}", state.label(), self.instead())]
 pub struct NotPossible {
     asked: String,
     state: State,
     possible: Vec<&'static str>,
+}
+
+impl NotPossible {
+    /// What is, or what to do.
+    fn instead(&self) -> String {
+        match (self.possible.as_slice(), self.state) {
+            ([], State::Finalized) => "its life is over; end the node and start it anew".to_owned(),
+            ([], _) => "a transition is under way; wait until it is over".to_owned(),
+            (possible, _) => format!("expected {}", possible.join(", ")),
+        }
+    }
 }
 
 impl Default for Lifecycle {
@@ -160,12 +174,14 @@ impl Lifecycle {
         let asked = |step: &&Transition| if label.is_empty() { step.id == id } else { step.label == label };
         let found = self.available().find(asked).copied().and_then(|step| Some((work(step.id)?, step)));
         let Some((work, step)) = found else {
-            let asked = if label.is_empty() { format!("transition {id}") } else { format!("transition {label:?}") };
-            return Err(NotPossible {
-                asked,
-                state: self.state,
-                possible: self.available().map(|step| step.label).collect(),
-            });
+            let asked = match label.char_indices().nth(MAX_SHOWN) {
+                _ if label.is_empty() => format!("transition {id}"),
+                None => format!("transition {label:?}"),
+                Some((end, _)) => format!("transition {:?}...", &label[..end]),
+            };
+            // How a transition that is under way ends is not for others to say.
+            let possible = self.available().filter(|step| work(step.id).is_some()).map(|step| step.label).collect();
+            return Err(NotPossible { asked, state: self.state, possible });
         };
         self.state = step.goal;
         Ok((work, step))
@@ -238,8 +254,23 @@ mod tests {
         let error = life.handle_request(3, "").unwrap_err().to_string();
         assert_eq!(error, "transition 3 is not possible in state unconfigured: expected configure, shutdown");
         assert!(life.handle_request(10, "").is_err(), "a callback's outcome is not for others to give");
+        let long = life.handle_request(0, &"x".repeat(1_000_000)).unwrap_err().to_string();
+        assert!(long.len() < 200 && long.ends_with("expected configure, shutdown"), "{long}");
         assert_eq!(life.state(), State::Unconfigured);
         assert_eq!(life.handle_outcome(true), None);
+    }
+
+    #[test]
+    fn where_nothing_is_possible_the_text_says_what_to_do() {
+        let mut life = Lifecycle::default();
+        life.handle_request(0, "shutdown").unwrap();
+        let error = life.handle_request(0, "configure").unwrap_err().to_string();
+        let told = "a transition is under way; wait until it is over";
+        assert_eq!(error, format!("transition \"configure\" is not possible in state shuttingdown: {told}"));
+        life.handle_outcome(true).unwrap();
+        let error = life.handle_request(0, "configure").unwrap_err().to_string();
+        let told = "its life is over; end the node and start it anew";
+        assert_eq!(error, format!("transition \"configure\" is not possible in state finalized: {told}"));
     }
 
     #[test]

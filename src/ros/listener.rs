@@ -16,12 +16,17 @@ use super::middleware::{Publisher, Subscription, TopicType};
 use super::node::{NodeError, runtime};
 use super::qos;
 use super::remap::{self, NameKind, Remap};
+use super::threads;
+use super::watched::Watched;
 use crate::config::NodeName;
 use crate::msg::{WireType, to_cdr};
 use crate::units::Stamp;
 
 /// Messages that wait for whoever listens: some seconds of a fast glove.
 const CAPACITY: usize = 16_384;
+
+/// How long the thread that listens gets to end.
+const LISTEN_LIMIT: Duration = Duration::from_millis(300);
 
 /// A topic that is heard, by the order of subscribing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,8 +73,8 @@ pub struct Listener {
     publishers: Vec<Publisher>,
     heard: Receiver<Heard>,
     missed: Arc<AtomicU64>,
-    stop: Option<oneshot::Sender<()>>,
-    thread: Option<std::thread::JoinHandle<()>>,
+    stop: oneshot::Sender<()>,
+    thread: std::thread::JoinHandle<()>,
 }
 
 impl Listening {
@@ -123,9 +128,8 @@ impl Listening {
         let missed = Arc::new(AtomicU64::new(0));
         let (runtime, counter) = (runtime()?, Arc::clone(&missed));
         let work = move || runtime.block_on(listen(&subscriptions, &sender, &counter, stopped));
-        let thread = std::thread::Builder::new().name("listen".into()).spawn(work);
-        let thread = thread.map_err(|source| NodeError::System { what: "thread", source })?;
-        Ok(Listener { graph, publishers, heard, missed, stop: Some(stop), thread: Some(thread) })
+        let thread = threads::spawn("listen", work)?;
+        Ok(Listener { graph, publishers, heard, missed, stop, thread })
     }
 }
 
@@ -155,15 +159,16 @@ impl Listener {
         self.publishers[topic.0].publish(cdr).is_ok()
     }
 
+    /// Looks at who else is in the graph, for what is said of inputs that don't come.
+    pub fn look_around(&self, watched: &mut Watched, now: Duration) {
+        watched.look_around(now, self.graph.neighbours().as_ref());
+    }
+
     /// Leaves the graph.
     pub fn leave(self) {
         let Listener { graph, publishers, stop, thread, .. } = self;
-        if let Some(stop) = stop {
-            let _ = stop.send(()); // the thread may have ended
-        }
-        if let Some(thread) = thread {
-            let _ = thread.join();
-        }
+        let _ = stop.send(()); // the thread may have ended
+        threads::ends_within(&thread, LISTEN_LIMIT);
         drop(publishers);
         graph.leave();
     }

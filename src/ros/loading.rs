@@ -1,20 +1,19 @@
 //! From the configuration to a core that runs: models, and the calibration that belongs to them.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::args::Severity;
 use super::engine::Core;
-use crate::calibration::Calibration;
 use crate::config::Config;
-use crate::fusion::{Fusion, TactileSourceIdx};
+use crate::fusion::{Fusion, FusionConfig, Receipts};
 use crate::model::{self, ModelInfo};
+use crate::zero::{self, ModelHashes};
 
 /// A core, and what is to be said about it.
 pub(super) struct Loaded {
     pub(super) core: Core,
     /// SHA-256 of each model, by its name in the parameters.
-    pub(super) hashes: BTreeMap<String, String>,
+    pub(super) hashes: ModelHashes,
     pub(super) notes: Vec<(Severity, String)>,
 }
 
@@ -34,30 +33,33 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
         notes.push((Severity::Info, format!("model {}: {path}{runs}", model.name)));
         notes.extend(info.notes.iter().map(|note| (Severity::Info, format!("model {}: {note}", model.name))));
     }
-    let hashes: BTreeMap<String, String> =
+    let hashes: ModelHashes =
         cfg.models.iter().zip(&infos).map(|(model, info)| (model.name.clone(), info.sha256.clone())).collect();
-    let mut from = None;
+    let mut installed = None;
     let uncalibrated = "until then no force is published: call ~/calibrate or ~/tare";
     match (calibration, &cfg.calibration.file) {
-        (Some(path), _) => from = Some(install(&mut fusion, cfg, path, &hashes)?),
+        (Some(path), _) => installed = Some(install(&mut fusion, cfg, path, &hashes)?),
         (None, None) => notes.push((Severity::Warn, format!("calibration.file is not set; {uncalibrated}"))),
         (None, Some(path)) if !path.exists() => {
             notes.push((Severity::Warn, format!("{}: no calibration there yet; {uncalibrated}", path.display())));
         }
         (None, Some(path)) => match install(&mut fusion, cfg, path, &hashes) {
-            Ok(installed) => from = Some(installed),
+            Ok(found) => installed = Some(found),
             Err(reason) => notes.push((Severity::Error, format!("{reason}; {uncalibrated}"))),
         },
     }
-    notes.extend(from.iter().map(|from| (Severity::Info, format!("calibration {from}"))));
-    let mdf = cfg.fusion.regions.iter().map(|region| infos[region.model].contract.mdf).collect();
+    let from = installed.map(|(from, said)| {
+        notes.extend(said.into_iter().map(|note| (Severity::Warn, note)));
+        notes.push((Severity::Info, format!("calibration {from}")));
+        from
+    });
     let runs = |info: &ModelInfo| info.backend.as_ref().map_or_else(|| "unknown".to_owned(), ToString::to_string);
     let models = cfg
         .models
         .iter()
         .zip(&infos)
         .map(|(model, info)| (model.name.clone(), format!("{} in {}", model.spec.path.display(), runs(info))));
-    let core = Core { mdf, models: models.collect(), calibration: from, fusion };
+    let core = Core { models: models.collect(), calibration: from, fusion };
     Ok(Loaded { core, hashes, notes })
 }
 
@@ -73,34 +75,19 @@ pub(super) fn fusion(cfg: &Config) -> Result<(Fusion, Vec<ModelInfo>), String> {
         infos.push(loaded.info);
         regressors.push(loaded.regressor);
     }
-    let fusion = Fusion::new(cfg.fusion.clone(), regressors).map_err(|error| error.to_string())?;
+    let fusion_cfg = FusionConfig { receipts: Receipts::Live, ..cfg.fusion.clone() };
+    let fusion = Fusion::new(fusion_cfg, regressors).map_err(|error| error.to_string())?;
     Ok((fusion, infos))
 }
 
-/// Gives a core the baselines of a file that fits; the file's name.
+/// Gives a core the baselines of a file that fits; the file's name, and what is to be said about it.
 fn install(
     fusion: &mut Fusion,
     cfg: &Config,
     path: &Path,
-    hashes: &BTreeMap<String, String>,
-) -> Result<String, String> {
-    let text = |value: &Option<String>| value.clone().unwrap_or_default();
-    let sources = &cfg.fusion.tactile_sources;
-    let found =
-        Calibration::load(path, &text(&cfg.glove), &text(&cfg.user), sources).map_err(|error| error.to_string())?;
-    for (model, hash) in hashes {
-        if found.models.get(model).is_some_and(|known| known != hash) {
-            return Err(format!(
-                "{}: was judged with another model {model} than this one; calibrate again",
-                path.display()
-            ));
-        }
-    }
-    for (source_idx, source) in sources.iter().enumerate() {
-        if let Some(baseline) = found.sources.get(&source.name) {
-            let installed = fusion.handle_baseline(TactileSourceIdx(source_idx), baseline.clone());
-            installed.map_err(|error| error.to_string())?;
-        }
-    }
-    Ok(path.display().to_string())
+    hashes: &ModelHashes,
+) -> Result<(String, Vec<String>), String> {
+    let zero = zero::from_file(path, cfg, hashes).map_err(|error| error.to_string())?;
+    zero.install(fusion).map_err(|error| error.to_string())?;
+    Ok((path.display().to_string(), zero.notes))
 }

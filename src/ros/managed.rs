@@ -8,8 +8,9 @@ use super::engine::Command;
 use super::interfaces::TransitionEvent;
 use super::lifecycle::{Lifecycle, State, Transition, Work};
 use super::loading::{self, Loaded};
-use super::node::{NodeError, Shared};
+use super::node::NodeError;
 use super::outbox::OutIdx;
+use super::serving::Shared;
 use crate::msg::to_cdr;
 
 /// The lifecycle of a node, and what it needs to go on in it.

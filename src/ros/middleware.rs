@@ -4,6 +4,8 @@ mod dds;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 
+use std::time::Duration;
+
 use futures::future::LocalBoxFuture;
 use futures::stream::LocalBoxStream;
 use ros2_client::action::{
@@ -14,11 +16,15 @@ use ros2_client::action_msgs::GoalStatusArray;
 use ros2_client::{Message, QosProfile};
 
 use super::environment::{Environment, Middleware};
+use super::graph::Endpoint;
 use super::node::NodeError;
 use crate::config::NodeName;
 use crate::msg::definition::TypeTree;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 use crate::units::Stamp;
+
+/// How long a middleware gets to leave.
+const LEAVE: Duration = Duration::from_millis(700);
 
 /// A node in the graph, which makes entities by their absolute names.
 pub(super) enum Participant {
@@ -63,6 +69,9 @@ pub(super) trait Subscribe: Send {
     fn arrivals(&self) -> LocalBoxStream<'_, Result<Arrival, Fault>>;
 }
 
+/// Tells which part of the middleware has ended, if one has; without it nothing is sent or received any more.
+pub(super) type Pulse = Box<dyn Fn() -> Option<&'static str> + Send>;
+
 pub(super) type Publisher = Box<dyn Publish>;
 pub(super) type Subscription = Box<dyn Subscribe>;
 
@@ -77,7 +86,20 @@ pub(super) struct Arrival {
     pub(super) cdr: Vec<u8>,
     /// When it came, by the system's clock.
     pub(super) received: Stamp,
+    /// Who sent it, where the middleware tells.
+    pub(super) publisher: Option<[u8; 16]>,
 }
+
+/// Who else is in the graph.
+pub(super) trait Discovered: Send {
+    /// Publishers of others.
+    fn publishers(&self) -> Vec<Endpoint>;
+    /// Subscriptions of others.
+    fn subscriptions(&self) -> Vec<Endpoint>;
+}
+
+/// Tells who else is in the graph, for as long as it is kept.
+pub(super) type Neighbours = Box<dyn Discovered>;
 
 /// Messages that came to nothing before they could be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -142,7 +164,25 @@ impl Participant {
         }
     }
 
-    /// Leaves the graph, when everything that was made here has been dropped.
+    /// What tells whether the middleware is at work.
+    pub(super) fn pulse(&self) -> Pulse {
+        match self {
+            Participant::Dds(participant) => participant.pulse(),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(participant) => participant.pulse(),
+        }
+    }
+
+    /// Who else is in the graph; none where the middleware isn't asked, which is on Zenoh.
+    pub(super) fn neighbours(&self) -> Option<Neighbours> {
+        match self {
+            Participant::Dds(participant) => Some(participant.neighbours()),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(_) => None,
+        }
+    }
+
+    /// Leaves the graph, when everything that was made here has been dropped. Takes less than a second.
     pub(super) fn leave(self) {
         match self {
             Participant::Dds(participant) => participant.leave(),

@@ -1,38 +1,43 @@
-//! The node from start to end: joins the graph, starts its threads, answers services, leaves.
+//! The node from start to end: joins the graph, starts its threads, waits for the end, leaves.
 
-use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::rc::Rc;
 use std::sync::Arc;
-use std::sync::mpsc::SyncSender;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::time::Duration;
 
-use futures::StreamExt;
 use ros2_client::qos::Durability;
-use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 
 use super::args::{RosArgs, Severity};
-use super::calibrate_action;
 use super::clock::Clock;
 use super::definitions::{Definitions, LookupError};
 use super::engine::{Command, Engine, Input, Outputs, Record};
-use super::entities::{Graph, Names, reliable_qos};
+use super::entities::{Graph, InputName, Names, reliable_qos};
 use super::environment::Environment;
+use super::graph::Wanted;
 use super::interfaces::{self, DiagnosticArray, Log, TransitionEvent};
 use super::managed::Managed;
-use super::middleware::{Publisher, Subscription, TopicType};
-use super::outbox::{self, LogConfig, OutIdx, Outbox, Rosout};
+use super::middleware::{Publisher, TopicType};
+use super::outbox::{self, LogConfig, OutIdx, Rosout};
 use super::parameters::{ParameterEvent, Parameters};
 use super::qos::{self, QosError, Side};
 use super::security::SecurityError;
-use super::services;
+use super::serving::{self, Duties, News};
+use super::threads;
 use crate::config::{Config, NameError, ParamTree};
 use crate::fusion::{JointSourceIdx, TactileSourceIdx};
+use crate::leave;
 use crate::msg::binding::{BindingError, JointBinding, SampleBinding, TaxelBinding};
 use crate::msg::definition::TypeTree;
-use crate::msg::{ContactArray, WireType, WrenchStamped, from_cdr};
+use crate::msg::{ContactArray, WireType, WrenchStamped, type_hash};
+
+/// How often it is looked whether the node is to end.
+const LOOK: Duration = Duration::from_millis(20);
+
+// How long each part gets to end, so that the node is out of the graph within two seconds whatever holds one of them.
+const SERVING_LIMIT: Duration = Duration::from_millis(200);
+const ENGINE_LIMIT: Duration = Duration::from_millis(400);
+const PUBLISHING_LIMIT: Duration = Duration::from_millis(300);
 
 /// What a node is made from.
 #[derive(Debug)]
@@ -71,28 +76,17 @@ pub enum NodeError {
     System { what: &'static str, source: std::io::Error },
     #[error("{0}")]
     Configure(String),
-}
-
-/// What the services share.
-pub(super) struct Shared {
-    pub(super) parameters: RefCell<Parameters>,
-    pub(super) managed: Managed,
-    pub(super) commands: mpsc::UnboundedSender<Command>,
-    pub(super) outbox: Outbox,
-    pub(super) clock: Arc<Clock>,
-    pub(super) parameter_events: OutIdx,
-    /// SHA-256 of each model in use.
-    pub(super) hashes: RefCell<BTreeMap<String, String>>,
-    /// Whether a calibration is under way.
-    pub(super) calibrating: Cell<bool>,
-    pub(super) node_name: String,
+    #[error("{0}")]
+    Ended(String),
 }
 
 /// Runs a node until SIGINT or SIGTERM, and leaves the graph.
 ///
 /// # Errors
-/// [`NodeError`] when it can't start: a topic, type, model or calibration is not what the parameters say.
+/// [`NodeError`] when it can't start: a topic, type, model or calibration is not what the parameters say. Also when a thread
+/// of it or of the middleware has ended.
 pub fn run(setup: Setup) -> Result<(), NodeError> {
+    leave::listen();
     let Setup { cfg, tree, args, environment, calibration, recorder } = setup;
     let names = Names::new(&cfg, &args.remaps)?;
     let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &environment.prefixes);
@@ -100,11 +94,11 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     let clock = Arc::new(Clock::new(cfg.use_sim_time));
 
     let mut graph = Graph::join(&cfg.node, &environment, &args.remaps)?;
-    let inputs = inputs(&mut graph, &tree, &names, bindings)?;
+    let inputs = inputs(&mut graph, &cfg, &tree, &names, bindings)?;
     let (publishers, outputs, transition_event, parameter_events) = publishers(&mut graph, &tree, &names)?;
-    let entities = names.inputs.iter().map(|name| (name.clone(), Side::Subscription));
+    let entities = names.inputs.iter().map(|input| (input.topic.clone(), Side::Subscription));
     let entities = entities.chain(names.estimates.names().map(|name| (name.to_owned(), Side::Publisher)));
-    qos::check_all_used(&tree, &entities.collect::<Vec<_>>())?;
+    let of_others = qos::check_all_used(&tree, &entities.collect::<Vec<_>>())?;
     let sim_clock = match cfg.use_sim_time {
         true => {
             let ty = TopicType::Known(interfaces::Clock::TYPE_NAME);
@@ -121,74 +115,62 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     };
 
     let log = LogConfig { level: args.log_level, stderr: args.stderr };
-    let (outbox, publishing) = outbox::start(publishers, rosout, log, Arc::clone(&clock))
-        .map_err(|source| NodeError::System { what: "thread", source })?;
+    let (outbox, publishing) = outbox::start(publishers, rosout, log, Arc::clone(&clock), cfg.fusion.timing.max_age)?;
     environment.notes.iter().cloned().chain(graph.note()).for_each(|note| outbox.log(Severity::Warn, note));
+    if !of_others.is_empty() {
+        let keys = of_others.join(", ");
+        outbox.log(Severity::Warn, format!("not followed, because this node has no such topics: {keys}"));
+    }
     let (commands, engine_commands) = mpsc::unbounded_channel();
-    let engine = Engine { cfg: cfg.clone(), clock: Arc::clone(&clock), outbox: outbox.clone(), outputs, recorder };
+    let engine = Engine {
+        cfg: cfg.clone(),
+        clock: Arc::clone(&clock),
+        outbox: outbox.clone(),
+        outputs,
+        recorder,
+        neighbours: graph.neighbours(),
+    };
     let runtime = runtime()?;
-    let work = move || runtime.block_on(engine.run(inputs, engine_commands));
-    let reading = std::thread::Builder::new().name("engine".into()).spawn(work);
-    let reading = reading.map_err(|source| NodeError::System { what: "thread", source })?;
+    let reading = threads::spawn("engine", move || runtime.block_on(engine.run(inputs, engine_commands)))?;
 
-    let shared = Rc::new(Shared {
+    let duties = Duties {
         managed: Managed::new(transition_event, calibration),
-        parameters: RefCell::new(Parameters::new(tree, cfg.clone())),
+        parameters: Parameters::new(tree, cfg.clone()),
         commands: commands.clone(),
         outbox: outbox.clone(),
-        clock: Arc::clone(&clock),
+        clock,
         parameter_events,
-        hashes: RefCell::default(),
-        calibrating: Cell::new(false),
         node_name: cfg.node.to_string(),
-    });
-    let runtime = self::runtime()?;
-    let outcome = tokio::task::LocalSet::new().block_on(&runtime, async {
-        services::start(&mut graph, &shared)?;
-        calibrate_action::start(&mut graph, &shared)?;
-        if let Some(subscription) = sim_clock {
-            tokio::task::spawn_local(follow(subscription, Arc::clone(&clock)));
-        }
-        let what = "signals";
-        let mut interrupt = signal(SignalKind::interrupt()).map_err(|source| NodeError::System { what, source })?;
-        let mut terminate = signal(SignalKind::terminate()).map_err(|source| NodeError::System { what, source })?;
-        let starting = async {
-            match shared.managed.autostart(&shared).await {
-                Ok(()) => std::future::pending().await,
-                Err(error) => error,
-            }
-        };
-        tokio::select! {
-            _ = interrupt.recv() => Ok(()),
-            _ = terminate.recv() => Ok(()),
-            error = starting => Err(error),
-        }
-    });
+        sim_clock,
+    };
+    let (serving, news) = serving::start(graph, duties)?;
+    let (graph, outcome) = watch(&news);
     outbox.log(Severity::Info, "leaving");
     let _ = commands.send(Command::Stop);
-    // An inference takes well under a millisecond; whatever else holds the engine must not hold the node in the graph.
-    for _ in 0..200 {
-        if reading.is_finished() {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(5));
+    // An inference takes well under a millisecond, but whatever holds a part must not hold the node in the graph.
+    let graph = graph.or_else(|| serving.last_news(&news));
+    serving.end(SERVING_LIMIT);
+    threads::ends_within(&reading, ENGINE_LIMIT);
+    publishing.end(PUBLISHING_LIMIT);
+    drop(graph);
+    match leave::failure() {
+        Some(why) => Err(NodeError::Ended(why.to_owned())),
+        None => outcome,
     }
-    drop(shared);
-    publishing.end();
-    graph.leave();
-    outcome
 }
 
-/// Sets the clock by the time that is told on `/clock`.
-async fn follow(subscription: Subscription, clock: Arc<Clock>) {
-    let mut times = subscription.arrivals();
-    while let Some(time) = times.next().await {
-        if let Ok(time) = time
-            && let Ok(message) = from_cdr::<interfaces::Clock>(&time.cdr)
-        {
-            clock.handle_clock(message.clock.into());
+/// Waits until the process is to end or the node can't be started; its graph, if it is there by then.
+fn watch(news: &Receiver<News>) -> (Option<Graph>, Result<(), NodeError>) {
+    let mut graph = None;
+    while !leave::asked() {
+        match news.recv_timeout(LOOK) {
+            Ok(News::Serving(serving)) => graph = Some(serving),
+            Ok(News::Failed(error)) => return (graph, Err(error)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(LOOK), // a panic, which has asked by now
         }
     }
+    (graph, Ok(()))
 }
 
 pub(super) fn runtime() -> Result<tokio::runtime::Runtime, NodeError> {
@@ -196,7 +178,7 @@ pub(super) fn runtime() -> Result<tokio::runtime::Runtime, NodeError> {
     runtime.map_err(|source| NodeError::System { what: "runtime", source })
 }
 
-/// The type of each input and what turns its messages into samples, tactile sources first.
+/// The type of each input and what turns its messages into samples: one binding a source, tactile sources first.
 ///
 /// # Errors
 /// [`NodeError`] when a type is not known, or has not what the parameters say.
@@ -204,21 +186,23 @@ pub fn input_bindings(
     cfg: &Config,
     names: &Names,
     definitions: &Definitions,
-) -> Result<Vec<(TypeTree, SampleBinding)>, NodeError> {
-    let mut bindings = Vec::new();
-    for (idx, topic) in cfg.tactile.iter().enumerate() {
-        let tree = definitions.tree(&topic.type_name)?;
-        let binding = TaxelBinding::compile(&topic.fields, &tree);
-        let binding = binding.map_err(|error| refused(&names.inputs[bindings.len()], error))?;
-        bindings.push((tree, SampleBinding::Taxels(TactileSourceIdx(idx), Box::new(binding))));
-    }
-    for (idx, topic) in cfg.joints.iter().enumerate() {
-        let tree = definitions.tree(&topic.type_name)?;
-        let binding = JointBinding::compile(&topic.fields, &tree);
-        let binding = binding.map_err(|error| refused(&names.inputs[bindings.len()], error))?;
-        bindings.push((tree, SampleBinding::Joints(JointSourceIdx(idx), Box::new(binding))));
-    }
-    Ok(bindings)
+) -> Result<Vec<(TypeTree, Vec<SampleBinding>)>, NodeError> {
+    let of_input = |input: &InputName| {
+        let tree = definitions.tree(&input.type_name)?;
+        let mut bindings = Vec::new();
+        for &source in &input.tactile {
+            let binding = TaxelBinding::compile(&cfg.tactile[source].fields, &tree);
+            let binding = Box::new(binding.map_err(|error| refused(&input.topic, error))?);
+            bindings.push(SampleBinding::Taxels(TactileSourceIdx(source), binding));
+        }
+        for &source in &input.joints {
+            let binding = JointBinding::compile(&cfg.joints[source].fields, &tree);
+            let binding = Box::new(binding.map_err(|error| refused(&input.topic, error))?);
+            bindings.push(SampleBinding::Joints(JointSourceIdx(source), binding));
+        }
+        Ok((tree, bindings))
+    };
+    names.inputs.iter().map(of_input).collect()
 }
 
 fn refused(topic: &str, error: BindingError) -> NodeError {
@@ -227,30 +211,59 @@ fn refused(topic: &str, error: BindingError) -> NodeError {
 
 fn inputs(
     graph: &mut Graph,
+    cfg: &Config,
     tree: &ParamTree,
     names: &Names,
-    bindings: Vec<(TypeTree, SampleBinding)>,
+    bindings: Vec<(TypeTree, Vec<SampleBinding>)>,
 ) -> Result<Vec<Input>, NodeError> {
     let mut inputs = Vec::new();
-    for (topic, (ty, binding)) in names.inputs.iter().zip(bindings) {
-        let qos = qos::with_overrides(qos::input_default(), tree, topic, Side::Subscription)?;
-        let subscription = graph.subscription(topic, TopicType::Defined(&ty), &qos)?;
-        inputs.push(Input { topic: topic.clone(), subscription, binding });
+    for (wanted, (ty, bindings)) in wanted(cfg, tree, names, &bindings)?.into_iter().zip(bindings) {
+        let Some(Wanted { topic, qos, .. }) = wanted.first() else { continue };
+        let subscription = graph.subscription(topic, TopicType::Defined(&ty), qos)?;
+        inputs.push(Input { wanted, subscription, bindings });
     }
     Ok(inputs)
+}
+
+/// What the sources of each input want of it. `[inputs][sources]`
+///
+/// # Errors
+/// [`NodeError`] for an override of QoS that can't be followed.
+pub fn wanted(
+    cfg: &Config,
+    tree: &ParamTree,
+    names: &Names,
+    bindings: &[(TypeTree, Vec<SampleBinding>)],
+) -> Result<Vec<Vec<Wanted>>, NodeError> {
+    let of_input = |(InputName { topic, .. }, (ty, bindings)): (&InputName, &(TypeTree, Vec<SampleBinding>))| {
+        let qos = qos::with_overrides(qos::input_default(), tree, topic, Side::Subscription)?;
+        let of_source = |binding: &SampleBinding| Wanted {
+            key: match binding {
+                SampleBinding::Taxels(source, _) => format!("tactile.{}", cfg.fusion.tactile_sources[source.0].name),
+                SampleBinding::Joints(source, _) => format!("joint.{}", cfg.fusion.joint_sources[source.0].name),
+            },
+            topic: topic.clone(),
+            type_name: ty.type_name().to_owned(),
+            type_hash: type_hash(ty),
+            qos: qos.clone(),
+        };
+        Ok(bindings.iter().map(of_source).collect())
+    };
+    names.inputs.iter().zip(bindings).map(of_input).collect()
 }
 
 type Publishers = (Vec<Publisher>, Outputs, OutIdx, OutIdx);
 
 fn publishers(graph: &mut Graph, tree: &ParamTree, names: &Names) -> Result<Publishers, NodeError> {
     let mut publishers = Vec::new();
-    let mut estimates = Vec::new();
+    let (mut estimates, mut offers) = (Vec::new(), Vec::new());
     let last = names.estimates.wrenches.len();
     for (idx, topic) in names.estimates.names().enumerate() {
         let qos = qos::with_overrides(qos::output_default(), tree, topic, Side::Publisher)?;
         let type_name = if idx < last { WrenchStamped::TYPE_NAME } else { ContactArray::TYPE_NAME };
         estimates.push(OutIdx(publishers.len()));
         publishers.push(graph.publisher(topic, TopicType::Known(type_name), &qos)?);
+        offers.push((topic.to_owned(), qos));
     }
     let mut add = |topic: &str, type_name, qos| -> Result<OutIdx, NodeError> {
         publishers.push(graph.publisher(topic, TopicType::Known(type_name), &qos)?);
@@ -267,5 +280,5 @@ fn publishers(graph: &mut Graph, tree: &ParamTree, names: &Names) -> Result<Publ
     )?);
     let transition_event = OutIdx(publishers.len() - 1);
     let contacts = estimates.pop().unwrap_or(OutIdx(0));
-    Ok((publishers, Outputs { wrenches: estimates, contacts, diagnostics }, transition_event, parameter_events))
+    Ok((publishers, Outputs { wrenches: estimates, contacts, diagnostics, offers }, transition_event, parameter_events))
 }

@@ -5,17 +5,26 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use super::args::Severity;
 use super::clock::{Clock, system_now};
 use super::diagnostics::Latencies;
 use super::interfaces::Log;
 use super::middleware::Publisher;
+use super::node::NodeError;
+use super::threads;
 use crate::msg::to_cdr;
-use crate::units::Stamp;
+use crate::units::{Stamp, nanos};
 
 /// Messages that may wait to be published: a second of a fast glove with five regions.
 const CAPACITY: usize = 8192;
+
+/// Lines that may wait for a terminal.
+const MAX_LINES: usize = 1024;
+
+/// How long a terminal gets to show the last lines.
+const TERMINAL_LIMIT: Duration = Duration::from_millis(100);
 
 /// Index of a publisher.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,6 +71,8 @@ pub(super) struct Stats {
     pub(super) dropped: AtomicU64,
     /// Messages that the middleware refused: a reliable subscriber has not acknowledged those before.
     pub(super) failed: AtomicU64,
+    /// Estimates that waited in the node for longer than their data may be old: nobody is told them as news.
+    pub(super) waited: AtomicU64,
     /// Messages that were sent.
     pub(super) published: AtomicU64,
     latencies: Mutex<[Latencies; 2]>,
@@ -79,7 +90,7 @@ impl Stats {
 /// The thread that publishes.
 pub(super) struct PublishThread {
     sender: SyncSender<Out>,
-    thread: Option<JoinHandle<()>>,
+    thread: JoinHandle<()>,
 }
 
 /// Starts publishing.
@@ -88,13 +99,15 @@ pub(super) fn start(
     rosout: Option<Rosout>,
     log: LogConfig,
     clock: Arc<Clock>,
-) -> std::io::Result<(Outbox, PublishThread)> {
+    max_wait: Option<Duration>,
+) -> Result<(Outbox, PublishThread), NodeError> {
     let (sender, receiver) = sync_channel(CAPACITY);
     let stats = Arc::new(Stats::default());
     let outbox = Outbox { sender: sender.clone(), stats: Arc::clone(&stats), log };
-    let work = move || Publishing { publishers, rosout, log, stats, clock }.run(&receiver);
-    let thread = std::thread::Builder::new().name("publish".into()).spawn(work)?;
-    Ok((outbox, PublishThread { sender, thread: Some(thread) }))
+    let stderr = log.stderr.then(Terminal::open).transpose()?;
+    let work = move || Publishing { publishers, rosout, stderr, stats, clock, max_wait }.run(&receiver);
+    let thread = threads::spawn("publish", work)?;
+    Ok((outbox, PublishThread { sender, thread }))
 }
 
 impl Outbox {
@@ -124,13 +137,11 @@ impl Outbox {
 }
 
 impl PublishThread {
-    /// Publishes what was left so far, and ends. Publishers are gone afterwards.
-    pub(super) fn end(mut self) {
-        // Where the box is full the thread is at work and ends when the last sender is gone.
-        if self.sender.send(Out::End).is_ok()
-            && let Some(thread) = self.thread.take()
-        {
-            let _ = thread.join();
+    /// Publishes what was left so far, and ends, within a limit. Publishers are gone afterwards, unless one holds it.
+    pub(super) fn end(self, limit: Duration) {
+        // Where the box is full there is no place for a last word, and the thread has more to do than there is time for.
+        if self.sender.try_send(Out::End).is_ok() {
+            threads::ends_within(&self.thread, limit);
         }
     }
 }
@@ -139,25 +150,55 @@ impl PublishThread {
 struct Publishing {
     publishers: Vec<Publisher>,
     rosout: Option<Rosout>,
-    log: LogConfig,
+    stderr: Option<Terminal>,
     stats: Arc<Stats>,
     clock: Arc<Clock>,
+    /// How long an estimate may be under way in the node.
+    max_wait: Option<Duration>,
+}
+
+/// The thread that writes to stderr: a terminal that hangs (Ctrl-S, a pager) holds nothing else.
+struct Terminal {
+    lines: SyncSender<String>,
+    thread: JoinHandle<()>,
+}
+
+impl Terminal {
+    fn open() -> Result<Self, NodeError> {
+        let (lines, receiver) = sync_channel::<String>(MAX_LINES);
+        let thread = threads::spawn("stderr", move || {
+            for line in receiver {
+                let _ = writeln!(std::io::stderr(), "{line}"); // a closed stderr is nobody to tell
+            }
+        })?;
+        Ok(Terminal { lines, thread })
+    }
+
+    fn close(self) {
+        drop(self.lines);
+        threads::ends_within(&self.thread, TERMINAL_LIMIT);
+    }
 }
 
 impl Publishing {
     fn run(self, receiver: &Receiver<Out>) {
         while let Ok(out) = receiver.recv() {
             match out {
-                Out::End => return,
+                Out::End => break,
                 Out::Log { severity, text } => self.log(severity, &text),
                 Out::Message { to, cdr, of } => self.publish(to, cdr, of),
             }
         }
+        if let Some(stderr) = self.stderr {
+            stderr.close();
+        }
     }
 
     fn log(&self, severity: Severity, text: &str) {
-        if self.log.stderr {
-            let _ = writeln!(std::io::stderr(), "[{}] {text}", name(severity)); // a closed stderr is nobody to tell
+        if let Some(stderr) = &self.stderr
+            && stderr.lines.try_send(format!("[{}] {text}", name(severity))).is_err()
+        {
+            self.stats.dropped.fetch_add(1, Ordering::Relaxed);
         }
         if let Some(rosout) = &self.rosout {
             let log = Log::new(self.clock.now().into(), severity, &rosout.logger, text);
@@ -167,6 +208,12 @@ impl Publishing {
 
     fn publish(&self, to: OutIdx, cdr: Vec<u8>, of: Option<Origin>) {
         let Some(publisher) = self.publishers.get(to.0) else { return };
+        // A process that was stopped, or a subscriber that held this thread: what is in the box was true long ago.
+        let waited_ns = of.map_or(0, |origin| system_now().nanos_since(origin.received));
+        if self.max_wait.is_some_and(|max_wait| waited_ns > nanos(max_wait)) {
+            self.stats.waited.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
         if publisher.publish(cdr).is_err() {
             self.stats.failed.fetch_add(1, Ordering::Relaxed);
             return;

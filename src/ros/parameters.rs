@@ -1,5 +1,7 @@
 //! The node's parameters as other nodes see and set them: every key of the table, with its range, unit and meaning.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use ros2_client::parameters::raw;
 use serde::{Deserialize, Serialize};
 
@@ -7,11 +9,64 @@ use crate::config::keys::{ParamDefault, ParamKey, ParamKind, ParamRange};
 use crate::config::{Config, Origin, ParamTree, ParamValue, QOS_OVERRIDES};
 use crate::msg::{Time, WireType};
 
+/// Most names, prefixes or values in one request; a node with every finger has some 300 parameters.
+pub(super) const MAX_ENTRIES: usize = 1000;
+
+/// Most bytes of names and values in one request.
+pub(super) const MAX_BYTES: usize = 256 * 1024;
+
+/// Most characters of a foreign name that an answer repeats.
+const MAX_SHOWN: usize = 100;
+
 /// The parameters of a node, and the configuration that they make.
 #[derive(Debug, Clone)]
 pub(super) struct Parameters {
     tree: ParamTree,
     cfg: Config,
+    /// What there is doesn't change while the node runs, only its values do.
+    keys: BTreeMap<String, &'static ParamKey>,
+}
+
+/// A request that is refused as a whole, because answering it would take too long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(super) enum TooLarge {
+    #[error("{0} entries in one request: expected at most {MAX_ENTRIES}; ask several times")]
+    Entries(usize),
+    #[error("{0} bytes of names and values in one request: expected at most {MAX_BYTES}; ask several times")]
+    Bytes(usize),
+}
+
+/// Holds a request with these names or prefixes against the limits.
+///
+/// # Errors
+/// [`TooLarge`] by entries or bytes.
+pub(super) fn check_names(names: &[String]) -> Result<(), TooLarge> {
+    check(names.len(), names.iter().map(String::len))
+}
+
+/// Holds a request with these values against the limits.
+///
+/// # Errors
+/// [`TooLarge`] by entries or bytes.
+pub(super) fn check_values(changes: &[raw::Parameter]) -> Result<(), TooLarge> {
+    check(changes.len(), changes.iter().map(|change| change.name.len() + size(&change.value)))
+}
+
+fn check(n_entries: usize, sizes: impl Iterator<Item = usize>) -> Result<(), TooLarge> {
+    if n_entries > MAX_ENTRIES {
+        return Err(TooLarge::Entries(n_entries));
+    }
+    match sizes.sum() {
+        0..=MAX_BYTES => Ok(()),
+        n_bytes => Err(TooLarge::Bytes(n_bytes)),
+    }
+}
+
+/// Bytes of what a value holds.
+fn size(value: &raw::ParameterValue) -> usize {
+    let strings: usize = value.string_array.iter().map(|text| text.len() + size_of::<String>()).sum();
+    let numbers = 8 * (value.int_array.len() + value.double_array.len());
+    value.string_value.len() + value.byte_array.len() + value.bool_array.len() + numbers + strings
 }
 
 /// `rcl_interfaces/msg/ParameterEvent`.
@@ -37,7 +92,8 @@ impl ParameterEvent {
 
 impl Parameters {
     pub(super) fn new(tree: ParamTree, cfg: Config) -> Self {
-        Parameters { tree, cfg }
+        let keys = cfg.keys();
+        Parameters { tree, cfg, keys }
     }
 
     /// The configuration that they make.
@@ -50,12 +106,11 @@ impl Parameters {
     /// # Errors
     /// Why it was refused, in one line; nothing has changed then.
     pub(super) fn set(&mut self, changes: &[raw::Parameter]) -> Result<(), String> {
-        let mut tree = self.tree.clone();
-        let keys = self.cfg.keys();
+        check_values(changes).map_err(|error| error.to_string())?;
         for change in changes {
             let name = &change.name;
-            let refuse = |why: &str| Err(format!("{name} {why}"));
-            match keys.get(name.as_str()) {
+            let refuse = |why: &str| Err(format!("{} {why}", shown(name)));
+            match self.keys.get(name.as_str()) {
                 Some(key) if key.at_run_time => {}
                 Some(_) => return refuse("is read at start; change the parameter file and restart the node"),
                 None if name.starts_with(QOS_OVERRIDES) => {
@@ -63,9 +118,14 @@ impl Parameters {
                 }
                 None => return refuse("is not a parameter of this node; list its parameters to see those that are"),
             }
-            match from_raw(&change.value) {
-                Some(value) => tree.set(name, value, Origin::Request),
-                None => return refuse("can't be deleted; set it to a value"),
+            if from_raw(&change.value).is_none() {
+                return refuse("can't be deleted; set it to a value");
+            }
+        }
+        let mut tree = self.tree.clone();
+        for change in changes {
+            if let Some(value) = from_raw(&change.value) {
+                tree.set(&change.name, value, Origin::Request);
             }
         }
         self.cfg = Config::from_tree(&tree).map_err(|error| error.to_string())?;
@@ -75,10 +135,16 @@ impl Parameters {
 
     /// A value, the default where it is not set; not set where neither is or the name is unknown.
     pub(super) fn get(&self, name: &str) -> raw::ParameterValue {
-        let key = self.cfg.keys().get(name).copied();
+        let key = self.keys.get(name).copied();
         let default = || key.and_then(|key| key.default.value());
         let value = self.tree.get(name).map(|param| param.value.clone()).or_else(default);
         to_raw(value.as_ref(), key.map(|key| key.kind))
+    }
+
+    /// What has been set, each once, as it is now: an integer that was set on a double is a double.
+    pub(super) fn now(&self, changes: &[raw::Parameter]) -> Vec<raw::Parameter> {
+        let names: BTreeSet<&String> = changes.iter().map(|change| &change.name).collect();
+        names.into_iter().map(|name| raw::Parameter { name: name.clone(), value: self.get(name) }).collect()
     }
 
     /// Names below any of the prefixes, at most `depth` parts below it; 0 is any depth.
@@ -102,8 +168,7 @@ impl Parameters {
 
     /// What a parameter is and may be.
     pub(super) fn describe(&self, name: &str) -> raw::ParameterDescriptor {
-        let keys = self.cfg.keys();
-        let Some(key) = keys.get(name) else {
+        let Some(key) = self.keys.get(name) else {
             let known = self.tree.get(name).is_some();
             return raw::ParameterDescriptor {
                 name: name.to_owned(),
@@ -121,8 +186,17 @@ impl Parameters {
 
     fn names(&self) -> Vec<String> {
         let overrides = self.tree.iter().map(|(name, _)| name).filter(|name| name.starts_with(QOS_OVERRIDES));
-        self.cfg.keys().into_keys().chain(overrides.map(str::to_owned)).collect()
+        self.keys.keys().map(String::as_str).chain(overrides).map(str::to_owned).collect()
     }
+}
+
+/// A foreign name in an answer or a log line: on one line, and no longer than a line.
+pub(super) fn shown(name: &str) -> String {
+    let mut text: String = name.chars().take(MAX_SHOWN).flat_map(char::escape_debug).collect();
+    if name.chars().nth(MAX_SHOWN).is_some() {
+        text.push_str("...");
+    }
+    text
 }
 
 fn described(name: &str, key: &ParamKey) -> raw::ParameterDescriptor {
@@ -291,6 +365,37 @@ mod tests {
             [change("contact.on_frames", ParamValue::Int(5)), change("contact.force_off", ParamValue::Double(3.0))];
         assert!(parameters.set(&half).is_err());
         assert_eq!(parameters.get("contact.on_frames").int_value, 2);
+    }
+
+    #[test]
+    fn an_integer_set_on_a_double_is_told_as_the_double_that_it_is() {
+        let mut parameters = parameters();
+        let set = [change("contact.force_on", ParamValue::Int(2)), change("contact.force_on", ParamValue::Int(3))];
+        parameters.set(&set).unwrap();
+        let told = parameters.now(&set);
+        assert_eq!(told.len(), 1, "each once");
+        assert_eq!(told[0].name, "contact.force_on");
+        assert_eq!((told[0].value.ptype, told[0].value.double_value), (raw::ParameterType::DOUBLE, 3.0));
+    }
+
+    #[test]
+    fn requests_have_a_size_that_is_refused_in_one_short_line() {
+        let mut parameters = parameters();
+        let many = vec![change("contact.on_frames", ParamValue::Int(7)); 60_000];
+        let refused = parameters.set(&many).unwrap_err();
+        assert_eq!(refused, "60000 entries in one request: expected at most 1000; ask several times");
+        let long = change("contact.on_frames", ParamValue::Str("x".repeat(5_000_000)));
+        let refused = parameters.set(&[long]).unwrap_err();
+        assert!(refused.contains("5000017 bytes of names and values") && refused.len() < 150, "{refused}");
+        let lists = change("regions", ParamValue::StrArray(vec![String::new(); 60_000]));
+        assert!(parameters.set(&[lists]).unwrap_err().contains("bytes of names and values"));
+        let name = change(&"\u{1b}[2J".repeat(1000), ParamValue::Int(7));
+        let refused = parameters.set(&[name]).unwrap_err();
+        assert!(refused.len() < 1000 && !refused.contains('\u{1b}'), "{refused}");
+        assert_eq!(parameters.get("contact.on_frames").int_value, 2);
+        assert_eq!(check_names(&vec![String::new(); 60_000]), Err(TooLarge::Entries(60_000)));
+        assert_eq!(check_names(&["x".repeat(MAX_BYTES + 1)]), Err(TooLarge::Bytes(MAX_BYTES + 1)));
+        assert_eq!(check_names(&vec!["x".repeat(100); 1000]), Ok(()));
     }
 
     #[test]

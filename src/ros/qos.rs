@@ -66,21 +66,27 @@ pub fn with_overrides(default: QosProfile, tree: &ParamTree, topic: &str, side: 
     Ok(qos)
 }
 
-/// Refuses overrides of what this node doesn't have.
+/// Refuses overrides of what this node doesn't have. Those of a section for nodes of any name may be those of others:
+/// they are handed back.
 ///
 /// # Errors
 /// [`QosError`] naming the entities that there are.
-pub fn check_all_used(tree: &ParamTree, entities: &[(String, Side)]) -> Result<(), QosError> {
+pub fn check_all_used(tree: &ParamTree, entities: &[(String, Side)]) -> Result<Vec<String>, QosError> {
+    let mut of_others = Vec::new();
     let prefixes = entities.iter().map(|(topic, side)| format!("{topic}.{}.", side.name())).collect::<Vec<_>>();
     for (key, param) in tree.iter() {
         let Some(rest) = key.strip_prefix(QOS_OVERRIDES) else { continue };
         if !prefixes.iter().any(|prefix| rest.starts_with(prefix)) {
+            if param.origin.is_shared() {
+                of_others.push(key.to_owned());
+                continue;
+            }
             let known: Vec<&str> = prefixes.iter().map(|prefix| prefix.trim_end_matches('.')).collect();
             let problem = format!("is for nothing that this node has: {}", known.join(", "));
             return Err(refused(key, param, problem));
         }
     }
-    Ok(())
+    Ok(of_others)
 }
 
 fn refused(key: &str, param: &Param, problem: String) -> QosError {
@@ -153,7 +159,20 @@ mod tests {
     use crate::config::parse_param_file;
 
     fn tree(lines: &str) -> ParamTree {
-        parse_param_file(&format!("/**:\n  ros__parameters:\n    qos_overrides:\n{lines}"), "p.yaml", "/n").unwrap()
+        tree_of("/n", lines)
+    }
+
+    fn tree_of(section: &str, lines: &str) -> ParamTree {
+        let text = format!("{section}:\n  ros__parameters:\n    qos_overrides:\n{lines}");
+        parse_param_file(&text, "p.yaml", "/n").unwrap()
+    }
+
+    #[test]
+    fn an_override_of_another_nodes_topic_in_a_shared_section_is_handed_back() {
+        let tree =
+            tree_of("/**", "      /camera: {publisher: {depth: 3}}\n      /taxels: {subscription: {depth: 3}}\n");
+        let of_others = check_all_used(&tree, &[("/taxels".to_owned(), Side::Subscription)]).unwrap();
+        assert_eq!(of_others, ["qos_overrides./camera.publisher.depth"]);
     }
 
     #[test]
@@ -174,7 +193,7 @@ mod tests {
         let refused = |lines: &str| {
             let tree = tree(lines);
             let of_taxels = with_overrides(input_default(), &tree, "/taxels", Side::Subscription).map(|_| ());
-            of_taxels.and_then(|()| check_all_used(&tree, &taxels)).unwrap_err().to_string()
+            of_taxels.and_then(|()| check_all_used(&tree, &taxels).map(|_| ())).unwrap_err().to_string()
         };
         let text = refused("      /taxels: {subscription: {reliability: maybe}}\n");
         assert_eq!(

@@ -22,8 +22,10 @@ use super::interfaces::{
 };
 use super::lifecycle::{State, TRANSITIONS};
 use super::middleware::{Request, Requests};
-use super::node::{NodeError, Shared};
-use super::parameters::ParameterEvent;
+use super::node::NodeError;
+use super::parameters::{self, ParameterEvent, Parameters, TooLarge};
+use super::serving::Shared;
+use super::threads::Vital;
 use crate::msg::to_cdr;
 
 /// How long a tare collects: enough for a window of the model and as much to judge it by.
@@ -78,54 +80,99 @@ fn parameters(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
     let get = graph.server("~/get_parameters", "rcl_interfaces/srv/GetParameters")?;
     let of = Rc::clone(shared);
     serve(get, shared, async move |request: GetParametersRequest| GetParametersResponse {
-        values: request.names.iter().map(|name| of.parameters.borrow().get(name)).collect(),
+        values: each(&of, &request.names, Parameters::get),
     });
     let types = graph.server("~/get_parameter_types", "rcl_interfaces/srv/GetParameterTypes")?;
     let of = Rc::clone(shared);
     serve(types, shared, async move |request: GetParameterTypesRequest| GetParameterTypesResponse {
-        values: request.names.iter().map(|name| of.parameters.borrow().get(name).ptype).collect(),
+        values: each(&of, &request.names, |parameters, name| parameters.get(name).ptype),
     });
     let list = graph.server("~/list_parameters", "rcl_interfaces/srv/ListParameters")?;
     let of = Rc::clone(shared);
     serve(list, shared, async move |request: ListParametersRequest| {
-        let (names, prefixes) = of.parameters.borrow().list(&request.prefixes, request.depth);
+        let (names, prefixes) = match heeded(&of, parameters::check_names(&request.prefixes)) {
+            true => of.parameters.borrow().list(&request.prefixes, request.depth),
+            false => Default::default(),
+        };
         ListParametersResponse { result: ListParametersResult { names, prefixes } }
     });
     let describe = graph.server("~/describe_parameters", "rcl_interfaces/srv/DescribeParameters")?;
     let of = Rc::clone(shared);
     serve(describe, shared, async move |request: DescribeParametersRequest| DescribeParametersResponse {
-        values: request.names.iter().map(|name| of.parameters.borrow().describe(name)).collect(),
+        values: each(&of, &request.names, Parameters::describe),
     });
-    let each = graph.server("~/set_parameters", "rcl_interfaces/srv/SetParameters")?;
+    let separately = graph.server("~/set_parameters", "rcl_interfaces/srv/SetParameters")?;
     let of = Rc::clone(shared);
-    serve(each, shared, async move |request: SetParametersRequest| SetParametersResponse {
-        results: request.parameter.iter().map(|change| set(&of, std::slice::from_ref(change))).collect(),
+    serve(separately, shared, async move |request: SetParametersRequest| SetParametersResponse {
+        results: set_each(&of, &request.parameter).await,
     });
     let together = graph.server("~/set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically")?;
     let of = Rc::clone(shared);
     serve(together, shared, async move |request: SetParametersRequest| SetParametersAtomicallyResponse {
-        result: set(&of, &request.parameter),
+        result: refusals_logged(&of, vec![set(&of, &request.parameter)]).remove(0),
     });
     Ok(())
+}
+
+/// What there is to say to each name; nothing, as rclcpp has it, where they are too many.
+fn each<T>(shared: &Shared, names: &[String], say: impl Fn(&Parameters, &str) -> T) -> Vec<T> {
+    let parameters = shared.parameters.borrow();
+    match heeded(shared, parameters::check_names(names)) {
+        true => names.iter().map(|name| say(&parameters, name)).collect(),
+        false => Vec::new(),
+    }
+}
+
+/// Whether a request is small enough to be answered; a log line says if not.
+fn heeded(shared: &Shared, checked: Result<(), TooLarge>) -> bool {
+    if let Err(error) = checked {
+        shared.outbox.log(Severity::Warn, format!("a request for parameters was refused: {error}"));
+    }
+    checked.is_ok()
+}
+
+/// Sets parameters one by one, and lets other requests have their turn in between.
+async fn set_each(shared: &Shared, changes: &[raw::Parameter]) -> Vec<raw::SetParametersResult> {
+    if let Err(error) = parameters::check_values(changes) {
+        // The client expects as many results as it set; the reason is in the first.
+        let refusal = |reason: String| raw::SetParametersResult { successful: false, reason };
+        let rest = (1..changes.len()).map(|_| refusal("as the first".to_owned()));
+        let first = refusals_logged(shared, vec![refusal(error.to_string())]);
+        return first.into_iter().chain(rest).collect();
+    }
+    let mut results = Vec::new();
+    for change in changes {
+        results.push(set(shared, std::slice::from_ref(change)));
+        tokio::task::yield_now().await;
+    }
+    refusals_logged(shared, results)
+}
+
+/// Says what was refused, in one line: a thousand would take the place of estimates that wait to be published.
+fn refusals_logged(shared: &Shared, results: Vec<raw::SetParametersResult>) -> Vec<raw::SetParametersResult> {
+    let mut refused = results.iter().filter(|result| !result.successful);
+    if let Some(first) = refused.next() {
+        let more = match refused.count() {
+            0 => String::new(),
+            n => format!(" (and {n} more)"),
+        };
+        shared.outbox.log(Severity::Warn, format!("parameter refused: {}{more}", first.reason));
+    }
+    results
 }
 
 /// Sets parameters together, and lets those who run by them know.
 fn set(shared: &Shared, changes: &[raw::Parameter]) -> raw::SetParametersResult {
     let set = shared.parameters.borrow_mut().set(changes);
-    match set {
-        Ok(()) => {
-            let regions = shared.parameters.borrow().config().fusion.regions.clone();
-            let thresholds = regions.into_iter().map(|region| region.contact).collect();
-            let _ = shared.commands.send(Command::Thresholds(thresholds)); // an engine that is gone has no thresholds
-            let event = ParameterEvent::changed(shared.clock.now().into(), &shared.node_name, changes.to_vec());
-            shared.outbox.send(shared.parameter_events, to_cdr(&event), None);
-            raw::SetParametersResult { successful: true, reason: String::new() }
-        }
-        Err(reason) => {
-            shared.outbox.log(Severity::Warn, format!("parameter refused: {reason}"));
-            raw::SetParametersResult { successful: false, reason }
-        }
+    if let Err(reason) = set {
+        return raw::SetParametersResult { successful: false, reason };
     }
+    let parameters = shared.parameters.borrow();
+    let thresholds = parameters.config().fusion.regions.iter().map(|region| region.contact).collect();
+    let _ = shared.commands.send(Command::Thresholds(thresholds)); // an engine that is gone has no thresholds
+    let event = ParameterEvent::changed(shared.clock.now().into(), &shared.node_name, parameters.now(changes));
+    shared.outbox.send(shared.parameter_events, to_cdr(&event), None);
+    raw::SetParametersResult { successful: true, reason: String::new() }
 }
 
 /// Answers the requests of a service, one after the other.
@@ -136,6 +183,8 @@ where
 {
     let outbox = shared.outbox.clone();
     tokio::task::spawn_local(async move {
+        let _vital = Vital::new("services");
+        let mut n_unreadable = 0_u64;
         while let Some(request) = requests.next().await {
             match request {
                 Ok(Request { question, answer }) => {
@@ -144,7 +193,14 @@ where
                         outbox.log(Severity::Warn, format!("a service's response could not be sent: {error}"));
                     }
                 }
-                Err(error) => outbox.log(Severity::Warn, format!("a service request could not be read: {error}")),
+                Err(error) => {
+                    n_unreadable += 1;
+                    // Now and then: as many lines as requests would take the place of estimates that wait to be published.
+                    if n_unreadable.is_power_of_two() {
+                        let text = format!("a service request could not be read, {n_unreadable} so far: {error}");
+                        outbox.log(Severity::Warn, text);
+                    }
+                }
             }
         }
     });

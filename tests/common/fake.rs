@@ -76,8 +76,9 @@ pub fn timing() -> Timing {
     Timing {
         max_gap: Duration::from_millis(50),
         joint_slack: Duration::from_millis(10),
-        max_pose_age: Duration::from_millis(50),
+        max_pose_age: Some(Duration::from_millis(50)),
         time_jump: Duration::from_millis(200),
+        max_age: Some(Duration::from_millis(100)),
     }
 }
 
@@ -94,6 +95,7 @@ pub fn config(n_taxels: usize, regions: Vec<RegionConfig>) -> FusionConfig {
         joint_sources: vec![JointSource { name: "hand".into(), stamp_offset_ns: 0, scale: 1.0 }],
         regions,
         timing: timing(),
+        receipts: Receipts::Unknown,
         batch: 1,
     }
 }

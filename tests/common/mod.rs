@@ -3,7 +3,10 @@
 
 pub mod bags;
 pub mod browser;
+pub mod compared;
 pub mod fake;
+pub mod graphs;
+pub mod layouts;
 pub mod onnx;
 pub mod scored;
 pub mod skip;

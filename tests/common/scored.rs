@@ -17,6 +17,7 @@ pub const PARAMS: &str = "/**:
     joint.hand: {topic: /hand/joint_states}
     truth.load_cell: {topic: /load_cell/wrench}
     model.tip: {path: model.onnx}
+    calibration.max_force: 1000.0 # the models only add up taxels: a hand that moves in the air reads as force
     region.index: {model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}
 ";
 

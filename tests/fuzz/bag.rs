@@ -38,6 +38,8 @@ fn topics() -> InputTopics {
         taxels: cfg.tactile.clone(),
         joints: cfg.joints.clone(),
         truth: cfg.truth.clone(),
+        joint_sources: cfg.fusion.joint_sources.clone(),
+        needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
     }
 }
@@ -148,10 +150,14 @@ fn estimate(path: &std::path::Path) -> Option<String> {
             Ok(None) => break,
             Err(error) => return stopped(&error),
         };
-        match inputs.decode(&message) {
-            Ok(Input::Event(event)) => core.handle(event),
-            Ok(_) => {}
+        let parts = match inputs.parts(message.channel) {
+            Ok(parts) => parts,
             Err(error) => return stopped(&error),
+        };
+        for part in parts {
+            if let Input::Event(event) = inputs.decode(&message, part) {
+                core.handle(event);
+            }
         }
         n_estimates += super::core::drain(&mut core);
     }

@@ -188,7 +188,7 @@ pub fn drain(core: &mut Fusion) -> u64 {
             let finite = |force: Option<Newton>| force.is_none_or(|force| force.0.is_finite());
             assert!(finite(estimate.force) && finite(estimate.force_base) && finite(estimate.artifact()));
             assert!(estimate.force.is_some() || !estimate.flags.is_empty(), "nothing, and no flag says why");
-            let none = Flags::WARMUP | Flags::UNCALIBRATED | Flags::NON_FINITE;
+            let none = Flags::WARMUP | Flags::UNCALIBRATED | Flags::NON_FINITE | Flags::FROZEN;
             assert!(estimate.force.is_none() || estimate.flags.bits() & none.bits() == 0, "{}", estimate.flags);
             assert!(!estimate.contact.raw || estimate.force.is_some());
             assert!(estimate.pose_age_ns.is_none_or(|age_ns| age_ns >= 0));
@@ -210,11 +210,11 @@ pub fn check_counters(core: &Fusion, n_ticks: u64) {
     assert_eq!(counters.tactile.iter().map(|source| source.counts.frames).sum::<u64>(), n_ticks);
     for source in &counters.joints {
         let j = source.counts;
-        assert_eq!(j.messages, j.used + j.unknown + j.duplicate + j.out_of_order + j.non_finite + j.malformed);
+        assert_eq!(j.messages, j.used + j.unknown + j.duplicate + j.out_of_order + j.nothing_finite + j.malformed);
     }
     for (region, cfg) in counters.regions.iter().zip(&core.config().regions) {
         let r = region.counts;
-        assert_eq!(r.frames, r.estimates + r.warmup + r.uncalibrated + r.stale_pose + r.non_finite);
+        assert_eq!(r.frames, r.estimates + r.warmup + r.uncalibrated + r.stale_pose + r.non_finite + r.frozen);
         assert_eq!(r.frames, counters.tactile[cfg.source.0].counts.frames);
     }
 }

@@ -21,6 +21,8 @@ mod metadata;
 mod model;
 mod mutate;
 mod params;
+#[cfg(feature = "ros")]
+mod rtps;
 
 use driver::Answer;
 
@@ -62,6 +64,12 @@ fn model() {
 #[test]
 fn core() {
     driver::run(&core::TARGET, 4000);
+}
+
+#[cfg(feature = "ros")]
+#[test]
+fn rtps() {
+    driver::run(&rtps::TARGET, 8000);
 }
 
 /// An error as a person must see it.

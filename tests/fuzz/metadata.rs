@@ -43,11 +43,11 @@ fn folder() -> &'static (tempfile::TempDir, Vec<u8>) {
     FOLDER.get_or_init(|| {
         let memory = file_of("in_memory", b"");
         let folder = tempfile::tempdir_in(memory.parent().unwrap()).unwrap();
-        let mut bag = Bag::create(&folder.path().join("fuzzed_0.mcap"));
+        let mut bag = Bag::create(&folder.path().join("fuzzed"));
         bag.taxels(at(0), &[1.0]);
         bag.joints(at(1), &["dip"], &[0.1]);
         bag.finish();
-        let written = std::fs::read(folder.path().join("metadata.yaml")).unwrap();
+        let written = std::fs::read(folder.path().join("fuzzed/metadata.yaml")).unwrap();
         (folder, written)
     })
 }
@@ -63,7 +63,7 @@ fn other(random: &mut Random, seed: &[u8], other: &[u8]) -> Vec<u8> {
 }
 
 fn run(input: &[u8]) -> Answer {
-    let folder = folder().0.path();
+    let folder = &folder().0.path().join("fuzzed");
     std::fs::write(folder.join("metadata.yaml"), input).unwrap();
     let mut reader = match BagReader::open(&[folder.to_owned()]) {
         Ok(reader) => reader,

@@ -1,11 +1,17 @@
-//! What is read from ONNX files. Graphs are never run: no runtime is asked.
+//! What is read from ONNX files, and what our own code computes for graphs that it takes for the paper's network.
+//!
+//! A runtime is asked for the same forces only where our own code has taken the graph: every operator in it is known then,
+//! and none makes tensors of a size that a file claims.
 
 use tactile_pose_fusion::fusion::{ForceUnit, Fusion};
 use tactile_pose_fusion::model::onnx::{
     DimensionProto, GraphProto, Message as _, ModelProto, TensorProto, ValueInfoProto, data_type,
 };
+use tactile_pose_fusion::model::{self, BackendChoice, ModelSpec};
 
+use super::common::compared::is_close;
 use super::common::fake::{self, Sum};
+use super::common::graphs;
 use super::common::onnx::LinearModel;
 use super::driver::{Answer, Target, file_of};
 use super::mutate::{self, Random};
@@ -62,6 +68,14 @@ fn seeds() -> Vec<Vec<u8>> {
     ];
     let mut seeds: Vec<Vec<u8>> = models.iter().map(LinearModel::bytes).collect();
     seeds.push(LinearModel::new(4, 3, 2).metadata("rate_hz", "1e12").bytes());
+    let exported = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/pytorch");
+    let mut exported: Vec<_> = std::fs::read_dir(exported).unwrap().map(|entry| entry.unwrap().path()).collect();
+    exported.sort(); // the same inputs on every machine
+    seeds.extend(
+        exported
+            .into_iter()
+            .filter_map(|path| path.extension().is_some_and(|end| end == "onnx").then(|| std::fs::read(path).unwrap())),
+    );
     seeds
 }
 
@@ -90,6 +104,11 @@ fn change(random: &mut Random, model: &mut ModelProto) {
             }
         }
         3 if random.percent(10) => model.graph = None,
+        4 | 5 => {
+            if let Some(graph) = &mut model.graph {
+                graphs::change(&mut |n| random.below(n.max(1)), graph);
+            }
+        }
         _ => {
             if let Some(graph) = &mut model.graph {
                 change_graph(random, graph);
@@ -205,6 +224,39 @@ fn run(input: &[u8]) -> Answer {
             }
         }
     }
+    let own = run_by_own_code(&path);
     let unit = contract.unit == ForceUnit::Newton;
-    Answer::understood(&(contract.window.min(8), contract.n_taxels.min(8), contract.n_joints, unit, info.notes.len()))
+    Answer::understood(&(
+        own,
+        contract.window.min(8),
+        contract.n_taxels.min(8),
+        contract.n_joints,
+        unit,
+        info.notes.len(),
+    ))
+}
+
+/// Largest weight of graphs whose forces are compared: sums of larger ones lose what is left when they cancel, in any
+/// order.
+const MAX_WEIGHT: f32 = 100.0;
+
+/// Whether our own code takes the graph. What it computes then must be what a runtime computes.
+fn run_by_own_code(path: &std::path::Path) -> bool {
+    let load = |backend| model::load(&ModelSpec { backend, ..ModelSpec::new(path) });
+    let mut own = match load(BackendChoice::Builtin) {
+        Ok(own) => own,
+        Err(refused) => {
+            super::one_line(&refused);
+            return false;
+        }
+    };
+    let graph = graphs::read(path).graph.unwrap();
+    let floats = graph.initializer.iter().filter(|tensor| tensor.data_type == data_type::FLOAT);
+    if floats.flat_map(graphs::values_of).all(|value| value.abs() <= MAX_WEIGHT)
+        && let Ok(mut runtime) = load(BackendChoice::Rten)
+        && let Err(far) = is_close(&mut own, &mut runtime)
+    {
+        panic!("our own code takes this graph and gives other forces than a runtime: {far}");
+    }
+    true
 }

@@ -2,13 +2,16 @@
 #![allow(dead_code, unreachable_pub)]
 
 pub mod estimates;
+pub mod scene;
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
+
+use tactile_pose_fusion::ros::system_now;
 
 use crate::common::onnx::LinearModel;
 use crate::common::skip;
@@ -46,7 +49,9 @@ pub fn write_setup(folder: &Path, taxel_type: &str, extra: &str) {
       /tactile_pose_fusion/contacts: {publisher: {reliability: reliable, depth: 1000}}
 ";
     std::fs::write(folder.join(PARAMS), params("", "")).unwrap();
-    let live = params(&format!(", type: {taxel_type}{field}"), &format!("{reliable}{extra}"));
+    // What tests play was recorded long ago.
+    let any_age = if extra.contains("max_age_ms") { "" } else { "    timing.max_age_ms: 0.0\n" };
+    let live = params(&format!(", type: {taxel_type}{field}"), &format!("{reliable}{any_age}{extra}"));
     std::fs::write(folder.join("live.yaml"), live).unwrap();
     let args = ["--params-file", PARAMS, "--calibrate-first", "3", "-o", "calibration.yaml"];
     tpf(folder, &[&["calibrate", "session.mcap"], &args[..]].concat()).ok();
@@ -84,9 +89,7 @@ impl Live {
 
     /// What it has said so far.
     pub fn log(&self) -> String {
-        let mut text = String::new();
-        File::open(&self.log).unwrap().read_to_string(&mut text).unwrap();
-        text
+        self_log(&self.log)
     }
 
     /// Waits until it has said one of these.
@@ -110,18 +113,17 @@ impl Live {
     }
 
     /// What it said, when it has been told to end already.
-    pub fn stop_quietly(mut self) -> String {
-        let deadline = Instant::now() + Duration::from_secs(2);
-        let status = loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                break status;
-            }
-            assert!(Instant::now() < deadline, "still there: {}", self.log());
-            std::thread::sleep(Duration::from_millis(10));
-        };
-        let text = self.log();
+    pub fn stop_quietly(self) -> String {
+        let (status, text) = self.end();
         assert!(status.success() && !text.contains("panicked"), "{status}: {text}");
         text
+    }
+
+    /// How it ended, which it does within two seconds, and what it said.
+    pub fn end(mut self) -> (ExitStatus, String) {
+        let status = end(&mut self.child, || self_log(&self.log));
+        let text = self.log();
+        (status, text)
     }
 }
 
@@ -132,10 +134,35 @@ impl Drop for Live {
     }
 }
 
+fn self_log(path: &Path) -> String {
+    let mut text = String::new();
+    File::open(path).unwrap().read_to_string(&mut text).unwrap();
+    text
+}
+
+/// How a process ended, which it does within two seconds.
+pub fn end(child: &mut Child, said: impl Fn() -> String) -> ExitStatus {
+    let deadline = Instant::now() + Duration::from_secs(2);
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status;
+        }
+        assert!(Instant::now() < deadline, "still there: {}", said());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
 /// Sends a signal to a process that a test started.
 pub fn signal(pid: u32, name: &str) {
     let sent = Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status().unwrap();
     assert!(sent.success());
+}
+
+/// Stops a process for a while, as Ctrl-Z and `fg` do.
+pub fn stop_for(pid: u32, pause: Duration) {
+    signal(pid, "STOP");
+    std::thread::sleep(pause);
+    signal(pid, "CONT");
 }
 
 /// A peer: a script of tests/ros with a real ROS 2.
@@ -191,7 +218,11 @@ pub struct Heard {
     pub force: f64,
     pub force_base: f64,
     pub stamp: i64,
+    /// s; NaN where there is no frame.
+    pub age: f64,
     pub at: Instant,
+    /// Stamp to arrival, s.
+    pub age_s: f64,
 }
 
 /// A process that listens to `~/contacts`: `listen.py`.
@@ -210,8 +241,9 @@ impl Listener {
                 let parts: Vec<&str> = line.split(' ').collect();
                 let number = |idx: usize| parts[idx].parse::<f64>().unwrap();
                 let (flags, stamp) = (parts[0].parse().unwrap(), parts[3].parse().unwrap());
-                let at = Instant::now();
-                if sender.send(Heard { flags, force: number(1), force_base: number(2), stamp, at }).is_err() {
+                let (at, age_s) = (Instant::now(), (system_now().0 - stamp) as f64 * 1e-9);
+                let (force, force_base, age) = (number(1), number(2), number(4));
+                if sender.send(Heard { flags, force, force_base, stamp, age, at, age_s }).is_err() {
                     return;
                 }
             }

@@ -72,5 +72,76 @@ def frozen():
         rclpy.spin_once(node, timeout_sec=0.1)
 
 
-hows = [wrong_type, malformed, restarts, frozen]
+def requests():
+    """Requests for parameters that are too large, of every service. Prints how long the slowest took to be answered, s."""
+    from rcl_interfaces import srv
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+
+    rclpy.init()
+    node = rclpy.create_node("asker")
+    number = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=3)
+    many = [Parameter(name="contact.on_frames", value=number)] * 60_000
+    text = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="x" * 1_000_000)
+    long = [Parameter(name="contact.on_frames", value=text)]
+    names = ["contact.on_frames"] * 60_000
+    asked = [
+        (srv.SetParameters, dict(parameters=many), lambda r: len(r.results) == 60_000 and "60000" in r.results[0].reason),
+        (srv.SetParameters, dict(parameters=long), lambda r: "bytes" in r.results[0].reason),
+        (srv.SetParametersAtomically, dict(parameters=many), lambda r: "60000" in r.result.reason),
+        (srv.GetParameters, dict(names=names), lambda r: len(r.values) == 0),
+        (srv.GetParameterTypes, dict(names=names), lambda r: len(r.types) == 0),
+        (srv.DescribeParameters, dict(names=names), lambda r: len(r.descriptors) == 0),
+        (srv.ListParameters, dict(prefixes=names), lambda r: len(r.result.names) == 0),
+        (srv.ListParameters, dict(depth=2**64 - 1), lambda r: len(r.result.names) > 50),
+    ]
+    slowest = 0.0
+    for kind, fields, refused in asked:
+        name = "".join("_" + letter.lower() if letter.isupper() else letter for letter in kind.__name__).strip("_")
+        client = node.create_client(kind, f"/tactile_pose_fusion/{name}")
+        assert client.wait_for_service(10.0), name
+        request = kind.Request(**fields)
+        begun = time.monotonic()
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
+        assert future.done(), f"{name} did not answer"
+        slowest = max(slowest, time.monotonic() - begun)
+        assert refused(future.result()), (name, str(future.result())[:300])
+        node.destroy_client(client)
+    print(slowest, flush=True)
+
+
+def busy():
+    """As many requests as are taken at once, for ever. Says `busy` when the first was answered."""
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    rclpy.init()
+    node = rclpy.create_node("busy")
+    number = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=3)
+    client = node.create_client(SetParameters, "/tactile_pose_fusion/set_parameters")
+    assert client.wait_for_service(10.0)
+    request = SetParameters.Request(parameters=[Parameter(name="contact.on_frames", value=number)] * 1000)
+    futures = [client.call_async(request) for _ in range(8)]
+    rclpy.spin_until_future_complete(node, futures[0])
+    print("busy", flush=True)
+    while True:
+        futures = [f for f in futures if not f.done()] + [client.call_async(request) for f in futures if f.done()]
+        rclpy.spin_once(node, timeout_sec=0.05)
+
+
+def flood():
+    """Datagrams that are RTPS by their first bytes, to every socket of the first participant, as fast as they go."""
+    import socket
+
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    message = b"RTPS\x02\x03\x01\x0f" + bytes(12) + b"\x07\x01\x1c\x00" + bytes(28)
+    end = time.monotonic() + float(sys.argv[2])
+    print("ready", flush=True)
+    while time.monotonic() < end:
+        for port in (7400, 7401, 7410, 7411):
+            for _ in range(100):
+                sender.sendto(message, ("127.0.0.1", port))
+
+
+hows = [wrong_type, malformed, restarts, frozen, requests, busy, flood]
 {how.__name__: how for how in hows}[sys.argv[1]]()

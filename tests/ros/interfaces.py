@@ -117,7 +117,7 @@ def reports():
 
     def complete():
         by_name = {s.name: s for array in diagnostics[-1:] for s in array.status}
-        taxels = by_name.get("tactile_pose_fusion: input /taxels")
+        taxels = by_name.get("tactile_pose_fusion: input tactile.glove")
         latency = by_name.get("tactile_pose_fusion: latency")
         estimates = by_name.get("tactile_pose_fusion: estimates")
         if not (taxels and latency and estimates):

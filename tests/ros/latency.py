@@ -47,8 +47,8 @@ def tpf(n_regions, backend):
 
 runs = [
     ("ros2-client, bare echo", [f"{binaries}/examples/ros2_echo"], "/ros2_echo/index/wrench"),
-    ("tpf run, 1 region, RTen", tpf(1, "rten"), "/tactile_pose_fusion/r1/wrench"),
-    ("tpf run, 5 regions, RTen", tpf(5, "rten"), "/tactile_pose_fusion/r5/wrench"),
+    ("tpf run, 1 region", tpf(1, "builtin"), "/tactile_pose_fusion/r1/wrench"),
+    ("tpf run, 5 regions", tpf(5, "builtin"), "/tactile_pose_fusion/r5/wrench"),
     ("tpf run, 1 region, ONNX Runtime", tpf(1, "onnxruntime"), "/tactile_pose_fusion/r1/wrench"),
     ("tpf run, 5 regions, ONNX Runtime", tpf(5, "onnxruntime"), "/tactile_pose_fusion/r5/wrench"),
     ("rclpy and onnxruntime, 1 region", [sys.executable, f"{here}/rclpy_node.py", model], "/rclpy_node/index/wrench"),

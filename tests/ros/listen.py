@@ -1,4 +1,4 @@
-"""Prints a line for each message of ~/contacts: flags, force, force_base, stamp in ns. Reads as fast as they come."""
+"""Prints a line for each message of ~/contacts: flags, force, force_base, stamp in ns, age in s. Reads as fast as they come."""
 import sys
 import time
 
@@ -20,5 +20,6 @@ while time.monotonic() < end:
         if not hasattr(array, "contacts"):
             continue  # a sample that only says that its writer is gone
         state = array.contacts[0]
-        print(state.flags, repr(state.force), repr(state.force_base), messages.nanos(array.header.stamp), flush=True)
+        stamp = messages.nanos(array.header.stamp)
+        print(state.flags, repr(state.force), repr(state.force_base), stamp, repr(state.age), flush=True)
     time.sleep(0.001)

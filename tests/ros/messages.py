@@ -59,6 +59,7 @@ class ContactState(IdlStruct, typename="tactile_pose_fusion.msg.dds_.ContactStat
     off_threshold: float64
     mdf: float64
     pose_age: float64
+    age: float64
     flags: uint32
 
 
@@ -128,6 +129,32 @@ class FeedbackMessage(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calib
     sources: sequence[str]
     source_taxels: sequence[uint32]
     noise: sequence[float32]
+
+
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs.msg.dds_.KeyValue_"):
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticStatus_"):
+    level: uint8
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue]
+
+
+@dataclass
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticArray_"):
+    header: Header
+    status: sequence[DiagnosticStatus]
+
+
+@dataclass
+class Clock(IdlStruct, typename="rosgraph_msgs.msg.dds_.Clock_"):
+    clock: Time
 
 
 def nanos(stamp):

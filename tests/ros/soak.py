@@ -275,7 +275,7 @@ def run():
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--clock", choices=["tactile", "grid"], default="tactile")
-    parser.add_argument("--backend", choices=["auto", "onnxruntime", "rten"], default="auto")
+    parser.add_argument("--backend", choices=["auto", "builtin", "onnxruntime", "rten"], default="auto")
     parser.add_argument("--reliable", action="store_true", help="inputs that wait for a node that is late")
     parser.add_argument("--out", default="target/soak")
     args = parser.parse_args()

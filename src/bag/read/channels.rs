@@ -1,6 +1,7 @@
 //! Channels of all inputs in one table, and what the ids of one file mean in it.
 
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 
 use super::fields::Fields;
@@ -45,7 +46,8 @@ impl BagChannel {
 #[derive(Debug, Default)]
 pub(super) struct ChannelTable {
     channels: Vec<Arc<BagChannel>>,
-    by_topic: BTreeMap<(usize, String), Vec<usize>>,
+    /// Places of channels that may be equal: one topic may have been defined in half a million ways.
+    alike: BTreeMap<u64, Vec<usize>>,
 }
 
 impl ChannelTable {
@@ -54,20 +56,32 @@ impl ChannelTable {
     }
 
     fn intern(&mut self, channel: BagChannel) -> usize {
-        let of_topic = self.by_topic.entry((channel.input, channel.topic.clone())).or_default();
-        let known = of_topic.iter().copied().find(|&id| {
+        let alike = self.alike.entry(likeness(&channel)).or_default();
+        let known = alike.iter().copied().find(|&id| {
             let known = &self.channels[id];
-            known.message_encoding == channel.message_encoding
+            known.input == channel.input
+                && known.topic == channel.topic
+                && known.message_encoding == channel.message_encoding
                 && known.schema == channel.schema
                 && known.metadata == channel.metadata
         });
         known.unwrap_or_else(|| {
             let id = self.channels.len();
-            of_topic.push(id);
+            alike.push(id);
             self.channels.push(Arc::new(BagChannel { id, ..channel }));
             id
         })
     }
+}
+
+/// Equal for equal channels.
+fn likeness(channel: &BagChannel) -> u64 {
+    let BagChannel { id: _, input, topic, message_encoding, schema, metadata } = channel;
+    let mut hash = DefaultHasher::new();
+    (input, topic, message_encoding, metadata).hash(&mut hash);
+    // Definitions are long, and most channels that are alike but for theirs have another one by name or length.
+    schema.as_ref().map(|schema| (&schema.name, schema.data.len())).hash(&mut hash);
+    hash.finish()
 }
 
 /// The most bytes of schemas and channels that one file may define; real bags stay under a few MB.

@@ -22,7 +22,7 @@ pub(super) const MIN_HEADER_LEN: usize = 8 + 8 + 8 + 4 + 4 + 8;
 #[derive(Debug)]
 pub(super) struct ChunkHeader {
     pub(super) compression: String,
-    uncompressed_size: u64,
+    pub(super) uncompressed_size: u64,
     uncompressed_crc: u32,
     pub(super) compressed_size: u64,
 }

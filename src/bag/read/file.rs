@@ -1,4 +1,6 @@
-//! One MCAP file, record by record in the order of the file, with what is damaged left out and said.
+//! One MCAP file, record by record, with what is damaged left out and said.
+
+mod ordered;
 
 use std::path::Path;
 
@@ -10,8 +12,11 @@ use super::chunk::{ChunkHeader, ChunkRecords, ChunkTrouble, MIN_HEADER_LEN};
 use super::fields::Fields;
 use super::head::{self, Head};
 use super::loss::Losses;
+use super::order::Chunks;
 use super::source::Source;
+use super::window::Window;
 use super::{BagError, RECORD_LIMIT};
+use ordered::Ordered;
 
 /// A record begins with its opcode and a 64-bit length.
 const RECORD_HEAD_LEN: u64 = 1 + 8;
@@ -45,7 +50,12 @@ struct OpenChunk {
 /// One file that is being read.
 pub(super) struct McapFile {
     source: Source,
+    /// Whether messages come as they stand, not in the order of time.
+    as_written: bool,
     chunk: Option<OpenChunk>,
+    /// Messages of the chunk that are unpacked.
+    window: Window,
+    ordered: Option<Ordered>,
     definitions: Definitions,
     n_messages: u64,
     /// Messages of channels that the file does not define: how many, and the first one's place and channel.
@@ -55,8 +65,9 @@ pub(super) struct McapFile {
 }
 
 impl McapFile {
-    /// Open `path`, which begins with the MCAP magic.
-    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
+    /// Open `path`, which begins with the MCAP magic. Its messages come as they stand, or else each chunk's in the order of
+    /// time, and `chunks` in the order given.
+    pub(super) fn open(path: &Path, chunks: Option<Chunks>, as_written: bool) -> Result<Self, BagError> {
         let mut source = Source::open(path)?;
         let mut magic = Vec::new();
         source.read_up_to(MAGIC.len() as u64, &mut magic)?;
@@ -65,7 +76,10 @@ impl McapFile {
         }
         Ok(McapFile {
             source,
+            as_written,
             chunk: None,
+            window: Window::default(),
+            ordered: chunks.map(Ordered::new),
             definitions: Definitions::default(),
             n_messages: 0,
             unknown_channel: None,
@@ -101,25 +115,50 @@ impl McapFile {
         self.source.size
     }
 
-    /// Bytes read so far.
+    /// Bytes read so far; it never goes back.
     pub(super) fn bytes_read(&self) -> u64 {
-        self.source.pos
+        self.ordered.as_ref().map_or(self.source.pos, |ordered| ordered.bytes_read)
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.source.path
     }
 
     /// The next message, attachment or metadata: its body is put into `body`. `None` at the end of what can be read.
     pub(super) fn next(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<Head>, BagError> {
-        while !self.done {
-            let opcode = match &mut self.chunk {
+        loop {
+            if let Some(channel) = self.window.pop(body) {
+                return Ok(Some(message_of(channel, body)));
+            }
+            if self.ordered.as_ref().is_some_and(|ordered| ordered.at_chunks) {
+                return self.next_in_order(body, cx);
+            }
+            if self.done {
+                return Ok(None);
+            }
+            let head = match self.chunk {
+                Some(_) if !self.as_written => self.unpack(body, cx)?,
                 Some(_) => self.next_of_chunk(body, cx)?,
                 None => self.next_of_file(body, cx)?,
             };
-            if let Some(opcode) = opcode
-                && let Some(head) = self.handle_record(opcode, body, cx)?
-            {
-                return Ok(Some(head));
+            if head.is_some() {
+                return Ok(head);
             }
         }
-        Ok(None)
+    }
+
+    /// Unpack the chunk as far as the window reaches, and put that in order. What is no message is returned at once.
+    fn unpack(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<Head>, BagError> {
+        let mut other = None;
+        while self.chunk.is_some() && other.is_none() && !self.window.is_full() {
+            match self.next_of_chunk(body, cx)? {
+                Some(Head::Message { channel, message }) => self.window.push(message.log_time, channel, body),
+                head => other = head,
+            }
+        }
+        self.window.order();
+        Ok(other)
     }
 
     /// Make sense of one record; `None` for those that the caller doesn't see.
@@ -176,12 +215,13 @@ impl McapFile {
         Ok(None)
     }
 
-    fn next_of_chunk(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<u8>, BagError> {
+    /// The next record of the chunk that the caller sees, or `None`; at its end the chunk is no longer there.
+    fn next_of_chunk(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<Head>, BagError> {
         let Some(chunk) = &mut self.chunk else { return Ok(None) };
         let next = chunk.records.next(&mut self.source, body);
         let (start, end, n_messages) = (chunk.start, chunk.end, chunk.n_messages);
         let complaint = match next {
-            Ok(Some(opcode)) => return Ok(Some(opcode)),
+            Ok(Some(opcode)) => return self.handle_record(opcode, body, cx),
             Ok(None) => None,
             Err(ChunkTrouble::CutOff) => {
                 self.cut_off(start, cx);
@@ -207,7 +247,7 @@ impl McapFile {
         Ok(None)
     }
 
-    fn next_of_file(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<u8>, BagError> {
+    fn next_of_file(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<Head>, BagError> {
         let start = self.source.pos;
         let mut head = [0; RECORD_HEAD_LEN as usize];
         if !self.source.read_exact(&mut head)? {
@@ -221,7 +261,14 @@ impl McapFile {
             return Ok(None);
         }
         if opcode == op::CHUNK && !self.data_ended {
-            return self.open_chunk(start, len, body, cx);
+            match &self.ordered {
+                None => return self.open_chunk(start, len, body, cx).map(|()| None),
+                Some(ordered) if !ordered.knows(start) => {
+                    let what = format!("the chunk at byte {start} is not in the index and not read");
+                    cx.losses.push(&self.source.path, start, what);
+                }
+                Some(_) => {}
+            }
         }
         let Some(end) = self.source.pos.checked_add(len).filter(|&end| self.source.reaches(end)) else {
             // A length that no recorder writes is damage; one that fits a recording was cut short.
@@ -256,26 +303,20 @@ impl McapFile {
             self.cut_off(start, cx);
             return Ok(None);
         }
-        Ok(Some(opcode))
+        self.handle_record(opcode, body, cx)
     }
 
     /// Start on the chunk at `start`; its head is read through `body`.
-    fn open_chunk(
-        &mut self,
-        start: u64,
-        len: u64,
-        body: &mut Vec<u8>,
-        cx: &mut Context<'_>,
-    ) -> Result<Option<u8>, BagError> {
+    fn open_chunk(&mut self, start: u64, len: u64, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<(), BagError> {
         body.resize(MIN_HEADER_LEN, 0);
         if !self.source.read_exact(body)? {
             self.cut_off(start, cx);
-            return Ok(None);
+            return Ok(());
         }
         let name_len = u32::from_le_bytes([body[28], body[29], body[30], body[31]]);
         if name_len > MAX_COMPRESSION_NAME {
             self.garbage(start, &format!("a chunk names its compression in {name_len} bytes"), cx);
-            return Ok(None);
+            return Ok(());
         }
         body.resize(MIN_HEADER_LEN + name_len as usize, 0);
         let mut rest = body.split_off(MIN_HEADER_LEN);
@@ -283,25 +324,26 @@ impl McapFile {
         body.append(&mut rest);
         if !complete {
             self.cut_off(start, cx);
-            return Ok(None);
+            return Ok(());
         }
         let header = ChunkHeader::parse(body);
         let room = len.checked_sub(body.len() as u64);
         let (Some(header), Some(room)) = (header, room) else {
             self.garbage(start, "a chunk's head is malformed", cx);
-            return Ok(None);
+            return Ok(());
         };
         // A chunk that was never closed claims all there could be, and holds what is there.
         if header.compressed_size > room && len != u64::MAX {
             self.garbage(start, "a chunk claims more records than fit into it", cx);
-            return Ok(None);
+            return Ok(());
         }
         if !matches!(header.compression.as_str(), "" | "zstd" | "lz4") {
-            return self.unknown_compression(start, header.compression, cx).map(|()| None);
+            return self.unknown_compression(start, header.compression, cx);
         }
         let end = self.source.pos.saturating_add(room);
+        self.window.expect(header.uncompressed_size);
         self.chunk = Some(OpenChunk { records: ChunkRecords::new(&header), start, end, n_messages: 0 });
-        Ok(None)
+        Ok(())
     }
 
     /// An unknown compression is refused, unless earlier chunks were readable: then it is damage.
@@ -339,6 +381,7 @@ impl McapFile {
             };
             cx.losses.push(&self.source.path, size, what);
         }
+        self.forget_from(record_start);
         self.finish(cx);
     }
 
@@ -348,17 +391,30 @@ impl McapFile {
             let what = format!("damaged at byte {at} ({why}): the {lost} bytes from there on are lost");
             cx.losses.push(&self.source.path, at, what);
         }
+        self.forget_from(at);
         self.finish(cx);
     }
 
     fn finish(&mut self, cx: &mut Context<'_>) {
+        self.chunk = None;
+        if let Some(ordered) = &mut self.ordered
+            && !ordered.at_chunks
+        {
+            (ordered.at_chunks, self.data_ended) = (true, false);
+            return;
+        }
         if let Some((count, at, channel)) = self.unknown_channel.take() {
             let what = format!(
                 "{count} messages of channels that the file doesn't define are lost, the first of channel {channel} at byte {at}"
             );
             cx.losses.push(&self.source.path, at, what);
         }
-        self.chunk = None;
         self.done = true;
     }
+}
+
+/// The head of a message whose record has been understood once.
+fn message_of(channel: usize, body: &[u8]) -> Head {
+    let (_, message) = head::message(body).expect("only messages that were read are held");
+    Head::Message { channel, message }
 }

@@ -7,14 +7,20 @@ use std::path::{Path, PathBuf};
 
 use mcap::MAGIC;
 
-use super::BagError;
+use super::channels::ChannelTable;
+use super::{BagError, first_log_time, summary};
 use crate::bag::error::one_line;
 use crate::bag::layout::{self, METADATA_FILE};
+use crate::units::{NANOS_PER_SEC, Stamp};
 
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 const ZSTD_MAGIC: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
 const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
 const CONVERT: &str = "convert it to MCAP with `ros2 bag convert`";
+
+/// Longest pause from one part of a split recording to the next: the recorder goes on in the next file with the message
+/// that comes after the last one of this.
+const MAX_PAUSE_NS: i64 = NANOS_PER_SEC;
 
 /// The files of one input, in the order in which they are read.
 #[derive(Debug)]
@@ -22,6 +28,17 @@ pub(super) struct Files {
     pub(super) paths: Vec<PathBuf>,
     /// The recorder left no list of files: it was stopped in mid-write, so a file may be empty.
     pub(super) unlisted: bool,
+    /// What a person should know about how they were found.
+    pub(super) note: Option<String>,
+}
+
+/// The recordings that a path stands for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Recordings {
+    /// Each is a `.mcap` file, or the folder of one recording; in the order of their names.
+    pub paths: Vec<PathBuf>,
+    /// What a person should know about how they were found.
+    pub note: Option<String>,
 }
 
 /// The files behind `input`: itself, or those of a bag folder.
@@ -36,13 +53,13 @@ pub(super) fn files(input: &Path) -> Result<Files, BagError> {
     if !metadata.is_file() {
         return Err(not_a_bag(input, "it is no regular file, which a bag must be".to_owned()));
     }
-    Ok(Files { paths: vec![input.to_path_buf()], unlisted: false })
+    Ok(Files { paths: vec![input.to_path_buf()], unlisted: false, note: None })
 }
 
 fn folder(folder: &Path) -> Result<Files, BagError> {
     let listing_path = folder.join(METADATA_FILE);
     if listing_path.is_file() {
-        return Ok(Files { paths: listed(folder, &listing_path)?, unlisted: false });
+        return Ok(Files { paths: listed(folder, &listing_path)?, unlisted: false, note: None });
     }
     let Contents { mut mcaps, has_sqlite, .. } = contents(folder)?;
     if mcaps.is_empty() {
@@ -53,7 +70,57 @@ fn folder(folder: &Path) -> Result<Files, BagError> {
         return Err(not_a_bag(folder, why));
     }
     mcaps.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
-    Ok(Files { paths: mcaps, unlisted: true })
+    if mcaps.len() == 1 {
+        return Ok(Files { paths: mcaps, unlisted: true, note: None });
+    }
+    if !are_parts_of_one(&mcaps)? {
+        let names = mcaps.iter().map(|path| name_of(path)).collect();
+        return Err(BagError::Several { path: folder.to_path_buf(), names });
+    }
+    let note = format!(
+        "{}: no metadata.yaml; {} to {} follow one another in number and time and are read as one split recording",
+        folder.display(),
+        name_of(&mcaps[0]),
+        name_of(&mcaps[mcaps.len() - 1])
+    );
+    Ok(Files { paths: mcaps, unlisted: true, note: Some(note) })
+}
+
+/// Whether files are the parts of one recording whose recorder didn't come to list them: named `NAME_0.mcap`,
+/// `NAME_1.mcap` and so on, each going on where the one before it ends.
+fn are_parts_of_one(mcaps: &[PathBuf]) -> Result<bool, BagError> {
+    let mut before: Option<(String, u64)> = None;
+    for path in mcaps {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let Some((name, number)) = stem.rsplit_once('_') else { return Ok(false) };
+        let Ok(number) = number.parse::<u64>() else { return Ok(false) };
+        if before.is_some_and(|(known, last)| known != name || last.checked_add(1) != Some(number)) {
+            return Ok(false);
+        }
+        before = Some((name.to_owned(), number));
+    }
+    let mut end: Option<Stamp> = None;
+    for (idx, path) in mcaps.iter().enumerate() {
+        let is_last = idx + 1 == mcaps.len();
+        let span = match summary::read(path, 0, &mut ChannelTable::default())?.and_then(|found| found.statistics) {
+            Some(statistics) => statistics.span,
+            None if is_last => first_log_time(path).unwrap_or_default().map(|first| (first, first)),
+            None => return Ok(false),
+        };
+        let Some((begin, last)) = span else {
+            // An empty part is one that a recorder opened and never came to write to.
+            if is_last { break } else { return Ok(false) }
+        };
+        if end.is_some_and(|end| !(0..=MAX_PAUSE_NS).contains(&begin.nanos_since(end))) {
+            return Ok(false);
+        }
+        end = Some(last);
+    }
+    Ok(true)
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map(|name| one_line(&name.to_string_lossy())).unwrap_or_default()
 }
 
 /// What of a folder's entries tells whether it is a bag.
@@ -69,6 +136,9 @@ fn contents(folder: &Path) -> Result<Contents, BagError> {
     let mut contents = Contents::default();
     for entry in std::fs::read_dir(folder).map_err(unlisted)? {
         let path = entry.map_err(unlisted)?.path();
+        if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.')) {
+            continue; // hidden: written by someone at this moment, or left by what synchronizes files
+        }
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("mcap") if path.is_file() => contents.mcaps.push(path),
             Some("db3") => contents.has_sqlite = true,
@@ -79,28 +149,50 @@ fn contents(folder: &Path) -> Result<Contents, BagError> {
     Ok(contents)
 }
 
-/// The bags that a path stands for: itself, or those in a folder of bags, in the order of their names. A folder without
-/// any stands for itself, so that opening it tells what is wrong.
+/// The recordings that a path stands for: one file is one, a folder with a `metadata.yaml` is one, and any other folder
+/// stands for those in it and in the folders in it. A folder without any stands for itself, so that opening it tells what
+/// is wrong.
 ///
 /// # Errors
 /// [`BagError`] when a folder can't be listed.
-pub fn bags_at(path: &Path) -> Result<Vec<PathBuf>, BagError> {
-    let itself = || vec![path.to_path_buf()];
+pub fn recordings_at(path: &Path) -> Result<Recordings, BagError> {
     if !path.is_dir() || path.join(METADATA_FILE).is_file() {
-        return Ok(itself());
+        return Ok(Recordings { paths: vec![path.to_path_buf()], note: None });
     }
-    let Contents { mcaps, folders, .. } = contents(path)?;
-    if !mcaps.is_empty() {
-        return Ok(itself());
-    }
-    let mut bags = Vec::new();
+    let Recordings { mut paths, note } = in_folder(path)?;
+    let mut notes: Vec<String> = note.into_iter().collect();
+    let mut folders = contents(path)?.folders;
+    folders.sort();
     for folder in folders {
-        if folder.join(METADATA_FILE).is_file() || !contents(&folder)?.mcaps.is_empty() {
-            bags.push(folder);
+        if folder.join(METADATA_FILE).is_file() {
+            paths.push(folder);
+            continue;
         }
+        let found = in_folder(&folder)?;
+        paths.extend(found.paths);
+        notes.extend(found.note);
     }
-    bags.sort();
-    Ok(if bags.is_empty() { itself() } else { bags })
+    if paths.is_empty() {
+        paths.push(path.to_path_buf());
+    }
+    Ok(Recordings { paths, note: (!notes.is_empty()).then(|| notes.join("; ")) })
+}
+
+/// The recordings that the `.mcap` files of a folder without a `metadata.yaml` are: the folder itself where they are one.
+fn in_folder(path: &Path) -> Result<Recordings, BagError> {
+    let mut mcaps = contents(path)?.mcaps;
+    if mcaps.is_empty() {
+        return Ok(Recordings { paths: mcaps, note: None });
+    }
+    match folder(path) {
+        Ok(Files { note, .. }) => Ok(Recordings { paths: vec![path.to_path_buf()], note }),
+        Err(BagError::Several { names, .. }) => {
+            mcaps.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+            let note = format!("{}: {} recordings, each by itself: {}", path.display(), names.len(), names.join(", "));
+            Ok(Recordings { paths: mcaps, note: Some(note) })
+        }
+        Err(error) => Err(error),
+    }
 }
 
 fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> {
@@ -182,7 +274,7 @@ fn not_a_bag(path: &Path, why: String) -> BagError {
 }
 
 /// Order of names in which `bag_2` comes before `bag_10`.
-fn natural_order(a: &str, b: &str) -> Ordering {
+pub(super) fn natural_order(a: &str, b: &str) -> Ordering {
     let (mut left, mut right) = (a, b);
     while !left.is_empty() && !right.is_empty() {
         let (left_run, left_rest) = split_run(left);

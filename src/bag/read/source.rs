@@ -57,6 +57,13 @@ impl Source {
         Ok(())
     }
 
+    /// Go to a byte of the file.
+    pub(super) fn seek_to(&mut self, pos: u64) -> Result<(), BagError> {
+        self.reader.seek(SeekFrom::Start(pos)).map_err(|error| self.error(error))?;
+        self.pos = pos;
+        Ok(())
+    }
+
     /// Whether the file has the bytes up to `end`. Its size is asked for again only there: a recording may still grow.
     pub(super) fn reaches(&mut self, end: u64) -> bool {
         end <= self.size || end <= self.size_now()

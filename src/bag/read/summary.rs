@@ -11,6 +11,7 @@ use mcap::records::op;
 use super::BagError;
 use super::channels::{ChannelTable, Definitions};
 use super::fields::Fields;
+use super::order::ChunkPlace;
 use crate::units::Stamp;
 
 /// Footer record (head, two offsets, checksum) and the magic behind it.
@@ -25,6 +26,8 @@ pub(super) struct FileSummary {
     pub(super) statistics: Option<Statistics>,
     /// A compression that can't be unpacked, where the index names one.
     pub(super) unknown_compression: Option<String>,
+    /// Where the index says that chunks are, in its order.
+    pub(super) chunks: Vec<ChunkPlace>,
 }
 
 /// Counts of a file, by the place of the channel in the table.
@@ -54,7 +57,7 @@ pub(super) fn read(path: &Path, input: usize, table: &mut ChannelTable) -> Resul
     let mut source = BufReader::new(file).take(footer_start - start);
 
     let mut definitions = Definitions::default();
-    let mut summary = FileSummary { statistics: None, unknown_compression: None };
+    let mut summary = FileSummary { statistics: None, unknown_compression: None, chunks: Vec::new() };
     let (mut statistics, mut n_channels) = (None, 0);
     let mut body = Vec::new();
     loop {
@@ -82,6 +85,7 @@ pub(super) fn read(path: &Path, input: usize, table: &mut ChannelTable) -> Resul
                 if let Some(name) = compression(&body).filter(|name| !matches!(name.as_str(), "" | "zstd" | "lz4")) {
                     summary.unknown_compression.get_or_insert(name);
                 }
+                summary.chunks.extend(ChunkPlace::parse(&body));
             }
             _ => {}
         }

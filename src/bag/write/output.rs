@@ -16,8 +16,14 @@ pub(super) struct Output {
     /// The folder of `out`.
     parent: PathBuf,
     file_name: String,
-    overwrite: bool,
+    options: Options,
     place: Place,
+}
+
+/// What of the [`WriteOptions`] counts when the bag is complete.
+struct Options {
+    overwrite: bool,
+    owns_folder: bool,
 }
 
 enum Place {
@@ -44,19 +50,18 @@ impl Output {
         refuse_existing(out, as_file, options.overwrite)?;
         let io_error = |error| BagError::io(out, "create", error);
         let prefix = format!(".{name}.");
+        let kept = Options { overwrite: options.overwrite, owns_folder: options.owns_folder };
         if as_file {
             let temp = temporary_in(&parent, &prefix).map_err(io_error)?;
             let (file, path) = temp.into_parts();
             let place = Place::File(path);
-            let output =
-                Output { out: out.to_path_buf(), parent, file_name: name, overwrite: options.overwrite, place };
-            return Ok((output, file));
+            return Ok((Output { out: out.to_path_buf(), parent, file_name: name, options: kept, place }, file));
         }
         let folder = temporary_folder_in(&parent, &prefix).map_err(io_error)?;
         let file_name = format!("{name}_0.mcap");
         let file = File::create_new(folder.path().join(&file_name)).map_err(io_error)?;
         let place = Place::Folder(folder);
-        Ok((Output { out: out.to_path_buf(), parent, file_name, overwrite: options.overwrite, place }, file))
+        Ok((Output { out: out.to_path_buf(), parent, file_name, options: kept, place }, file))
     }
 
     /// Name of the MCAP file itself.
@@ -80,10 +85,10 @@ impl Output {
 
     /// Give the complete bag its name. Returns that, and what a person should know.
     pub(super) fn put_in_place(self, metadata: &str) -> Result<(PathBuf, Vec<String>), BagError> {
-        let Output { out, parent, file_name, overwrite, place } = self;
+        let Output { out, parent, file_name, options, place } = self;
         let notes = match place {
-            Place::File(temp) => put_file(temp, &out, &parent, &file_name, overwrite, metadata)?,
-            Place::Folder(temp) => put_folder(temp, &out, &parent, overwrite, metadata)?,
+            Place::File(temp) => put_file(temp, &out, &parent, &file_name, &options, metadata)?,
+            Place::Folder(temp) => put_folder(temp, &out, &parent, options.overwrite, metadata)?,
         };
         // The name is on the disk only when its folder is; not every file system lets a folder be synced.
         let _ = File::open(&parent).and_then(|folder| folder.sync_all());
@@ -96,20 +101,22 @@ fn put_file(
     out: &Path,
     parent: &Path,
     file_name: &str,
-    overwrite: bool,
+    options: &Options,
     metadata: &str,
 ) -> Result<Vec<String>, BagError> {
     let metadata_path = parent.join(METADATA_FILE);
     let mut notes = Vec::new();
-    let ours_to_write = match std::fs::symlink_metadata(&metadata_path) {
-        Err(_) => true,
-        Ok(_) => layout::read(&metadata_path).is_ok_and(|listing| listing.relative_file_paths == [file_name]),
-    };
+    let is_there = std::fs::symlink_metadata(&metadata_path).is_ok();
+    let is_of_this = is_there && layout::read(&metadata_path).is_ok_and(|listing| listing.lists_only(file_name));
+    if is_there && !is_of_this {
+        notes.push(format!(
+            "{} describes another bag and is left as it is; open {} by its own name",
+            metadata_path.display(),
+            out.display()
+        ));
+    }
     // Everything that may fail for want of space comes before the first rename.
-    let new_metadata = if ours_to_write {
-        if holds_other_bags(parent, file_name) {
-            notes.push(format!("{} lists {file_name} alone, not the other bags beside it", metadata_path.display()));
-        }
+    let new_metadata = if is_of_this || (options.owns_folder && !is_there) {
         let written = temporary_in(parent, ".metadata.").and_then(|mut file| {
             file.write_all(metadata.as_bytes())?;
             file.as_file().sync_all()?;
@@ -117,14 +124,9 @@ fn put_file(
         });
         Some(written.map_err(|error| BagError::io(&metadata_path, "write", error))?)
     } else {
-        notes.push(format!(
-            "{} describes another bag and is left as it is; open {} by its own name",
-            metadata_path.display(),
-            out.display()
-        ));
         None
     };
-    let renamed = if overwrite { temp.persist(out) } else { temp.persist_noclobber(out) };
+    let renamed = if options.overwrite { temp.persist(out) } else { temp.persist_noclobber(out) };
     renamed.map_err(|error| rename_error(out, error.error))?;
     if let Some(file) = new_metadata {
         file.persist(&metadata_path).map_err(|error| BagError::io(&metadata_path, "write", error.error))?;
@@ -204,12 +206,4 @@ fn holds_only_a_bag(folder: &Path) -> bool {
     let Ok(entries) = std::fs::read_dir(folder) else { return false };
     let mut names = entries.map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()));
     names.all(|name| name.is_ok_and(|name| name == METADATA_FILE || name.ends_with(".mcap")))
-}
-
-fn holds_other_bags(folder: &Path, file_name: &str) -> bool {
-    let Ok(entries) = std::fs::read_dir(folder) else { return false };
-    entries.flatten().any(|entry| {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        name != file_name && (name.ends_with(".mcap") || name.ends_with(".db3"))
-    })
 }

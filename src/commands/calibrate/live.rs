@@ -1,23 +1,34 @@
 //! A calibration from live topics, as `~/calibrate` of the node makes it, without a node.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::super::live::RosArguments;
 use super::super::progress::Progress;
 use super::super::setup::{load_models, shown};
-use super::super::zero::{self, Zero, ZeroFrom};
+use super::super::zero::{self, hashes};
 use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{Args, verdict};
-use crate::config::Config;
+use crate::config::{Config, ParamTree};
 use crate::fusion::Fusion;
 use crate::ros::definitions::Definitions;
-use crate::ros::{Calibrator, Delivery, Names, Purpose, Sample, TopicType, input_bindings};
+use crate::ros::{
+    Calibrator, Delivery, Heard, HeardTopic, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings,
+    wanted,
+};
+use crate::zero::{Zero, ZeroFrom};
 
 /// The node that calibrates, unless it is given another name.
 const NODE: &str = "/tpf_calibrate";
 
 /// How often it is looked whether time is up.
 const NAP: Duration = Duration::from_millis(50);
+
+/// Between two judgements of the inputs.
+const JUDGE_EVERY: Duration = Duration::from_secs(1);
+
+/// Judgements one after the other in which the same is wrong, before a calibration ends for it.
+const LASTING: u32 = 2;
 
 /// What only a live calibration has.
 #[derive(Debug, clap::Args)]
@@ -47,12 +58,12 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &place.environment.prefixes);
     let names = Names::new(&cfg, &[])?; // the graph remaps
     let mut listening = place.join()?;
-    let mut bindings = Vec::new();
-    for (topic, (tree, binding)) in names.inputs.iter().zip(input_bindings(&cfg, &names, &definitions)?) {
-        listening.hear(topic, TopicType::Defined(&tree), Delivery::Data)?;
-        bindings.push(binding);
+    let mut bindings = input_bindings(&cfg, &names, &definitions)?;
+    // As the graph of this tool has them: it asks for no more than best effort.
+    let wanted = wanted(&cfg, &ParamTree::empty(NODE), &names, &bindings)?;
+    for (input, (tree, _)) in names.inputs.iter().zip(&bindings) {
+        listening.hear(&input.topic, TopicType::Defined(tree), Delivery::Data)?;
     }
-    interrupt::listen();
     let listener = listening.start()?;
     say(&format!(
         "for {:.0} s, in the air: open and close the hand, spread the fingers, go through the poses that you use; touch nothing",
@@ -60,21 +71,34 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     ));
     let mut calibrator = Calibrator::new(&cfg, Purpose::Calibrate, duration);
     let mut progress = Progress::steps("calibrate", duration.as_millis() as u64);
-    let mut heard_on = vec![0_u64; names.inputs.len()];
     let mut began = None::<Instant>;
     let waiting = Instant::now();
+    let judge = Fusion::new(cfg.fusion.clone(), models.regressors)?;
+    let mut checks = Checks::new(Watched::new(&cfg, wanted.into_iter().flatten()));
     loop {
         if interrupt::happened() {
             listener.leave();
             return Err(Failure("interrupted; nothing was written".to_owned()));
         }
-        if let Some(heard) = listener.next(NAP)
-            && let Ok(cdr) = heard.cdr
-            && let Ok(event) = bindings[heard.topic.0].decode(&cdr, heard.received)
-        {
-            began.get_or_insert_with(Instant::now); // the graph takes a while to be found
-            heard_on[heard.topic.0] += 1;
-            calibrator.handle(Sample::from(&event));
+        if let Some(Heard { topic: HeardTopic(input), cdr: Ok(cdr), received }) = listener.next(NAP) {
+            for binding in &mut bindings[input].1 {
+                let source = checks.watched.source_of(binding);
+                checks.watched.inputs[source].handle_arrival(waiting.elapsed(), None);
+                match binding.decode(&cdr, received) {
+                    Ok(event) => {
+                        began.get_or_insert_with(Instant::now); // the graph takes a while to be found
+                        checks.watched.handle(&event);
+                        calibrator.handle(Sample::from(&event));
+                    }
+                    Err(error) => {
+                        checks.watched.inputs[source].handle_unreadable(1, error.reason(), &error.to_string());
+                    }
+                }
+            }
+        }
+        if let Some(problem) = checks.judge(waiting.elapsed(), &cfg, &judge, &listener) {
+            listener.leave();
+            return Err(Failure(format!("not calibrated: {problem}")));
         }
         let elapsed = began.map(|began| began.elapsed()).unwrap_or_default();
         progress.set(elapsed.as_millis() as u64);
@@ -84,19 +108,21 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     }
     drop(progress);
     listener.leave();
-    if let Some(silent) = heard_on.iter().position(|n| *n == 0) {
+    if let Some(silent) = checks.watched.inputs.iter().find(|input| input.meter().n_total() == 0) {
         return Err(Failure(format!(
             "nothing that can be read came on {}; start its driver, or correct its topic and type in the parameters",
-            names.inputs[silent]
+            silent.topic()
         )));
     }
-    let judge = Fusion::new(cfg.fusion.clone(), models.regressors)?;
     let (baselines, result) = calibrator.finish(judge);
     let Some(baselines) = baselines else {
         return Err(Failure(format!("not calibrated: {}", result.message)));
     };
-    let taken = Zero { from: ZeroFrom::Live { frames: result.frames }, baselines, check: None };
-    let calibration = taken.to_calibration(&cfg, &models.infos);
+    if !result.message.is_empty() {
+        say(&result.message);
+    }
+    let taken = Zero::new(ZeroFrom::Live { frames: result.frames }, baselines);
+    let calibration = taken.to_calibration(&cfg, &hashes(&cfg, &models.infos));
     calibration.save(&args.output)?;
     let mut told = format!("{}: zero from {}\n", shown(&args.output), taken.from);
     told += &verdict(&calibration);
@@ -112,4 +138,45 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     }
     print(&told)?;
     Ok(Outcome::Done)
+}
+
+/// Whether inputs are such that a zero can be taken from them: what is wrong ends a calibration when it lasts, and not after
+/// all of its time.
+struct Checks {
+    watched: Watched,
+    judged: Duration,
+    /// What was wrong in the last judgement, and in how many before it.
+    wrong: BTreeMap<(usize, &'static str), u32>,
+}
+
+impl Checks {
+    fn new(watched: Watched) -> Self {
+        Checks { watched, judged: Duration::ZERO, wrong: BTreeMap::new() }
+    }
+
+    /// What is wrong with an input, where it lasts.
+    fn judge(&mut self, now: Duration, cfg: &Config, core: &Fusion, listener: &Listener) -> Option<String> {
+        if now.saturating_sub(self.judged) < JUDGE_EVERY {
+            return None;
+        }
+        self.judged = now;
+        listener.look_around(&mut self.watched, now);
+        let problems = self.watched.judge(now, cfg, Some(core));
+        let before = std::mem::take(&mut self.wrong);
+        let mut lasting = None;
+        for (input, problem) in
+            problems.iter().enumerate().flat_map(|(input, of)| of.iter().map(move |one| (input, one)))
+        {
+            // Times that vary and messages that are lost make no other zero.
+            if matches!(problem.kind, "jitter" | "lost" | "rate") {
+                continue;
+            }
+            let n = before.get(&(input, problem.kind)).map_or(1, |n| n + 1);
+            self.wrong.insert((input, problem.kind), n);
+            if n >= LASTING {
+                lasting.get_or_insert_with(|| problem.text.clone());
+            }
+        }
+        lasting
+    }
 }

@@ -3,10 +3,8 @@
 use std::fmt::Write as _;
 
 use super::RegionResult;
+use crate::characterize::OWN_LAG_MS;
 use crate::config::Config;
-
-/// A lag of less is what a sensor's own filter, creep and friction make: no reason to move a clock.
-const OWN_LAG_MS: f64 = 20.0;
 
 /// The lines, below `ros__parameters`. `sources`: index of the source of each joint of the reports.
 pub(super) fn parameters(regions: &[RegionResult], cfg: &Config, sources: &[usize], synthetic: bool) -> String {
@@ -49,21 +47,24 @@ fn offsets(text: &mut String, regions: &[RegionResult], cfg: &Config, sources: &
         }
         let now_ms = source.stamp_offset_ns as f64 * 1e-6;
         let _ = writeln!(text, "  {}:", source.name);
-        let _ = match report.offset.lag_ms {
-            None => {
-                writeln!(text, "    stamp_offset_ms: {now_ms:?} # unchanged: nothing tells how far its clock is off")
+        let _ = match (report.offset.lag_ms, report.offset.interval_ms, report.offset.clock_offset_ms) {
+            (Some(lag), Some([low, high]), Some([clock_low, clock_high])) => {
+                let lag = lag.median;
+                // What a sensor's own filter, creep and friction can make is no reason to move a clock.
+                if clock_low <= 0.0 && clock_high >= 0.0 || lag.abs() < OWN_LAG_MS[1] {
+                    writeln!(
+                        text,
+                        "    stamp_offset_ms: {now_ms:?} # unchanged: taxels lag by {lag:.0} ms ({low:.0} to {high:.0}), which their own filter can make"
+                    )
+                } else {
+                    writeln!(
+                        text,
+                        "    stamp_offset_ms: {:.1} # taxels of {region} lag by {lag:.0} ms ({low:.0} to {high:.0}), their own lag of some 10 ms included",
+                        now_ms + lag,
+                    )
+                }
             }
-            Some(lag) if lag.median.abs() < OWN_LAG_MS => writeln!(
-                text,
-                "    stamp_offset_ms: {now_ms:?} # unchanged: taxels lag by {:.0} ms, which their own filter can make",
-                lag.median
-            ),
-            Some(lag) => writeln!(
-                text,
-                "    stamp_offset_ms: {:.1} # taxels of {region} lag by {:.0} ms, their own lag of some 10 ms included",
-                now_ms + lag.median,
-                lag.median
-            ),
+            _ => writeln!(text, "    stamp_offset_ms: {now_ms:?} # unchanged: nothing tells how far its clock is off"),
         };
     }
 }

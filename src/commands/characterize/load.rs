@@ -1,5 +1,6 @@
 //! From a bag to the frames of every region: by the core that also runs live, with all joints that the bag has.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
@@ -8,7 +9,7 @@ use super::super::progress::Progress;
 use super::super::sessions::{Stopped, session_name};
 use super::super::setup::input_topics;
 use super::super::zero::ZeroArgs;
-use super::super::{Failure, interrupt};
+use super::super::{Failure, interrupt, say};
 use super::scan::Scan;
 use crate::bag::{BagReader, Inputs};
 use crate::characterize::SessionFrames;
@@ -47,6 +48,25 @@ impl FromStr for InAir {
             |text: &str| text.trim().parse::<f64>().ok().filter(|s| (0.0..1e6).contains(s)).ok_or_else(expected);
         let (from, to) = (seconds(from)?, seconds(to)?);
         if from < to { Ok(InAir::Span(from, to)) } else { Err(format!("{from} s must be before {to} s")) }
+    }
+}
+
+impl InAir {
+    /// What to say of a recording that ends within the stretch.
+    ///
+    /// # Errors
+    /// One line where it ends before the stretch begins.
+    pub(super) fn check(self, scan: &Scan) -> Result<Option<String>, Failure> {
+        let InAir::Span(from, to) = self else { return Ok(None) };
+        let length = scan.end.nanos_since(scan.start) as f64 / NANOS_PER_SEC as f64;
+        let bag = &scan.bag;
+        if from >= length {
+            return Err(Failure(format!(
+                "{bag}: --in-air {from}..{to} lies behind the end of the recording, which is {length:.1} s long; name a stretch of it in which nothing touches the glove"
+            )));
+        }
+        Ok((to > length + 0.1)
+            .then(|| format!("{bag}: is {length:.1} s long, so --in-air {from}..{to} counts up to its end")))
     }
 }
 
@@ -132,6 +152,7 @@ impl Loader<'_> {
             return Err(in_bag(&self.without_annotations()));
         }
         let mut regions = Vec::new();
+        let mut doubts: BTreeSet<String> = inputs.angle_doubts().into_iter().collect();
         for (region_idx, rows) in collectors.into_iter().enumerate() {
             let rows = rows.finish();
             let (Some(first), Some(last)) = (rows.stamp.first(), rows.stamp.last()) else {
@@ -144,7 +165,10 @@ impl Loader<'_> {
             let of_region = self.cfg.truth_of_region[region_idx];
             let track = truths.iter().position(|truth| Some(*truth) == of_region).map(|idx| &labels.truth[idx]);
             let tared = track.and_then(|track| match track.tare(&air.stretches) {
-                Ok(tare) => Some((track, tare)),
+                Ok(tare) => {
+                    doubts.extend(track.doubts(&tare));
+                    Some((track, tare))
+                }
                 Err(error) => {
                     missing.push(format!("{}: truth {}: {error}, so no forces are told", bag.display(), track.name()));
                     None
@@ -152,6 +176,7 @@ impl Loader<'_> {
             });
             regions.push(self.frames(session_name(bag), &labels, &air, tared, rows));
         }
+        doubts.iter().for_each(|doubt| say(&format!("{}: {doubt}", bag.display())));
         Ok(Loaded {
             regions,
             notes: labels.notes,

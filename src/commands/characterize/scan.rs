@@ -19,13 +19,14 @@ const MIN_SHARE: f64 = 0.9;
 /// What a bag holds.
 pub(super) struct Scan {
     /// The bag, as it was given.
-    bag: String,
+    pub(super) bag: String,
     /// Share of its source's messages that have a finite angle of a joint, and that source, by the joint's name.
     shares: BTreeMap<String, (f64, usize)>,
     pub(super) tactile: Vec<NamedTiming>,
     pub(super) joints: Vec<NamedTiming>,
-    /// Stamp of the first taxels.
+    /// Stamps of the first and the last taxels.
     pub(super) start: Stamp,
+    pub(super) end: Stamp,
     pub(super) has_annotations: bool,
 }
 
@@ -48,24 +49,29 @@ impl Scan {
         let mut seen: BTreeMap<String, (u64, usize)> = BTreeMap::new();
         while let Some(message) = reader.next_message().map_err(|error| in_bag(&error))? {
             interrupt::check()?;
-            match inputs.decode(&message).map_err(|error| in_bag(&error))? {
-                Input::Event(Event::Tactile(block)) => {
-                    let offset_ns = cfg.fusion.tactile_sources[block.source.0].stamp_offset_ns;
-                    let before = |row: usize| block.row_period_ns.saturating_mul((block.rows - 1 - row) as i64);
-                    tactile[block.source.0]
-                        .extend((0..block.rows).map(|row| block.stamp.offset(offset_ns - before(row))));
-                }
-                Input::Event(Event::Joints(sample)) => {
-                    joints[sample.source.0].push(sample.stamp);
-                    for (name, _) in sample.names.iter().zip(sample.positions).filter(|(_, angle)| angle.is_finite()) {
-                        if let Some((n, _)) = seen.get_mut(name) {
-                            *n += 1;
-                        } else {
-                            seen.insert(name.clone(), (1, sample.source.0));
+            for part in inputs.parts(message.channel).map_err(|error| in_bag(&error))? {
+                match inputs.decode(&message, part) {
+                    Input::Event(Event::Tactile(block))
+                        if block.is_of(cfg.fusion.tactile_sources[block.source.0].n_taxels) =>
+                    {
+                        let offset_ns = cfg.fusion.tactile_sources[block.source.0].stamp_offset_ns;
+                        let before = |row: usize| block.row_period_ns.saturating_mul((block.rows - 1 - row) as i64);
+                        tactile[block.source.0]
+                            .extend((0..block.rows).map(|row| block.stamp.offset(offset_ns - before(row))));
+                    }
+                    Input::Event(Event::Joints(sample)) => {
+                        joints[sample.source.0].push(sample.stamp);
+                        let angles = sample.names.iter().zip(sample.positions);
+                        for (name, _) in angles.filter(|(_, angle)| angle.is_finite()) {
+                            if let Some((n, _)) = seen.get_mut(name) {
+                                *n += 1;
+                            } else {
+                                seen.insert(name.clone(), (1, sample.source.0));
+                            }
                         }
                     }
+                    _ => {}
                 }
-                _ => {}
             }
         }
         inputs.check_end(std::iter::empty()).map_err(|error| in_bag(&error))?;
@@ -78,6 +84,7 @@ impl Scan {
         Ok(Scan {
             bag: bag.display().to_string(),
             start: tactile.iter().filter_map(|stamps| stamps.first()).min().copied().unwrap_or_default(),
+            end: tactile.iter().flatten().max().copied().unwrap_or_default(),
             tactile: cfg
                 .fusion
                 .tactile_sources

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use comfy_table::{Table, presets};
 
 use super::{Characterized, RegionResult, SessionSummary};
-use crate::characterize::{ArtifactSize, ClassCurve, RegionReport, Spread};
+use crate::characterize::{ArtifactSize, ClassCurve, RegionReport, Spread, Untold};
 
 /// Joints that the table shows: those that move most with the taxels, and all that are suggested.
 const N_JOINTS: usize = 8;
@@ -175,17 +175,21 @@ fn artifact(text: &mut String, report: &RegionReport) {
 
 fn rest(text: &mut String, report: &RegionReport) {
     let (hysteresis, drift, noise) = (&report.hysteresis, &report.drift, &report.noise);
-    let of_100 = |share: Option<Spread>| {
+    let of_100 = |share: Option<Spread>, unit: &str| {
         let spread = share.map(|s| Spread { median: 100.0 * s.median, min: 100.0 * s.min, max: 100.0 * s.max, ..s });
-        self::spread(spread, " %", 1)
+        self::spread(spread, unit, 1)
     };
-    let _ = writeln!(text, "\nHysteresis and lag of the artifact: {} of its range", of_100(hysteresis.artifact));
-    let _ = writeln!(text, "Hysteresis of touch: unloading reads {} more than loading", of_100(hysteresis.touch));
+    let _ = writeln!(text, "\nHysteresis and lag of the artifact: {}", of_100(hysteresis.artifact, " % of its range"));
+    let touch = match hysteresis.touch {
+        None => "not told".to_owned(),
+        touch => format!("unloading reads {} more than loading", of_100(touch, " %")),
+    };
+    let _ = writeln!(text, "Hysteresis of touch: {touch}");
     let largest = drift.largest_n.map_or(String::new(), |n| format!(", as a tap of {}", spread(Some(n), " N", 2)));
     let _ = writeln!(
         text,
-        "Drift at rest: {} a minute, largest distance {}{largest}",
-        spread(drift.per_min, "", 1),
+        "Drift at rest: {}, largest distance {}{largest}",
+        spread(drift.per_min, " a minute", 1),
         spread(drift.largest, "", 0)
     );
     let tare = Spread::of(drift.by_session.iter().map(|session| session.truth_range_gf));
@@ -206,17 +210,22 @@ fn rest(text: &mut String, report: &RegionReport) {
 fn offset(text: &mut String, report: &RegionReport) {
     let peaks = Spread::of(report.offset.by_session.iter().map(|session| session.peak));
     let peak = spread(peaks, "", 2);
-    let _ = match report.offset.lag_ms {
-        Some(lag) => writeln!(
+    let _ = match (report.offset.lag_ms, report.offset.interval_ms, report.offset.clock_offset_ms) {
+        (Some(lag), Some([low, high]), Some([clock_low, clock_high])) => writeln!(
             text,
-            "Taxels lag the joints by {}, correlation {peak}; the sensor's own filter, creep and friction are in it",
+            "Taxels lag the joints by {}, 95 % within {low:.0} to {high:.0} ms, correlation {peak}; without the sensor's own \
+             filter, creep and friction their clocks are {clock_low:.0} to {clock_high:.0} ms apart",
             spread(Some(lag), " ms", 1)
         ),
-        None => writeln!(
-            text,
-            "Clock offset of joints and taxels: no estimate, the correlation of {peak} is below {}",
-            report.offset.min_peak
-        ),
+        _ => {
+            let why = report.offset.by_session.iter().find_map(|session| session.untold);
+            let why = why.map_or_else(String::new, |why| format!("{why}; "));
+            writeln!(
+                text,
+                "Clock offset of joints and taxels: these movements don't tell it: {why}to find it, {}",
+                Untold::REMEDY
+            )
+        }
     };
 }
 

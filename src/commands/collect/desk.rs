@@ -14,7 +14,7 @@ use crate::msg::{Stage, Text, WireType, to_cdr, type_hash};
 use crate::protocol::Annotation;
 use crate::recording::SESSION_NOTES;
 use crate::ros::definitions::Definitions;
-use crate::ros::{Delivery, Heard, Listener, Names, SpokenTopic, TopicType, input_bindings};
+use crate::ros::{Delivery, Heard, InputName, Listener, Names, SpokenTopic, TopicType, input_bindings};
 use crate::sim::SYNTHETIC_TOPIC;
 use crate::units::{Newton, Stamp};
 
@@ -32,7 +32,8 @@ struct Input {
     type_name: String,
     schema: String,
     hash: String,
-    reading: Reading,
+    /// Each takes a part of its messages.
+    readings: Vec<Reading>,
 }
 
 /// The part of the bag that is being written.
@@ -62,26 +63,33 @@ impl Desk {
         let names = Names::new(cfg, &[])?; // the graph remaps
         let mut listening = place.join()?;
         let mut inputs = Vec::new();
-        for (topic, (tree, binding)) in names.inputs.iter().zip(input_bindings(cfg, &names, &definitions)?) {
-            listening.hear(topic, TopicType::Defined(&tree), Delivery::Data)?;
-            let type_name = tree.type_name().to_owned();
+        for (input, (tree, bindings)) in names.inputs.iter().zip(input_bindings(cfg, &names, &definitions)?) {
+            let InputName { topic, type_name, .. } = input.clone();
+            listening.hear(&topic, TopicType::Defined(&tree), Delivery::Data)?;
             let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&tree));
-            inputs.push(Input { topic: topic.clone(), type_name, schema, hash, reading: Reading::Samples(binding) });
+            let readings = bindings.into_iter().map(Reading::Samples).collect();
+            inputs.push(Input { topic, type_name, schema, hash, readings });
         }
         for (idx, topic) in cfg.truth.iter().enumerate() {
             let tree = definitions.tree(&topic.type_name)?;
             let binding = TruthBinding::compile(&topic.fields, &tree)
                 .map_err(|error| Failure(format!("topic {}: {error}", topic.name)))?;
+            let reading = Reading::Truth(idx, Box::new(binding));
+            let is_it = |input: &&mut Input| input.topic == topic.name && input.type_name == topic.type_name;
+            if let Some(input) = inputs.iter_mut().find(is_it) {
+                input.readings.push(reading);
+                continue;
+            }
             listening.hear(&topic.name, TopicType::Defined(&tree), Delivery::Data)?;
             let (schema, hash) = (definitions.schema_text(&topic.type_name)?, type_hash(&tree));
-            let reading = Reading::Truth(idx, Box::new(binding));
-            inputs.push(Input { topic: topic.name.clone(), type_name: topic.type_name.clone(), schema, hash, reading });
+            let (topic, type_name) = (topic.name.clone(), topic.type_name.clone());
+            inputs.push(Input { topic, type_name, schema, hash, readings: vec![reading] });
         }
         let type_name = Text::TYPE_NAME.to_owned();
         listening.hear(SYNTHETIC_TOPIC, TopicType::Known(&type_name), Delivery::Words)?;
         let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&definitions.tree(&type_name)?));
-        let (topic, reading) = (SYNTHETIC_TOPIC.to_owned(), Reading::Synthetic);
-        inputs.push(Input { topic, type_name, schema, hash, reading });
+        let (topic, readings) = (SYNTHETIC_TOPIC.to_owned(), vec![Reading::Synthetic]);
+        inputs.push(Input { topic, type_name, schema, hash, readings });
         let stage = listening.speak(&cfg.stage_topic, TopicType::Known(Stage::TYPE_NAME), Delivery::Latched)?;
         Ok(Desk {
             senses: Senses::new(layout(cfg)),
@@ -178,25 +186,27 @@ impl Desk {
             recording.last = at;
             recording.bag.write(recording.inputs[topic.0], 0, at, at, &cdr)?;
         }
-        match &mut input.reading {
-            Reading::Synthetic => self.synthetic = true,
-            Reading::Samples(binding) => match binding.decode(&cdr, received) {
-                Ok(Event::Tactile(block)) => self.senses.handle_taxels(block.source.0, block.values, received),
-                Ok(Event::Joints(sample)) => {
-                    let scale = self.cfg.fusion.joint_sources[sample.source.0].scale;
-                    let angles: Vec<f64> = sample.positions.iter().map(|position| position * scale).collect();
-                    self.senses.handle_joints(sample.source.0, sample.names, &angles, received);
-                }
-                Err(error) => unreadable(error.to_string()),
-            },
-            Reading::Truth(sensor, binding) => match binding.decode(&cdr, received) {
-                Ok((_, reading)) => {
-                    let force = Newton::from(self.cfg.truth_sources[*sensor].force(reading));
-                    self.senses.handle_force(*sensor, force, received);
-                    on_force(*sensor, force);
-                }
-                Err(error) => unreadable(error.to_string()),
-            },
+        for reading in &mut input.readings {
+            match reading {
+                Reading::Synthetic => self.synthetic = true,
+                Reading::Samples(binding) => match binding.decode(&cdr, received) {
+                    Ok(Event::Tactile(block)) => self.senses.handle_taxels(block.source.0, block.values, received),
+                    Ok(Event::Joints(sample)) => {
+                        let scale = self.cfg.fusion.joint_sources[sample.source.0].scale;
+                        let angles: Vec<f64> = sample.positions.iter().map(|position| position * scale).collect();
+                        self.senses.handle_joints(sample.source.0, sample.names, &angles, received);
+                    }
+                    Err(error) => unreadable(error.to_string()),
+                },
+                Reading::Truth(sensor, binding) => match binding.decode(&cdr, received) {
+                    Ok((_, reading)) => {
+                        let force = Newton::from(self.cfg.truth_sources[*sensor].force(reading));
+                        self.senses.handle_force(*sensor, force, received);
+                        on_force(*sensor, force);
+                    }
+                    Err(error) => unreadable(error.to_string()),
+                },
+            }
         }
         Ok(())
     }

@@ -181,7 +181,8 @@ impl Folder {
         let annotations = self.annotations(parts, stage_topic)?;
         let mut annotations = annotations.all().iter().peekable();
         let mut reader = BagReader::open(parts)?;
-        let mut bag = BagWriter::create(&bag(&self.path), WriteOptions::default())?;
+        let options = WriteOptions { owns_folder: true, ..WriteOptions::default() };
+        let mut bag = BagWriter::create(&bag(&self.path), options)?;
         let stage_channel = bag.add_topic::<Stage>(stage_topic)?;
         let annotate = |bag: &mut BagWriter, annotation: &Annotation| {
             let from = annotation.from;

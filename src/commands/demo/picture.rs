@@ -4,6 +4,7 @@ use plotters::prelude::*;
 
 use super::super::Failure;
 use crate::eval::{ScoredFrames, Scoring};
+use crate::page::longest_step;
 
 /// What is shown of the session, s.
 const SPAN_S: f64 = 25.0;
@@ -59,20 +60,19 @@ fn paint(
         .y_label_area_size(LABELS_PX)
         .build_cartesian_2d(0.0..SPAN_S, -0.12 * highest..highest)?;
     chart.configure_mesh().x_desc("time, s").y_desc("force, gF").light_line_style(WHITE).draw()?;
-    let truth = range.clone().filter(|&idx| first.truth_gf[idx].is_finite());
-    chart
-        .draw_series(LineSeries::new(
-            truth.map(|idx| (seconds(first, idx), first.truth_gf[idx])),
-            BLACK.stroke_width(2),
-        ))?
-        .label("true force")
-        .legend(|(x, y)| PathElement::new([(x, y), (x + 20, y)], BLACK.stroke_width(2)));
-    for ((name, frames), colour) in series.iter().zip(colours) {
-        let points = range.clone().filter_map(|idx| Some((seconds(frames, idx), (*frames.estimate_gf.get(idx)?)?)));
+    let mut line = |name: &str, points: Vec<(f64, Option<f64>)>, colour: RGBColor, width: u32| -> Painted {
         chart
-            .draw_series(LineSeries::new(points, colour.stroke_width(1)))?
-            .label(*name)
+            .draw_series(unbroken(&points).into_iter().map(|run| PathElement::new(run, colour.stroke_width(width))))?
+            .label(name)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
+        Ok(())
+    };
+    let truth = range.clone().map(|idx| (seconds(first, idx), Some(first.truth_gf[idx])));
+    line("true force", truth.collect(), BLACK, 2)?;
+    for ((name, frames), colour) in series.iter().zip(colours) {
+        let known = range.clone().filter(|idx| *idx < frames.stamp.len());
+        let points = known.map(|idx| (seconds(frames, idx), frames.estimate_gf.get(idx).copied().flatten()));
+        line(name, points.collect(), colour, 1)?;
     }
     chart
         .configure_series_labels()
@@ -109,18 +109,39 @@ fn paint(
     Ok(())
 }
 
-/// From when to when a state held.
+/// The runs of points that a line goes through: it ends where a force is unknown, and where frames are missing.
+fn unbroken(points: &[(f64, Option<f64>)]) -> Vec<Vec<(f64, f64)>> {
+    let longest = longest_step(&points.iter().map(|(at, _)| *at).collect::<Vec<_>>());
+    let (mut runs, mut open): (Vec<Vec<(f64, f64)>>, Option<f64>) = (Vec::new(), None);
+    for (at, force) in points {
+        let Some(force) = force.filter(|force| force.is_finite()) else {
+            open = None;
+            continue;
+        };
+        match runs.last_mut() {
+            Some(run) if open.is_some_and(|before| at - before <= longest) => run.push((*at, force)),
+            _ => runs.push(vec![(*at, force)]),
+        }
+        open = Some(*at);
+    }
+    runs
+}
+
+/// From when to when a state held; not over time without frames.
 fn stretches(states: &[(f64, bool)]) -> Vec<(f64, f64)> {
+    let longest = longest_step(&states.iter().map(|(at, _)| *at).collect::<Vec<_>>());
     let mut found: Vec<(f64, f64)> = Vec::new();
     let mut open = false;
     for pair in states.windows(2) {
-        let ((from, state), (to, _)) = (pair[0], pair[1]);
+        let ((from, state), (next, _)) = (pair[0], pair[1]);
+        let is_gap = next - from > longest;
+        let to = if is_gap { from } else { next };
         match found.last_mut() {
             Some(last) if state && open => last.1 = to,
             _ if state => found.push((from, to)),
             _ => {}
         }
-        open = state;
+        open = state && !is_gap;
     }
     found
 }
@@ -143,4 +164,21 @@ fn telling_stretch(frames: &ScoredFrames) -> std::ops::Range<usize> {
         }
     }
     if best.1 > 0 { best.0 } else { 0..frames.stamp.partition_point(|at| at.nanos_since(frames.stamp[0]) < span_ns) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_and_states_end_where_frames_or_forces_are_missing() {
+        let at = |k: usize| k as f64 + if k >= 5 { 20.0 } else { 0.0 };
+        let points: Vec<(f64, Option<f64>)> = (0..10).map(|k| (at(k), (k != 2).then_some(k as f64))).collect();
+        let runs: Vec<usize> = unbroken(&points).iter().map(Vec::len).collect();
+        assert_eq!(runs, [2, 2, 5], "without a force at 2 s, without frames from 4 s to 25 s");
+        let nan: Vec<(f64, Option<f64>)> = vec![(0.0, Some(f64::NAN)), (1.0, Some(1.0)), (2.0, None)];
+        assert_eq!(unbroken(&nan), [vec![(1.0, 1.0)]]);
+        let states: Vec<(f64, bool)> = (0..10).map(|k| (at(k), true)).collect();
+        assert_eq!(stretches(&states), [(0.0, 4.0), (25.0, 29.0)]);
+    }
 }

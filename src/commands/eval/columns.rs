@@ -6,17 +6,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::super::sessions::{Stopped, session_name};
 use super::super::setup::input_topics;
-use super::super::zero::{ZeroArgs, ZeroFrom};
+use super::super::zero::ZeroArgs;
 use super::super::{Failure, interrupt, say};
 use super::labels::{Labelled, NeedsTruth};
-use crate::bag::{BagReader, InputTopics, Inputs};
+use crate::bag::{BagReader, ContactReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames};
 use crate::fusion::{Fusion, Regressor};
 use crate::model::ModelInfo;
-use crate::msg::{ContactArray, EstimateTopics, WireType, from_cdr};
+use crate::msg::{ContactArray, EstimateTopics, WireType};
 use crate::recording::{EstimateTrack, Labels, Listener, PoseDegrader, PoseQuality, read};
 use crate::units::Stamp;
+use crate::zero::{ZeroError, ZeroFrom};
 
 /// A model on its way through a session: its configuration, and what runs it.
 pub(in crate::commands) struct Core {
@@ -36,6 +37,8 @@ pub(in crate::commands) struct Modelled {
     /// `[models]`: what became of all that went in.
     pub(in crate::commands) counters: Vec<serde_json::Value>,
     pub(in crate::commands) zero: Option<ZeroFrom>,
+    /// Whether it can be relied on, or what is to be said where the parameters insist on it.
+    pub(in crate::commands) verdict: Result<Option<String>, ZeroError>,
     /// What was lost of the bag.
     pub(in crate::commands) losses: Vec<String>,
 }
@@ -49,7 +52,8 @@ pub(in crate::commands) fn run_models(
     done: &AtomicU64,
 ) -> Result<Modelled, Failure> {
     let Some(first) = cores.first() else {
-        return Ok(Modelled { columns: Vec::new(), cores, counters: Vec::new(), zero: None, losses: Vec::new() });
+        let (columns, counters, losses) = (Vec::new(), Vec::new(), Vec::new());
+        return Ok(Modelled { columns, cores, counters, zero: None, verdict: Ok(None), losses });
     };
     let bags = [bag.to_path_buf()];
     let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
@@ -71,14 +75,13 @@ pub(in crate::commands) fn run_models(
         kept.push((core.cfg, core.infos, core.quality));
     }
     let mut told = 0;
-    // The first model with joint angles as they were recorded judges the zero, by the frames that are scored.
-    let judge = kept.iter().position(|(.., quality)| *quality == PoseQuality::default());
-    let mut check = zero.check.zip(judge);
+    // Every model with joint angles as they were recorded judges the zero, by the frames that are scored.
+    let is_judge = |idx: &usize| kept[*idx].2 == PoseQuality::default();
+    let judges = (0..kept.len()).filter(is_judge);
+    let mut checks: Vec<_> = judges.filter_map(|idx| Some((idx, zero.check.clone()?))).collect();
     let listener = Listener::<Stopped> {
         on_tick: &mut |core_idx, tick| {
-            if let Some((check, judge)) = &mut check
-                && *judge == core_idx
-            {
+            if let Some((_, check)) = checks.iter_mut().find(|(judge, _)| *judge == core_idx) {
                 check.takes(tick);
             }
             for estimate in &tick.estimates {
@@ -96,9 +99,12 @@ pub(in crate::commands) fn run_models(
     };
     let mut unused = Labels::new(&[]);
     read(&mut reader, &mut inputs, &mut unused, &mut fusions, listener).map_err(|stopped| stopped.of_bag(bag))?;
-    if let Some(Err(failure)) = check.map(|(check, judge)| check.judge(&kept[judge].0)) {
-        // Scores and datasets of other sessions don't depend on it, so it is said and not refused.
-        say(&format!("{}: its zero is not to be believed: {failure}", bag.display()));
+    // A load shows to all of them; what only one reads is its own fault, which is what scores are for.
+    let verdicts: Vec<_> = checks.iter().map(|(judge, check)| check.judge(&kept[*judge].0)).collect();
+    let is_at_rest = verdicts.iter().any(|verdict| matches!(verdict, Ok(None)));
+    let verdict = verdicts.into_iter().next_back().filter(|_| !is_at_rest).unwrap_or(Ok(None));
+    for doubt in inputs.angle_doubts() {
+        say(&format!("{}: {doubt}", bag.display()));
     }
     let as_recorded = fusions.iter().zip(&kept).filter(|(_, (.., quality))| *quality == PoseQuality::default());
     for (fusion, _) in as_recorded {
@@ -113,7 +119,7 @@ pub(in crate::commands) fn run_models(
     });
     let cores = cores.collect();
     let losses = reader.losses().iter().map(ToString::to_string).collect();
-    Ok(Modelled { columns, cores, counters, zero: Some(zero.from), losses })
+    Ok(Modelled { columns, cores, counters, zero: Some(zero.from), verdict, losses })
 }
 
 /// Reads the estimates that a bag holds. `[regions]`
@@ -123,17 +129,18 @@ pub(in crate::commands) fn read_estimates(
     topic: &str,
 ) -> Result<(Vec<EstimateTrack>, Vec<String>), Failure> {
     let mut reader = BagReader::open(&[bag.to_path_buf()])?;
-    let topics = InputTopics { taxels: Vec::new(), joints: Vec::new(), ..input_topics(cfg) };
+    let topics = InputTopics { taxels: Vec::new(), joints: Vec::new(), joint_sources: Vec::new(), ..input_topics(cfg) };
     let mut inputs = Inputs::new(topics, &mut reader)?;
     let columns = RefCell::new(vec![EstimateTrack::default(); cfg.fusion.regions.len()]);
+    let mut contacts = ContactReader::default();
     let listener = Listener::<Stopped> {
         on_tick: &mut |_, _| {},
         on_other: &mut |message| {
             if message.channel.topic != topic || message.channel.type_name() != ContactArray::TYPE_NAME {
                 return Ok(());
             }
-            let array: ContactArray =
-                from_cdr(message.data).map_err(|error| Failure(format!("{}: {topic}: {error}", bag.display())))?;
+            let array =
+                contacts.read(message).map_err(|error| Failure(format!("{}: {topic}: {error}", bag.display())))?;
             let stamp = Stamp::from(array.header.stamp);
             for state in &array.contacts {
                 let region = cfg.fusion.regions.iter().position(|region| region.name == state.region);

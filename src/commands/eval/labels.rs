@@ -6,8 +6,7 @@ use serde::Serialize;
 
 use super::super::sessions::{Stopped, fingerprint, session_name};
 use super::super::setup::input_topics;
-use super::super::zero::ZeroFrom;
-use super::super::{Failure, interrupt};
+use super::super::{Failure, interrupt, say};
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, Timing, ZeroLoadCheck};
@@ -15,6 +14,7 @@ use crate::fusion::ContactThresholds;
 use crate::protocol::Annotations;
 use crate::recording::{self, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, read};
 use crate::units::{GramForce, Stamp};
+use crate::zero::ZeroFrom;
 
 /// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
 const LEAD_NS: i64 = 2_000_000_000;
@@ -97,6 +97,7 @@ impl Labelled {
         let topics = InputTopics {
             taxels: Vec::new(),
             joints: Vec::new(),
+            joint_sources: Vec::new(),
             truth: there.iter().map(|idx| cfg.truth[*idx].clone()).collect(),
             ..input_topics(cfg)
         };
@@ -147,6 +148,7 @@ impl Labelled {
         for (idx, track) in there.into_iter().zip(tracks) {
             let tare = track.tare(&zero_load);
             let tare = tare.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
+            track.doubts(&tare).iter().for_each(|doubt| say(&format!("{}: {doubt}", bag.display())));
             truth[idx] = Some(Truth { track, tare });
         }
         Ok(Labelled { notes, annotations, cuts, truth, missing })

@@ -157,7 +157,11 @@ impl<'a> Plan<'a> {
     ) -> Result<(Session, Vec<Core>), Failure> {
         let labelled = Labelled::read(bag, &self.cfg, self.split, self.needs_truth)?;
         let mut summary = labelled.summary(bag, &self.cfg)?;
-        let Modelled { columns, cores, counters, zero, losses } = run_models(bag, &labelled, cores, self.zero, done)?;
+        let Modelled { columns, cores, counters, zero, verdict, losses } =
+            run_models(bag, &labelled, cores, self.zero, done)?;
+        // Here the models are on trial, and one that reads force at rest gets the scores of that: it is said, not refused.
+        let said = verdict.unwrap_or_else(|error| Some(error.to_string()));
+        said.iter().for_each(|said| say(&format!("{}: its zero is not reliable: {said}", bag.display())));
         (summary.losses, summary.zero) = (losses, zero);
         let recorded = match &self.recorded {
             Some(topic) => {

@@ -25,6 +25,9 @@ pub(super) struct PoseQualityArgs {
     /// The same with this share of the joint messages lost
     #[arg(long, value_name = "SHARE,..", value_delimiter = ',')]
     pose_dropout: Vec<f64>,
+    /// The same with joint messages at this rate, at times as uneven as a camera's
+    #[arg(long, value_name = "HZ,..", value_delimiter = ',')]
+    pose_rate_hz: Vec<f64>,
 }
 
 impl PoseQualityArgs {
@@ -36,6 +39,7 @@ impl PoseQualityArgs {
         levels.extend(self.pose_bias_deg.iter().map(|amount| PoseQuality { bias_deg: *amount, ..perfect() }));
         levels.extend(self.pose_delay_ms.iter().map(|amount| PoseQuality { delay_ms: *amount, ..perfect() }));
         levels.extend(self.pose_dropout.iter().map(|amount| PoseQuality { dropout: *amount, ..perfect() }));
+        levels.extend(self.pose_rate_hz.iter().map(|amount| PoseQuality { rate_hz: Some(*amount), ..perfect() }));
         levels.iter().try_for_each(PoseQuality::check)?;
         Ok(levels)
     }
@@ -52,8 +56,10 @@ pub(super) struct PoseQualityScores {
 
 /// An amount in words, and what kind it is of.
 pub(super) fn words(quality: &PoseQuality) -> (&'static str, String) {
-    let PoseQuality { noise_deg, bias_deg, delay_ms, dropout } = *quality;
-    if bias_deg > 0.0 {
+    let PoseQuality { noise_deg, bias_deg, delay_ms, dropout, rate_hz } = *quality;
+    if let Some(rate_hz) = rate_hz {
+        ("rate", format!("rate {rate_hz} Hz"))
+    } else if bias_deg > 0.0 {
         ("bias", format!("bias {bias_deg} deg"))
     } else if delay_ms != 0.0 {
         ("delay", format!("delay {delay_ms} ms"))

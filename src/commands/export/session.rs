@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicU64;
 use super::super::eval::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models};
 use super::super::sessions::session_name;
 use super::super::setup::{batch_hint, input_topics, load_models, load_models_quietly, without_unused_joints};
-use super::super::zero::ZeroFrom;
 use super::super::{Failure, interrupt, say};
 use super::Args;
 use crate::bag::{BagReader, Input, Inputs};
@@ -15,6 +14,7 @@ use crate::export::Session;
 use crate::msg::EstimateTopics;
 use crate::recording::{EstimateTrack, PoseQuality, Samples};
 use crate::units::GramForce;
+use crate::zero::ZeroFrom;
 
 /// Reads bags, one after the other.
 pub(super) struct Loader<'a> {
@@ -90,7 +90,9 @@ impl<'a> Loader<'a> {
         };
         let done = AtomicU64::new(0);
         let modelled = run_models(bag, labelled, vec![core], &self.args.zero, &done)?;
-        let Modelled { mut columns, mut cores, zero, .. } = modelled;
+        let Modelled { mut columns, mut cores, zero, verdict, .. } = modelled;
+        let in_bag = |error| Failure(format!("{}: {error}", bag.display()));
+        verdict.map_err(in_bag)?.iter().for_each(|note| say(&format!("{}: {note}", bag.display())));
         self.core = cores.pop();
         Ok((columns.pop().unwrap_or_default(), zero))
     }
@@ -136,8 +138,10 @@ fn read_samples(bag: &Path, cfg: &Config) -> Result<(Samples, Vec<String>, Vec<S
     loop {
         interrupt::check()?;
         let Some(message) = reader.next_message()? else { break };
-        if let Input::Event(event) = inputs.decode(&message)? {
-            samples.handle_event(&event)?;
+        for part in inputs.parts(message.channel)? {
+            if let Input::Event(event) = inputs.decode(&message, part) {
+                samples.handle_event(&event)?;
+            }
         }
     }
     let used = cfg.fusion.regions.iter().flat_map(|region| &region.joints);

@@ -7,11 +7,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::super::setup::shown;
-use super::super::zero::ZeroFrom;
 use super::session::Loaded;
 use crate::columns::Cells;
 use crate::config::Config;
 use crate::export::Episode;
+use crate::zero::ZeroFrom;
 
 /// An export in numbers.
 #[derive(Debug, Default, Serialize)]

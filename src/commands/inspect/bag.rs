@@ -1,14 +1,16 @@
 //! A bag in one pass, in memory that grows with the number of topics alone.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::candidates::{Candidates, View, candidates};
+use super::force::Skin;
+use super::format::printable;
 use super::stamps::StampStats;
 use super::topic::Topic;
-use super::{Failure, shown};
+use super::{Failure, say, shown};
 use crate::bag::{BagChannel, BagMessage, BagReader, BagStats, TopicStats};
 use crate::commands::progress::Progress;
 use crate::msg::canonical_type_name;
@@ -31,6 +33,9 @@ pub(super) struct BagReport {
     pub(super) duration_s: Option<f64>,
     /// In order of name.
     pub(super) topics: Vec<TopicReport>,
+    /// Topics that are not told of because there are too many; their messages are counted.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub(super) n_more_topics: usize,
     #[serde(flatten)]
     pub(super) candidates: Candidates,
     /// What could not be read.
@@ -56,6 +61,17 @@ fn key_of(topic: &str, type_name: &str, encoding: &str) -> Key {
     (topic.to_owned(), type_name, encoding.to_owned())
 }
 
+/// Topics that are told of. A robot has some hundred; a hostile bag may have millions.
+const MAX_TOPICS: usize = 4096;
+
+/// What all topics together may have: bytes of definitions that are read, and fields with numbers that are looked at.
+const MAX_DEFINITION_BYTES: usize = 64 << 20;
+const MAX_FIELDS: usize = 300_000;
+
+fn is_zero(n: &usize) -> bool {
+    *n == 0
+}
+
 /// What runs while messages come.
 #[derive(Default)]
 struct Gather {
@@ -64,37 +80,68 @@ struct Gather {
     stamps: BagStats,
     topics: Vec<Topic>,
     by_key: BTreeMap<Key, usize>,
-    /// Place in `topics` of each channel, by its id.
-    by_channel: BTreeMap<usize, usize>,
+    /// Place in `topics` of each channel, by its id; `None` of those that are not told of.
+    by_channel: BTreeMap<usize, Option<usize>>,
+    n_more_topics: usize,
+    /// Messages of those.
+    n_more_messages: u64,
+    definition_bytes: usize,
+    n_fields: usize,
+    /// The newest of arrays that are named as taxels are.
+    skins: Vec<Skin>,
 }
 
 impl Gather {
-    fn topic(&mut self, channel: &BagChannel) -> usize {
+    fn topic(&mut self, channel: &BagChannel) -> Option<usize> {
         if let Some(&idx) = self.by_channel.get(&channel.id) {
             return idx;
         }
         let key = key_of(&channel.topic, channel.type_name(), &channel.message_encoding);
-        let idx = *self.by_key.entry(key).or_insert_with(|| {
-            self.topics.push(Topic::new(channel));
-            self.topics.len() - 1
+        let known = self.by_key.get(&key).copied();
+        let idx = known.or_else(|| {
+            if self.topics.len() == MAX_TOPICS {
+                self.n_more_topics += 1; // as often as it is defined anew
+                return None;
+            }
+            let topic = self.look_into(channel);
+            self.topics.push(topic);
+            self.by_key.insert(key, self.topics.len() - 1);
+            Some(self.topics.len() - 1)
         });
         self.by_channel.insert(channel.id, idx);
         idx
     }
 
+    /// The topic of a channel, looked into as long as the topics before it have left anything to spend on that.
+    fn look_into(&mut self, channel: &BagChannel) -> Topic {
+        let len = channel.schema.as_ref().map_or(0, |schema| schema.data.len());
+        self.definition_bytes = self.definition_bytes.saturating_add(len);
+        if self.definition_bytes > MAX_DEFINITION_BYTES || self.n_fields > MAX_FIELDS {
+            return Topic::unseen(channel, "the definitions of the other topics are too long to look into this one");
+        }
+        let topic = Topic::new(channel);
+        self.n_fields += topic.look.as_ref().map_or(0, |look| look.numeric.len());
+        topic
+    }
+
     fn handle(&mut self, message: &BagMessage<'_>) {
+        let Some(idx) = self.topic(message.channel) else {
+            self.n_more_messages += 1;
+            return;
+        };
         self.stats.handle_message(message);
-        let idx = self.topic(message.channel);
         if let Some(stamp) = self.topics[idx].handle(message) {
             self.stamps.handle_message(&BagMessage { log_time: stamp, ..*message });
         }
+        self.topics[idx].follow(idx, message.data, &mut self.skins);
     }
 }
 
 impl BagReport {
     /// Reads the bag at `path` from its first message to its last.
     pub(super) fn read(path: &Path) -> Result<Self, Failure> {
-        let mut reader = BagReader::open(&[path.to_path_buf()])?;
+        let mut reader = BagReader::open_as_written(&[path.to_path_buf()])?;
+        reader.notes().iter().for_each(|note| say(&printable(note)));
         let mut gather = Gather::default();
         let mut progress = Progress::bytes("inspect", reader.bytes_total());
         loop {
@@ -112,15 +159,16 @@ impl BagReport {
         let span = first_ns.zip(last_ns).map(|(first, last)| last.saturating_sub(first));
         Ok(BagReport {
             path: shown(path),
-            files: files(path),
+            files: files(path, &reader),
             size_bytes: reader.bytes_total(),
-            n_messages: topics.iter().map(|topic| topic.stats.n_messages).sum(),
+            n_messages: topics.iter().map(|topic| topic.stats.n_messages).sum::<u64>() + gather.n_more_messages,
             n_messages_stated: reader.summary().n_messages,
             first_ns,
             last_ns,
             duration_s: span.map(|ns| ns as f64 / NANOS_PER_SEC as f64),
-            candidates: candidates(&views(&gather, &topics)),
+            candidates: candidates(&views(&gather, &topics), &gather.skins),
             topics,
+            n_more_topics: gather.n_more_topics,
             losses: reader.losses().iter().map(ToString::to_string).collect(),
         })
     }
@@ -180,6 +228,9 @@ fn notes(topic: &Topic) -> Vec<String> {
     if let Some(first) = &look.first_error {
         notes.push(format!("{} messages could not be read, the first: {first}", look.n_unreadable));
     }
+    if topic.type_name == "sensor_msgs/msg/PointCloud2" {
+        notes.push("a field of its points is read by its name, such as field: \"data[].z\"".to_owned());
+    }
     if look.n_too_long > 0 {
         notes.push(format!("{} messages over 1 MiB were not searched for arrays", look.n_too_long));
     }
@@ -199,27 +250,11 @@ fn views<'a>(gather: &'a Gather, reports: &'a [TopicReport]) -> Vec<View<'a>> {
     reports.iter().zip(gather.by_key.values()).filter_map(view).collect()
 }
 
-/// Names of the files behind a path that the reader has opened: those that `metadata.yaml` lists, else all there are.
-fn files(path: &Path) -> Vec<String> {
-    #[derive(Deserialize)]
-    struct Document {
-        rosbag2_bagfile_information: Listing,
-    }
-    #[derive(Deserialize)]
-    struct Listing {
-        relative_file_paths: Vec<String>,
-    }
-    let name = |path: PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    if !path.is_dir() {
-        return name(path.to_path_buf()).into_iter().collect();
-    }
-    let listing = std::fs::read_to_string(path.join("metadata.yaml")).unwrap_or_default();
-    if let Ok(document) = serde_saphyr::from_str::<Document>(&listing) {
-        return document.rosbag2_bagfile_information.relative_file_paths;
-    }
-    let entries = std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut names: Vec<String> =
-        entries.filter(|path| path.extension().is_some_and(|extension| extension == "mcap")).filter_map(name).collect();
-    names.sort();
-    names
+/// Names of the files behind a path: within a folder, as they lie in it.
+fn files(path: &Path, reader: &BagReader) -> Vec<String> {
+    let name = |file: &Path| match file.strip_prefix(path) {
+        Ok(within) if path.is_dir() => within.display().to_string(),
+        _ => file.file_name().map_or_else(|| shown(file), |name| name.to_string_lossy().into_owned()),
+    };
+    reader.files().map(name).collect()
 }

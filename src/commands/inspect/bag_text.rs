@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::bag::{BagReport, TopicReport};
 use super::candidates::{Candidates, Likelihood};
-use super::force::ForceCandidate;
+use super::force::{ForceCandidate, ForceRange};
 use super::format::{bytes, count, known, number, printable, range, seconds, shortened, table};
 use super::joints::{Angle, JointCandidate};
 use super::tactile::TactileCandidate;
@@ -16,6 +16,8 @@ const MAX_UNLIKELY: usize = 4;
 const MAX_FULL: usize = 12;
 const MAX_FILES: usize = 10;
 const MAX_JOINTS: usize = 24;
+/// Correlation from which on a force goes with taxels.
+const FOLLOWS: f64 = 0.3;
 
 pub(super) fn text(bag: &BagReport) -> String {
     let mut text = format!("{}\n", printable(&bag.path));
@@ -37,6 +39,11 @@ pub(super) fn text(bag: &BagReport) -> String {
         let more = bag.files.len().saturating_sub(MAX_FILES);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         line(&mut text, 2, &format!("files: {}{more}", shown.join(", ")));
+    }
+    if bag.n_more_topics > 0 {
+        let words =
+            format!("{} further topics are not told of, only their messages counted", count(bag.n_more_topics as u64));
+        line(&mut text, 2, &words);
     }
     if !bag.losses.is_empty() {
         let n = plural(bag.losses.len() as u64, "loss", "losses");
@@ -255,5 +262,15 @@ fn force(one: &ForceCandidate) -> String {
     let fields: Vec<String> = one.fields.iter().map(|field| printable(field)).collect();
     let rate = one.rate_hz.map(|rate| format!(", {} Hz", number(rate))).unwrap_or_default();
     line(&mut text, 6, &format!("{}{rate}", fields.join(", ")));
+    for ForceRange { field, values: [least, most], with_taxels, taxels } in &one.ranges {
+        let way = match (with_taxels, taxels) {
+            (Some(with), Some(taxels)) if *with >= FOLLOWS => format!("; it rises with {taxels}"),
+            (Some(with), Some(taxels)) if *with <= -FOLLOWS => {
+                format!("; it falls where {taxels} rise: if that is a press, sign: -1")
+            }
+            _ => String::new(),
+        };
+        line(&mut text, 6, &printable(&format!("{field}: {} to {}{way}", number(*least), number(*most))));
+    }
     text
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::force::{self, ForceCandidate};
+use super::force::{self, ForceCandidate, Skin};
 use super::joints::{self, JointCandidate};
 use super::parameters::text;
 use super::stamps::StampStats;
@@ -66,7 +66,7 @@ pub(super) struct Candidates {
 }
 
 /// What these topics can be, the likeliest first, topics in order of name where they are alike.
-pub(super) fn candidates(views: &[View<'_>]) -> Candidates {
+pub(super) fn candidates(views: &[View<'_>], skins: &[Skin]) -> Candidates {
     let contacts = views.iter().filter(|view| view.topic.type_name == "tactile_pose_fusion/msg/ContactArray");
     let estimates_of: Vec<&str> = contacts.filter_map(|view| view.topic.name.strip_suffix("contacts")).collect();
     let mut found = Candidates::default();
@@ -76,7 +76,7 @@ pub(super) fn candidates(views: &[View<'_>]) -> Candidates {
             found.joints.extend(joints::candidate(view, array));
         }
         if view.stats.is_some() {
-            found.force.extend(force::candidate(view, &estimates_of));
+            found.force.extend(force::candidate(view, &estimates_of, skins));
         }
         if let (Some(n_zero_load), Some(stats)) = (view.look.n_zero_load, view.stats) {
             let topic = view.topic.name.clone();

@@ -3,10 +3,14 @@
 use super::hints;
 use super::joints::JointRun;
 use crate::msg::definition::{Primitive, TypeTree};
-use crate::msg::dynamic::{ElementKind, FieldKind, FieldPlan, NumericPath, ReadAs, ReadError, numeric_paths};
+use crate::msg::dynamic::{
+    ElementKind, FieldKind, FieldPlan, NumericPath, ReadAs, ReadError, numeric_paths, text_paths,
+};
 
 /// Most arrays of one topic that are looked at; five fingers of several sensors each have fewer.
 const MAX_ARRAYS: usize = 32;
+
+const POINT_CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 
 /// Most pairs of rows and columns that are tried on them.
 const MAX_GRIDS: usize = 4;
@@ -17,6 +21,10 @@ pub(super) struct ArrayWatch {
     pub(super) path: String,
     pub(super) kind: FieldKind,
     plan: FieldPlan,
+    /// Whether topic, type or field are named as taxels are.
+    pub(super) is_skin: bool,
+    /// Mean of the newest values.
+    pub(super) mean: f64,
     /// Messages that it was read from.
     pub(super) n_seen: u64,
     /// Fewest and most values in a message.
@@ -27,6 +35,8 @@ pub(super) struct ArrayWatch {
     pub(super) fits: Vec<GridFit>,
     /// Where its name suggests that it holds joint angles.
     pub(super) joints: Option<JointRun>,
+    /// The strings that may name those.
+    names: Option<FieldPlan>,
 }
 
 /// Counts that may explain the length of an array.
@@ -54,9 +64,13 @@ pub(super) fn arrays(tree: &TypeTree, topic: &str, n_grids: usize) -> (Vec<Array
         numeric_paths(tree).into_iter().filter(|numeric| is_wanted(tree.type_name(), topic, numeric)).collect();
     let n_more = wanted.len().saturating_sub(MAX_ARRAYS);
     let watch = |numeric: NumericPath| {
+        let joints = JointRun::of(tree.type_name(), topic, &numeric.path);
         Some(ArrayWatch {
             plan: FieldPlan::compile(tree, &numeric.path, ReadAs::Numbers).ok()?,
-            joints: JointRun::of(tree.type_name(), topic, &numeric.path),
+            names: joints.as_ref().and_then(|_| names_plan(tree, &numeric.path)),
+            joints,
+            is_skin: hints::told(topic, tree.type_name(), &numeric.path, hints::TACTILE).is_some(),
+            mean: f64::NAN,
             path: numeric.path,
             kind: numeric.kind,
             n_seen: 0,
@@ -66,6 +80,18 @@ pub(super) fn arrays(tree: &TypeTree, topic: &str, n_grids: usize) -> (Vec<Array
         })
     };
     (wanted.into_iter().take(MAX_ARRAYS).filter_map(watch).collect(), n_more)
+}
+
+/// The strings that may name the values of an array: those beside each value, else those of the message.
+fn names_plan(tree: &TypeTree, path: &str) -> Option<FieldPlan> {
+    let texts = text_paths(tree);
+    let of = |parent: &str, hints: &[&str]| {
+        let is_it = |text: &&String| split(text).0 == parent && hints::found(split(text).1, hints).is_some();
+        texts.iter().find(is_it).and_then(|text| FieldPlan::compile(tree, text, ReadAs::Texts).ok())
+    };
+    let beside = split(path).0;
+    let named = if beside.is_empty() { None } else { of(beside, &["name", "joint", "type", "label"]) };
+    named.or_else(|| of("", &["name", "joint"]))
 }
 
 fn is_wanted(type_name: &str, topic: &str, numeric: &NumericPath) -> bool {
@@ -80,6 +106,8 @@ fn is_wanted(type_name: &str, topic: &str, numeric: &NumericPath) -> bool {
     match type_name {
         "sensor_msgs/msg/JointState" => path == "position",
         "tactile_pose_fusion/msg/TaxelArray" => path == "values",
+        // Its points are read by the names of their fields, which messages say.
+        POINT_CLOUD => false,
         _ if hints::is_ours(type_name) => false,
         _ if hints::is_standard(type_name) => hints::found(topic, hints::TACTILE).is_some(),
         _ => true,
@@ -88,6 +116,9 @@ fn is_wanted(type_name: &str, topic: &str, numeric: &NumericPath) -> bool {
 
 /// Pairs of counts in a type whose names say rows and columns.
 pub(super) fn grids(tree: &TypeTree) -> Vec<Grid> {
+    if tree.root().field("encoding").is_some() && tree.root().field("step").is_some() {
+        return Vec::new(); // height and width of an image are one grid of taxels, no samples after one another
+    }
     if let Ok(sizes) = FieldPlan::compile(tree, "layout.dim[].size", ReadAs::Numbers) {
         return vec![Grid::Layout(sizes)];
     }
@@ -135,17 +166,23 @@ impl Grid {
 }
 
 impl ArrayWatch {
-    /// Takes in the array of one message; `grids` are the counts that it states, `names` its joints where it names them.
+    /// Path of the strings that may name the joints.
+    pub(super) fn names_path(&self) -> Option<&str> {
+        self.names.as_ref().map(FieldPlan::path)
+    }
+
+    /// Takes in the array of one message; `grids` are the counts that it states, `names` a buffer.
     pub(super) fn handle(
         &mut self,
         cdr: &[u8],
         grids: &[Option<(u64, Option<u64>)>],
-        names: Option<&[String]>,
+        names: &mut Vec<String>,
         values: &mut Vec<f32>,
     ) -> Result<(), ReadError> {
         values.clear();
         let len = self.plan.read_f32(cdr, values)? as u64;
         self.n_values = spanned(self.n_seen, self.n_values, len);
+        self.mean = values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64;
         for value in values.iter().copied().filter(|value| value.is_finite()) {
             let [least, most] = self.values.get_or_insert([value, value]);
             (*least, *most) = (least.min(value), most.max(value));
@@ -162,7 +199,10 @@ impl ArrayWatch {
         }
         self.n_seen += 1;
         if let Some(joints) = &mut self.joints {
-            joints.handle(names, values);
+            if let Some(plan) = &self.names {
+                plan.read_texts(cdr, names)?;
+            }
+            joints.handle(self.names.is_some().then_some(names.as_slice()), values);
         }
         Ok(())
     }

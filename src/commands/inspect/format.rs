@@ -2,6 +2,8 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 
+pub(super) use crate::bag::printable;
+
 /// What stands where a number is not known.
 pub(super) const UNKNOWN: &str = "-";
 
@@ -64,12 +66,6 @@ pub(super) fn seconds(s: f64) -> String {
         120..=7199 => format!("{} min {:02} s", whole / 60, whole % 60),
         _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
     }
-}
-
-/// Foreign text on one line, without what would steer a terminal.
-pub(super) fn printable(text: &str) -> String {
-    let steers = |c: char| c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-    text.chars().map(|c| if steers(c) { ' ' } else { c }).collect()
 }
 
 /// As [`printable`], cut off where it is longer than `most` characters.

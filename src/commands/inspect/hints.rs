@@ -2,9 +2,9 @@
 
 /// Words of taxels.
 pub(super) const TACTILE: &[&str] =
-    &["tactile", "taxel", "touch", "skin", "uskin", "glove", "fsr", "fingertip", "pressure"];
+    &["tactile", "taxel", "touch", "skin", "uskin", "glove", "fsr", "fingertip", "pressure", "pillar"];
 /// Words of joint angles.
-pub(super) const JOINT: &[&str] = &["joint", "encoder", "position", "angle", "servo"];
+pub(super) const JOINT: &[&str] = &["joint", "encoder", "position", "angle", "servo", "ergonomic"];
 /// Words of forces.
 pub(super) const FORCE: &[&str] = &["force", "load", "wrench"];
 /// Words of the number of consecutive samples in a message, or of rows.

@@ -18,6 +18,9 @@ const MAX_JOINTS: usize = 256;
 const NO_ANGLE: &[&str] =
     &["vel", "effort", "torque", "current", "force", "acc", "temp", "volt", "taxel", "tactile", "stamp"];
 
+/// Last names of paths that lead to parts of positions and orientations in space.
+const COORDINATES: &[&str] = &["x", "y", "z", "w"];
+
 /// One joint angle as it was seen.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Angle {
@@ -66,6 +69,7 @@ impl JointRun {
             || (!hints::is_ours(type_name)
                 && !hints::is_standard(type_name)
                 && hints::found(path, NO_ANGLE).is_none()
+                && !COORDINATES.contains(&path.rsplit('.').next().unwrap_or_default())
                 && hints::told(topic, type_name, path, hints::JOINT).is_some());
         is_one.then(JointRun::default)
     }
@@ -140,7 +144,7 @@ pub(super) fn candidate(view: &View<'_>, array: &ArrayWatch) -> Option<JointCand
     let mut block = Block::new("joint", &topic.name, &topic.type_name);
     if !is_joint_state {
         block.line("field", &text(&array.path));
-        match look.names_path().filter(|_| is_named) {
+        match array.names_path().filter(|_| is_named) {
             Some(path) => block.line("names_field", &text(path)),
             None => {
                 let names: Vec<String> =

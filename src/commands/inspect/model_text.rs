@@ -46,6 +46,13 @@ pub(super) fn text(model: &ModelInfo) -> String {
     };
     line("base", base);
     line(
+        "run by",
+        &match &model.not_builtin {
+            None => "built-in code, unless parameters ask for a runtime: it is the paper's network".to_owned(),
+            Some(reason) => format!("ONNX Runtime or RTen: {reason}"),
+        },
+    );
+    line(
         "mdf",
         &match contract.mdf {
             Some(mdf) => {

@@ -164,6 +164,14 @@ fn judge(
         reasons.push(hint);
     }
     let other = told(hints::JOINT).or(told(hints::FORCE));
+    // A glove's message may hold more than taxels: the name of a field knows better than that of its topic.
+    let field_says = |hints| hints::found(&array.path, hints);
+    if let (Likelihood::Likely, None, Some(hint)) =
+        (likelihood, field_says(hints::TACTILE), field_says(hints::JOINT).filter(|_| topic.type_name != TAXEL_ARRAY))
+    {
+        likelihood = Likelihood::Possible;
+        reasons.push(format!("but its field says '{hint}'"));
+    }
     if likelihood == Likelihood::Unlikely {
         if topic.type_name.ends_with("MultiArray") && other.is_none() {
             likelihood = Likelihood::Possible;
@@ -180,6 +188,9 @@ fn judge(
         reasons.extend(other.map(|hint| format!("but {hint}")));
     }
     let mut against = Vec::new();
+    if topic.type_name.ends_with("MultiArray") && array.kind.element.is_byte() {
+        against.push("its elements are single bytes: where a reading takes several, they are no readings".to_owned());
+    }
     if n_taxels.is_none() {
         against.push("its length varies".to_owned());
     }

@@ -1,6 +1,7 @@
 //! One topic of a bag, looked into by its own schema.
 
 use super::fields::{self, ArrayWatch, Grid};
+use super::force::{self, ForceWatch, MAX_SKINS, Skin};
 use super::stamps::StampRun;
 use crate::bag::{BagChannel, BagMessage};
 use crate::msg::definition::{Arity, BaseType, TypeTree, canonical_type_name};
@@ -30,10 +31,10 @@ pub(super) struct Look {
     pub(super) arrays: Vec<ArrayWatch>,
     /// Arrays that are not looked at because there are too many.
     pub(super) n_more_arrays: usize,
-    /// Path of the strings that may name the joints.
-    names: Option<FieldPlan>,
     /// Path of the time between samples of one message.
     pub(super) row_period: Option<String>,
+    /// Numbers that can be forces.
+    pub(super) forces: Vec<ForceWatch>,
     /// All fields with numbers.
     pub(super) numeric: Vec<NumericPath>,
     /// Stage annotations, and how many of them say that nothing is touched.
@@ -51,17 +52,42 @@ struct Buffers {
     values: Vec<f32>,
     names: Vec<String>,
     counts: Vec<Option<(u64, Option<u64>)>>,
+    numbers: Vec<f64>,
 }
 
 impl Topic {
     /// The topic of a channel, before its first message.
     pub(super) fn new(channel: &BagChannel) -> Self {
+        let look = tree_of(channel).map(|tree| Look::new(&tree, &channel.topic));
+        Topic { look, ..Topic::unseen(channel, "") }
+    }
+
+    /// A topic that isn't looked into, and why.
+    pub(super) fn unseen(channel: &BagChannel, why: &str) -> Self {
         let type_name = channel.type_name();
         Topic {
             name: channel.topic.clone(),
             type_name: if type_name.is_empty() { String::new() } else { canonical_type_name(type_name) },
             encoding: channel.message_encoding.clone(),
-            look: tree_of(channel).map(|tree| Look::new(&tree, &channel.topic)),
+            look: Err(why.to_owned()),
+        }
+    }
+
+    /// Takes the newest taxels of a message out to `skins`, and holds its forces against those that are there.
+    pub(super) fn follow(&mut self, topic_idx: usize, cdr: &[u8], skins: &mut Vec<Skin>) {
+        let Ok(look) = &mut self.look else { return };
+        for (array_idx, array) in look.arrays.iter().enumerate().filter(|(_, array)| array.is_skin) {
+            let key = (topic_idx, array_idx);
+            match skins.iter().position(|skin| skin.key == key) {
+                Some(known) => skins[known].mean = array.mean,
+                None if skins.len() < MAX_SKINS => {
+                    skins.push(Skin { key, name: format!("{} ({})", self.name, array.path), mean: array.mean });
+                }
+                None => {}
+            }
+        }
+        if cdr.len() <= LOOK_LIMIT {
+            look.forces.iter_mut().for_each(|force| force.handle(cdr, skins, &mut look.buffers.numbers));
         }
     }
 
@@ -100,8 +126,8 @@ impl Look {
             arrays,
             n_more_arrays,
             grids,
-            names: names_plan(tree),
             row_period: row_period(tree),
+            forces: force::watches(tree, topic),
             numeric: numeric_paths(tree),
             n_zero_load: (tree.type_name() == Stage::TYPE_NAME).then_some(0),
             n_too_long: 0,
@@ -116,11 +142,6 @@ impl Look {
         self.stamp.as_ref().map(FieldPlan::path)
     }
 
-    /// Path of the strings that may name the joints.
-    pub(super) fn names_path(&self) -> Option<&str> {
-        self.names.as_ref().map(FieldPlan::path)
-    }
-
     fn handle(&mut self, message: &BagMessage<'_>) -> Result<Option<Stamp>, ReadError> {
         let cdr = message.data;
         let stamp = self.stamp.as_ref().map(|plan| plan.read_stamp(cdr)).transpose()?;
@@ -130,17 +151,13 @@ impl Look {
         if cdr.len() > LOOK_LIMIT {
             self.n_too_long += u64::from(!self.arrays.is_empty());
         } else if !self.arrays.is_empty() {
-            let Buffers { values, names, counts } = &mut self.buffers;
+            let Buffers { values, names, counts, .. } = &mut self.buffers;
             counts.clear();
             for grid in &self.grids {
                 counts.push(grid.read(cdr, values).unwrap_or(None)); // a negative count counts nothing
             }
-            let is_wanted = self.names.is_some() && self.arrays.iter().any(|array| array.joints.is_some());
-            if let (true, Some(plan)) = (is_wanted, &self.names) {
-                plan.read_texts(cdr, names)?;
-            }
             for array in &mut self.arrays {
-                array.handle(cdr, counts, is_wanted.then_some(names), values)?;
+                array.handle(cdr, counts, names, values)?;
             }
         }
         Ok(stamp.filter(|stamp| self.stamps.handle(*stamp, message.log_time)))
@@ -160,14 +177,6 @@ fn stamp_plan(tree: &TypeTree) -> Option<FieldPlan> {
     std::iter::once("header.stamp".to_owned())
         .chain(by_type)
         .find_map(|path| FieldPlan::compile(tree, &path, ReadAs::Stamp).ok())
-}
-
-fn names_plan(tree: &TypeTree) -> Option<FieldPlan> {
-    let names =
-        tree.root().fields.iter().filter(|field| super::hints::found(&field.name, &["name", "joint"]).is_some());
-    names
-        .filter(|field| field.ty.arity != Arity::One)
-        .find_map(|field| FieldPlan::compile(tree, &field.name, ReadAs::Texts).ok())
 }
 
 fn row_period(tree: &TypeTree) -> Option<String> {

@@ -10,12 +10,12 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::super::zero::LoadCheck;
-use super::super::{Failure, interrupt};
+use super::super::{Failure, interrupt, say};
 use crate::bag::{BagError, BagReader, BagRecord, BagWriter, EstimateWriter, Input, Inputs, PassThrough, Portion};
 use crate::config::Config;
 use crate::fusion::{Contract, Forces, Fusion, RegressError, Regressor, SharedWindows, Tick};
 use crate::units::Stamp;
+use crate::zero::LoadCheck;
 
 /// Bytes of messages at which a portion is closed: a few hundred frames.
 const PORTION_BYTES: usize = 256 << 10;
@@ -179,9 +179,11 @@ impl Core<'_> {
         for (idx, record) in portion.records().enumerate() {
             interrupt::check()?;
             let BagRecord::Message(message) = record else { continue };
-            if let Input::Event(event) = self.inputs.decode(&message)? {
-                self.fusion.handle(event);
-                self.drain(idx + 1, &mut ticks)?;
+            for part in self.inputs.parts(message.channel)? {
+                if let Input::Event(event) = self.inputs.decode(&message, part) {
+                    self.fusion.handle(event);
+                    self.drain(idx + 1, &mut ticks)?;
+                }
             }
         }
         self.busy += began.elapsed();
@@ -198,7 +200,7 @@ impl Core<'_> {
         self.inputs.check_end(self.fusion.missing_joints())?;
         self.check_used()?;
         if let Some(check) = self.check.take() {
-            check.judge(self.cfg)?;
+            check.judge(self.cfg)?.iter().for_each(|note| say(note));
         }
         Ok(Fused { portion: Portion::default(), ticks })
     }
@@ -211,7 +213,7 @@ impl Core<'_> {
             if let Some(check) = &mut self.check
                 && !check.takes(tick)
             {
-                check.judge(self.cfg)?;
+                check.judge(self.cfg)?.iter().for_each(|note| say(note));
                 self.check = None;
             }
         }

@@ -1,23 +1,29 @@
 //! The recording of a live run: inputs in the order in which they were handled, and the estimates that they gave.
 
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::super::{FLUSH_EVERY, Failure};
 use crate::bag::{BEST_EFFORT_QOS, BagError, BagWriter, Finished, NewChannel, OutChannel, WriteOptions};
-use crate::config::Config;
 use crate::msg::{ContactArray, Slot, WrenchStamped, type_hash};
 use crate::ros::definitions::Definitions;
-use crate::ros::{Names, Record};
+use crate::ros::{InputName, Names, Record};
 
 /// Messages that may wait for the disk: some seconds of a fast glove with five regions.
 const CAPACITY: usize = 65_536;
 
+/// How often it is looked whether it is over.
+const LOOK: Duration = Duration::from_millis(50);
+
 /// A recording under way, on a thread of its own.
 pub(super) struct Recording {
     thread: JoinHandle<Result<Finished, BagError>>,
+    /// Whether what was sent so far is all.
+    over: Arc<AtomicBool>,
     /// Where it is until it is complete.
     unfinished: PathBuf,
 }
@@ -31,14 +37,12 @@ struct Channels {
 /// Begins a recording; what is sent is written.
 pub(super) fn start(
     out: &Path,
-    cfg: &Config,
     names: &Names,
     definitions: &Definitions,
 ) -> Result<(SyncSender<Record>, Recording), Failure> {
     let mut bag = BagWriter::create(out, WriteOptions::default())?;
-    let types = cfg.tactile.iter().map(|topic| &topic.type_name).chain(cfg.joints.iter().map(|topic| &topic.type_name));
     let mut inputs = Vec::new();
-    for (topic, type_name) in names.inputs.iter().zip(types) {
+    for InputName { topic, type_name, .. } in &names.inputs {
         let channel = NewChannel {
             topic,
             type_name,
@@ -46,7 +50,7 @@ pub(super) fn start(
             qos_yaml: BEST_EFFORT_QOS,
             type_hash: &type_hash(&definitions.tree(type_name)?),
         };
-        inputs.push(bag.add_channel(channel)?);
+        inputs.push(bag.add_live_input(channel)?);
     }
     let wrenches = names.estimates.wrenches.iter().map(|topic| bag.add_topic::<WrenchStamped>(topic));
     let wrenches = wrenches.collect::<Result<_, _>>()?;
@@ -54,13 +58,17 @@ pub(super) fn start(
     let unfinished = bag.keep_unfinished();
     let (sender, receiver) = sync_channel(CAPACITY);
     let channels = Channels { inputs, wrenches, contacts };
-    let thread = std::thread::Builder::new().name("record".into()).spawn(move || write(bag, &channels, &receiver))?;
-    Ok((sender, Recording { thread, unfinished }))
+    let over = Arc::new(AtomicBool::new(false));
+    let is_over = Arc::clone(&over);
+    let work = move || write(bag, &channels, &receiver, &is_over);
+    let thread = std::thread::Builder::new().name("record".into()).spawn(work)?;
+    Ok((sender, Recording { thread, over, unfinished }))
 }
 
 impl Recording {
-    /// Completes it, once everyone who sends is gone.
+    /// Completes it with what was sent so far, also where who sends hangs.
     pub(super) fn finish(self) -> Result<Finished, Failure> {
+        self.over.store(true, Ordering::Release);
         let why = match self.thread.join() {
             Ok(Ok(finished)) => return Ok(finished),
             Ok(Err(error)) => error.to_string(),
@@ -71,9 +79,20 @@ impl Recording {
     }
 }
 
-fn write(mut bag: BagWriter, channels: &Channels, records: &Receiver<Record>) -> Result<Finished, BagError> {
+fn write(
+    mut bag: BagWriter,
+    channels: &Channels,
+    records: &Receiver<Record>,
+    over: &AtomicBool,
+) -> Result<Finished, BagError> {
     let mut flushed = Instant::now();
-    while let Ok(record) = records.recv() {
+    loop {
+        let is_over = over.load(Ordering::Acquire);
+        let record = match records.recv_timeout(LOOK) {
+            Ok(record) => record,
+            Err(RecvTimeoutError::Timeout) if !is_over => continue,
+            Err(_) => break,
+        };
         let (channel, received, cdr) = match record {
             Record::Input { input, received, cdr } => (channels.inputs[input], received, cdr),
             Record::Output { slot: Slot::Wrench(region), received, cdr } => (channels.wrenches[region], received, cdr),

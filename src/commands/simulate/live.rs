@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{JOINTS, Message, STAGE, TAXELS, TRUTH, message};
+use crate::leave;
 use crate::msg::{JointState, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
-use crate::sim::{Fault, LiveSession, Prompt, SYNTHETIC_TOPIC, SessionSpec};
+use crate::sim::{Activity, FULL_MINUTES, Fault, LiveSession, Prompt, SYNTHETIC_TOPIC, SessionSpec};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";
@@ -18,13 +19,17 @@ const NODE: &str = "/synthetic_glove";
 /// Between looking for what is due: a tenth of a sample.
 const NAP: Duration = Duration::from_millis(1);
 
+/// A message that is due for longer is not sent, s: somewhat more than what a busy machine takes.
+const LATE_S: f64 = 0.2;
+
 /// How often it says that it is synthetic.
 const SAY_EVERY: Duration = Duration::from_secs(1);
 
 /// What only a glove that is there has.
 #[derive(Debug, clap::Args)]
 pub(super) struct LiveArgs {
-    /// Publish a synthetic glove, hand and load cell until interrupted, with a user who does what `tpf collect` asks for
+    /// Publish a synthetic glove, hand and load cell until interrupted or for --minutes, with a user who does what `tpf collect`
+    /// asks for
     #[arg(long, conflicts_with = "output")]
     live: bool,
     /// With --live: which user
@@ -60,28 +65,46 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     };
     let place = live.ros.place(NODE)?;
     let (start, started) = (system_now(), Instant::now());
+    let follows = !live.ignore_prompts && args.activity == Activity::Protocol;
     let spec = SessionSpec {
         glove: args.glove,
         user: live.user,
         session: live.donning,
         seed: args.seed,
-        minutes: args.minutes,
+        // Who follows prompts takes as long as they take.
+        minutes: args.minutes.filter(|_| !follows).unwrap_or(FULL_MINUTES),
+        activity: args.activity,
+        tracking: args.tracking,
     };
-    let mut session = LiveSession::new(&spec, protocol, start, !live.ignore_prompts, &live.fault)?;
+    let mut session = LiveSession::new(&spec, protocol, start, follows, &live.fault)?;
+    if let Some(minutes) = args.minutes {
+        if !(0.01..=1e6).contains(&minutes) {
+            return Err(Failure(format!("--minutes: expected 0.01 to 1000000, got {minutes}")));
+        }
+        leave::after(Duration::from_secs_f64(60.0 * minutes))?;
+    }
     let mut listening = place.join()?;
     let known = TopicType::Known;
-    let taxels = listening.speak(TAXELS, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
-    let joints = listening.speak(JOINTS, known(JointState::TYPE_NAME), Delivery::Data)?;
+    // In its namespace, so that two gloves can be told apart; the load cell is the room's.
+    let of_glove = |topic: &str| place.topic(topic.trim_start_matches('/'));
+    let taxels = listening.speak(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
+    let joints = listening.speak(&of_glove(JOINTS)?, known(JointState::TYPE_NAME), Delivery::Data)?;
     let truth = listening.speak(TRUTH, known(WrenchStamped::TYPE_NAME), Delivery::Data)?;
     let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
     listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
     let listener = listening.start()?;
     say("the data is synthetic: a physical model of a glove on a hand, no recording");
-    let (mut n_sent, mut said) = (0_u64, None::<Instant>);
+    let (mut n_sent, mut n_late, mut said) = (0_u64, 0_u64, None::<Instant>);
     while !interrupt::happened() {
         let t_s = started.elapsed().as_secs_f64();
         read_prompts(&listener, &mut session, t_s);
         while let Some(record) = session.poll(t_s) {
+            // What was due while this process was stopped is over: no sensor says later what it felt then.
+            let age_s = start.offset((t_s * 1e9) as i64).nanos_since(record.received()) as f64 * 1e-9;
+            if age_s > LATE_S {
+                n_late += 1;
+                continue;
+            }
             n_sent += u64::from(match message(&record) {
                 Message::Taxels(message) => listener.say(taxels, &message),
                 Message::Joints(message) => listener.say(joints, &message),
@@ -96,6 +119,9 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
         std::thread::sleep(NAP);
     }
     listener.leave();
+    if n_late > 0 {
+        say(&format!("{n_late} messages were not sent, because this process was stopped when they were due"));
+    }
     print(&format!("{n_sent} messages (synthetic)\n"))?;
     Ok(Outcome::Done)
 }

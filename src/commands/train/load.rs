@@ -86,6 +86,9 @@ impl<'c> Loader<'c> {
         read(&mut reader, &mut inputs, &mut labels, &mut cores, listener).map_err(|stopped| stopped.of_bag(bag))?;
         let [fusion] = cores;
         inputs.check_end(fusion.missing_joints()).map_err(|error| in_bag(error.into()))?;
+        for doubt in inputs.angle_doubts() {
+            say(&format!("{}: {doubt}", bag.display()));
+        }
         for loss in reader.losses() {
             say(&format!("{}: input lost: {loss}", bag.display()));
         }
@@ -109,6 +112,7 @@ impl<'c> Loader<'c> {
         let tare = track
             .tare(&recording::zero_load(&labels.annotations, end))
             .map_err(|error| Failure(format!("truth {}: {error}", track.name())))?;
+        track.doubts(&tare).iter().for_each(|doubt| say(&format!("{name}: {doubt}")));
         let cuts = self.split.cuts(&recording::stage_spans(&labels.annotations, end.offset(1)));
         let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing.max_gap);
         let mut frames = SessionFrames { name, n_taxels, n_joints, ..SessionFrames::default() };

@@ -212,15 +212,21 @@ impl Report {
     }
 }
 
+/// A minimal detectable force with its unit, where it is a number.
+fn mdf(mdf: &crate::eval::Mdf) -> String {
+    let text = mdf.to_string();
+    if text.ends_with(|last: char| last.is_ascii_digit()) { text + " gF" } else { text }
+}
+
 fn line(score: &Score) -> String {
     let number = |metric: crate::eval::Metric, scale: f64, digits: usize| {
         metric.value().map_or("-".to_owned(), |value| format!("{:.digits$}", value * scale))
     };
     format!(
-        "BA {} %  F1 {} %  MDF {} gF  MAE {} gF  R2 {}",
+        "BA {} %  F1 {} %  MDF {}  MAE {} gF  R2 {}",
         number(score.ba, 100.0, 2),
         number(score.f1, 100.0, 2),
-        score.mdf,
+        mdf(&score.mdf),
         number(score.mae_gf, 1.0, 2),
         number(score.r2, 1.0, 3)
     )

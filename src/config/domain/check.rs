@@ -7,13 +7,24 @@ use super::super::param_file::ParamTree;
 use super::super::scalar::ParamValue;
 use super::super::text::{list, nearest, one_line};
 
-/// Refuses keys that are in no pattern, values of another type, and values out of range.
-pub(super) fn keys_and_values(tree: &ParamTree) -> Result<(), ConfigError> {
+/// Where to look for what a key may be.
+pub(super) const EXPLAINED: &str = "params/example.yaml explains those that there are";
+
+/// Refuses keys that are in no pattern, values of another type, and values out of range. Unknown keys of a section that
+/// is shared by nodes are those of others, and handed back, unless they are so near to one of ours that it was meant.
+pub(super) fn keys_and_values(tree: &ParamTree) -> Result<Vec<&str>, ConfigError> {
+    let mut of_others = Vec::new();
     // QoS overrides are named by topics, which the live node knows and checks.
     for (key, param) in tree.iter().filter(|(key, _)| !key.starts_with(QOS_OVERRIDES)) {
         let origin = param.origin.to_string();
         let Some(known) = find(key) else {
-            return Err(ConfigError::Unknown { origin, key: one_line(key), hint: hint(key) });
+            let meant = meant(key);
+            if param.origin.is_shared() && meant.is_none() {
+                of_others.push(key);
+                continue;
+            }
+            let hint = meant.map_or(EXPLAINED.to_owned(), |meant| format!("did you mean {}?", one_line(&meant)));
+            return Err(ConfigError::Unknown { origin, key: one_line(key), hint });
         };
         let (key, value) = (one_line(key), param.value.to_string());
         if !known.kind.fits(&param.value) {
@@ -31,11 +42,11 @@ pub(super) fn keys_and_values(tree: &ParamTree) -> Result<(), ConfigError> {
             return Err(ConfigError::OutOfRange { origin, key, value: format!("{value}{unit}"), range });
         }
     }
-    Ok(())
+    Ok(of_others)
 }
 
 /// What someone who wrote an unknown key may have meant.
-fn hint(key: &str) -> String {
+fn meant(key: &str) -> Option<String> {
     // Patterns with the key's own names in them, so that only what is ours is compared.
     let tokens: Vec<&str> = key.split('.').collect();
     let candidates: Vec<String> = KEYS
@@ -47,22 +58,28 @@ fn hint(key: &str) -> String {
             known.pattern.split('.').enumerate().map(named).collect::<Vec<_>>().join(".")
         })
         .collect();
-    match nearest(key, candidates.iter().map(String::as_str)) {
-        Some(meant) => format!("did you mean {}?", one_line(meant)),
-        None => "params/example.yaml explains those that there are".to_owned(),
-    }
+    nearest(key, candidates.iter().map(String::as_str)).map(str::to_owned)
 }
 
-/// Refuses keys for a source, model or region that the lists don't name.
+/// Refuses keys for a source, model or region that the lists don't name, and those of `of_others` for one that they do.
 ///
 /// Of each family of keys: its first token, where its names are listed, and the names.
-pub(super) fn names(tree: &ParamTree, families: &[(&str, &str, &[String])]) -> Result<(), ConfigError> {
+pub(super) fn names(
+    tree: &ParamTree,
+    of_others: &[&str],
+    families: &[(&str, &str, &[String])],
+) -> Result<(), ConfigError> {
     for (key, param) in tree.iter() {
         let Some((family, rest)) = key.split_once('.') else { continue };
         let Some((_, listed_in, names)) = families.iter().find(|(known, ..)| *known == family) else { continue };
         let name = rest.split('.').next().unwrap_or_default();
-        if names.iter().any(|known| known == name) {
+        let is_listed = names.iter().any(|known| known == name);
+        if is_listed != of_others.contains(&key) {
             continue;
+        }
+        if is_listed {
+            let hint = EXPLAINED.to_owned();
+            return Err(ConfigError::Unknown { origin: param.origin.to_string(), key: one_line(key), hint });
         }
         let known = list(names.iter().map(String::as_str));
         let hint = format!("{listed_in} = [{known}] has no \"{}\"", one_line(name));

@@ -20,6 +20,8 @@ pub struct LiveConfig {
     pub max_latency: Duration,
     /// Budget of the deviation of the time between tactile messages.
     pub max_jitter: Duration,
+    /// Least part of frames that must have a full estimate, 0 to 1.
+    pub min_estimates: f64,
     /// How long a budget is passed before that is an error.
     pub sustained: Duration,
 }
@@ -32,6 +34,7 @@ pub(super) fn live(reader: &Reader<'_>) -> Result<LiveConfig, ConfigError> {
         message_definitions: reader.path("message_definitions")?,
         max_latency: from_millis(reader.double("diagnostics.max_latency_ms")?),
         max_jitter: from_millis(reader.double("diagnostics.max_jitter_ms")?),
+        min_estimates: reader.double("diagnostics.min_estimates")?,
         sustained: Duration::from_secs_f64(reader.double("diagnostics.sustained_s")?),
     })
 }

@@ -9,6 +9,7 @@ use super::super::param_file::ParamTree;
 use super::super::scalar::ParamValue;
 use super::super::text::one_line;
 use super::folder;
+use crate::msg::dynamic::check_path;
 
 /// Reads a tree whose keys are known and whose values have their types and are in range.
 pub(super) struct Reader<'a> {
@@ -166,13 +167,15 @@ impl Reader<'_> {
         }))
     }
 
-    /// The path of a message's field: `header.stamp`, `layout.dim[0].size`.
+    /// The path of a message's field, as messages are read by: `header.stamp`, `layout.dim[0].size`, `sensors[].z`.
     pub(super) fn field(&self, key: &str) -> Result<String, ConfigError> {
         let path = self.text(key)?;
-        if path.split('.').all(is_field) {
-            Ok(path)
-        } else {
-            Err(self.refused(key, "is not the path of a field, such as header.stamp or layout.dim[0].size"))
+        match check_path(&path) {
+            Ok(()) => Ok(path),
+            Err(_) => Err(self.refused(
+                key,
+                "is not the path of a field, such as header.stamp, layout.dim[0].size or sensors[].taxels[].z",
+            )),
         }
     }
 }
@@ -193,16 +196,4 @@ impl Reader<'_> {
         let name = self.text(key)?;
         if is_name(&name) { Ok(name) } else { Err(self.refused(key, NAME_RULE)) }
     }
-}
-
-fn is_field(token: &str) -> bool {
-    let (name, index) = match token.split_once('[') {
-        Some((name, rest)) => (name, rest.strip_suffix(']')),
-        None => (token, Some("0")),
-    };
-    let is_index =
-        |index: &str| !index.is_empty() && index.len() <= 9 && index.chars().all(|digit| digit.is_ascii_digit());
-    name.starts_with(|first: char| first.is_ascii_alphabetic())
-        && name.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')
-        && index.is_some_and(is_index)
 }

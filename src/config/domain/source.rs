@@ -1,11 +1,16 @@
 //! Streams of taxels and of joint angles.
 
+use std::collections::BTreeMap;
+
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
 use super::TruthSource;
 use super::reader::Reader;
 use crate::fusion::{ForceUnit, FrameClock, JointSource, TactileSource};
 use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields, Topic, TruthFields};
+
+/// Of each source the key of its type, its topic, and its type.
+pub(super) type Named<'a> = [(String, &'a str, &'a str)];
 
 const RECEIPT: &str = "receipt";
 
@@ -164,6 +169,32 @@ pub(super) fn truth(reader: &Reader<'_>, name: &str) -> Result<(TruthSource, Top
         force: field_or(reader, &key("field"), known.as_ref().map(|known| known.force.as_str()))?,
     };
     Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
+}
+
+/// Where the types of a family of sources are set, for [`one_type_a_topic`].
+pub(super) fn types<'t, F>(family: &str, names: &[String], topics: &'t [Topic<F>]) -> Vec<(String, &'t str, &'t str)> {
+    let of_source = |(name, topic): (&String, &'t Topic<F>)| {
+        (format!("{family}.{name}.type"), topic.name.as_str(), topic.type_name.as_str())
+    };
+    names.iter().zip(topics).map(of_source).collect()
+}
+
+/// Refuses sources that read one topic as two types.
+pub(super) fn one_type_a_topic(reader: &Reader<'_>, sources: &Named<'_>) -> Result<(), ConfigError> {
+    let mut known: BTreeMap<&str, (&str, &str)> = BTreeMap::new();
+    for (key, topic, type_name) in sources {
+        match known.get(topic) {
+            Some((_, other)) if other == type_name => {}
+            Some((other_key, other)) => {
+                let problem = format!("but {other_key} is {other}, and both are on the topic {topic}: it has one type");
+                return Err(reader.refused(key, problem));
+            }
+            None => {
+                known.insert(topic, (key, type_name));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// A stamp whose default is the header's.

@@ -168,9 +168,9 @@ pub static KEYS: &[ParamKey] = &[
         "model.<name>.backend",
         Kind::Str,
         Str("auto"),
-        "auto: ONNX Runtime where it is found, else RTen, which is built in",
+        "What runs the model; auto: our own code where it is the paper's network, else ONNX Runtime where found, else RTen",
     )
-    .range(OneOf(&["auto", "onnxruntime", "rten"])),
+    .range(OneOf(&["auto", "builtin", "onnxruntime", "rten"])),
     ParamKey::new("model.<name>.unit", Kind::Str, Str(""), "Unit of the model's forces; empty: what the file says")
         .range(OneOf(&["", "gF", "N"])),
     ParamKey::new(
@@ -181,6 +181,12 @@ pub static KEYS: &[ParamKey] = &[
     )
     .range(Closed { min: 0.0, max: 10_000.0 })
     .unit("Hz"),
+    ParamKey::new(
+        "model.<name>.glove",
+        Kind::Str,
+        Str(""),
+        "Glove that the model was trained on, to use it on another; empty: on the one that `glove` names",
+    ),
     ParamKey::new("model.<name>.inputs.tactile", Kind::Str, Str("tactile"), "Name of the input [N, window, taxels]"),
     ParamKey::new("model.<name>.inputs.pose", Kind::Str, Str("pose"), "Name of the input [N, window, joints]"),
     ParamKey::new("model.<name>.outputs.force", Kind::Str, Str("force"), "Name of the force output"),
@@ -321,7 +327,7 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new(
         "timing.max_pose_age_ms",
         Kind::Double,
-        Double(50.0),
+        Depends("3 measured periods of the joint, at least 200, at most 500"),
         "How long the last joint state is held; past that the estimate is tactile-only and flagged STALE_POSE",
     )
     .range(Closed { min: 0.0, max: 60_000.0 })
@@ -333,6 +339,14 @@ pub static KEYS: &[ParamKey] = &[
         "A stamp this far back is a jump of time, which resets the pipeline, and not a late sample",
     )
     .range(Closed { min: 1.0, max: 60_000.0 })
+    .unit("ms"),
+    ParamKey::new(
+        "timing.max_age_ms",
+        Kind::Double,
+        Double(100.0),
+        "Live, a frame whose stamp is further than this from the clock is flagged LATE; 0 for no limit, to play old data",
+    )
+    .range(Closed { min: 0.0, max: 60_000.0 })
     .unit("ms"),
     // Calibration and who wears what.
     ParamKey::new(
@@ -380,6 +394,13 @@ pub static KEYS: &[ParamKey] = &[
     .range(Closed { min: 0.0, max: 6.3 })
     .unit("rad")
     .at_run_time(),
+    ParamKey::new(
+        "calibration.insist",
+        Kind::Bool,
+        ParamDefault::Bool(false),
+        "Use a zero that would be refused, as one of another glove, user or model, or that looks loaded; it is said",
+    )
+    .at_run_time(),
     ParamKey::new("glove", Kind::Str, Str(""), "Serial number of the glove, kept with calibrations and recordings"),
     ParamKey::new("user", Kind::Str, Str(""), "Who wears it, kept with calibrations and recordings"),
     ParamKey::new(
@@ -425,6 +446,13 @@ pub static KEYS: &[ParamKey] = &[
     )
     .range(Above { min: 0.0, max: 60_000.0 })
     .unit("ms"),
+    ParamKey::new(
+        "diagnostics.min_estimates",
+        Kind::Double,
+        Double(0.9),
+        "Least part of a second's frames that must have an estimate without a flag; less is a warning",
+    )
+    .range(Closed { min: 0.0, max: 1.0 }),
     ParamKey::new("diagnostics.sustained_s", Kind::Double, Double(5.0), "A warning that lasts as long is an error")
         .range(Closed { min: 0.0, max: 3600.0 })
         .unit("s"),

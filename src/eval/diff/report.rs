@@ -32,6 +32,7 @@ pub enum Field {
     Since,
     Flags,
     PoseAge,
+    Age,
     OnThreshold,
     OffThreshold,
     Mdf,
@@ -39,7 +40,7 @@ pub enum Field {
 
 impl Field {
     /// All, in the order of `EstimateRecord`.
-    pub const ALL: [Field; 13] = [
+    pub const ALL: [Field; 14] = [
         Field::Force,
         Field::ForceBase,
         Field::Artifact,
@@ -50,6 +51,7 @@ impl Field {
         Field::Since,
         Field::Flags,
         Field::PoseAge,
+        Field::Age,
         Field::OnThreshold,
         Field::OffThreshold,
         Field::Mdf,
@@ -68,6 +70,7 @@ impl Field {
             Field::Since => "since",
             Field::Flags => "flags",
             Field::PoseAge => "pose_age",
+            Field::Age => "age",
             Field::OnThreshold => "on_threshold",
             Field::OffThreshold => "off_threshold",
             Field::Mdf => "mdf",
@@ -90,6 +93,7 @@ impl Field {
             Field::Since => FieldValue::Nanos(record.since.0),
             Field::Flags => FieldValue::Bits(record.flags.bits()),
             Field::PoseAge => record.pose_age_ns.map_or(FieldValue::Missing, FieldValue::Nanos),
+            Field::Age => record.age_ns.map_or(FieldValue::Missing, FieldValue::Nanos),
             Field::OnThreshold => FieldValue::force(record.on_threshold),
             Field::OffThreshold => FieldValue::force(record.off_threshold),
             Field::Mdf => FieldValue::force(record.mdf),

@@ -59,7 +59,7 @@ impl TruthBinding {
             [force] => Ok((self.stamp.read(cdr, received)?, *force)),
             values => {
                 let (type_name, n_values) = (self.type_name.clone(), values.len());
-                Err(SampleError::Shape { type_name, rows: 1, cols: 1, n_values })
+                Err(SampleError::NotOneForce { type_name, n_values })
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Which fields of a type hold numbers.
 
-use super::{ElementKind, FieldKind};
+use super::{ElementKind, FieldKind, FieldPlan, ReadAs};
 use crate::msg::definition::{Arity, BaseType, MessageDefinition, TypeTree};
 
 /// A field that holds numbers.
@@ -14,25 +14,49 @@ pub struct NumericPath {
 
 /// All fields of the type that hold numbers, in wire order; stamps and durations left out.
 ///
-/// Fields behind a wide string can't be read, so they are left out too.
+/// Fields that no plan reads are left out too: those behind a wide string, and bytes that pack something that is not numbers
+/// by themselves.
 pub fn numeric_paths(tree: &TypeTree) -> Vec<NumericPath> {
     let mut paths = vec![];
-    list(tree, tree.root(), "", false, &mut paths);
+    list(tree, tree.root(), "", false, &mut |path, kind| {
+        if matches!(kind.element, ElementKind::Number(_)) && FieldPlan::compile(tree, &path, ReadAs::Numbers).is_ok() {
+            paths.push(NumericPath { path, kind });
+        }
+    });
     paths
 }
 
-/// Lists the fields of `message`; false when a wide string stops it.
-fn list(tree: &TypeTree, message: &MessageDefinition, prefix: &str, many: bool, paths: &mut Vec<NumericPath>) -> bool {
+/// The paths of all fields of the type that hold several strings, in wire order, as [`numeric_paths`] are written.
+pub fn text_paths(tree: &TypeTree) -> Vec<String> {
+    let mut paths = vec![];
+    list(tree, tree.root(), "", false, &mut |path, kind| {
+        if kind == (FieldKind { element: ElementKind::Text, many: true }) {
+            paths.push(path);
+        }
+    });
+    paths
+}
+
+/// Tells of the fields of `message`; false when a wide string stops it.
+fn list(
+    tree: &TypeTree,
+    message: &MessageDefinition,
+    prefix: &str,
+    many: bool,
+    tell: &mut dyn FnMut(String, FieldKind),
+) -> bool {
     message.fields.iter().all(|field| {
         let is_array = field.ty.arity != Arity::One;
         let path = format!("{prefix}{}", field.name);
         match &field.ty.base {
             BaseType::Primitive(primitive) => {
-                let kind = FieldKind { element: ElementKind::Number(*primitive), many: many || is_array };
-                paths.push(NumericPath { path, kind });
+                tell(path, FieldKind { element: ElementKind::Number(*primitive), many: many || is_array });
                 true
             }
-            BaseType::Text { .. } => true,
+            BaseType::Text { .. } => {
+                tell(path, FieldKind { element: ElementKind::Text, many: many || is_array });
+                true
+            }
             BaseType::WideText { .. } => false,
             // A definition may say that a time holds a wide string.
             BaseType::Message(name) if is_time(name) => !holds_wide_text(tree, tree.message(name)),
@@ -46,7 +70,7 @@ fn list(tree: &TypeTree, message: &MessageDefinition, prefix: &str, many: bool, 
                         message,
                         &format!("{path}{}.", if is_array { "[]" } else { "" }),
                         many || is_array,
-                        paths,
+                        tell,
                     )
             }
         }

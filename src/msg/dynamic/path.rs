@@ -33,13 +33,16 @@ pub(super) fn parse(path: &str) -> Result<Vec<Segment>, FieldError> {
                     let select = match inside {
                         "" => Select::Every,
                         index => {
-                            Select::Element(index.parse().map_err(|_| error(format!("'{index}' is not an index")))?)
+                            let is_number = index.bytes().all(|byte| byte.is_ascii_digit());
+                            let number = index.parse().ok().filter(|_| is_number);
+                            Select::Element(number.ok_or_else(|| error(format!("'{index}' is not an index")))?)
                         }
                     };
                     (name, select)
                 }
             };
-            let is_name = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+            let is_name = name.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
+                && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
             if is_name {
                 Ok(Segment { name: name.to_owned(), select })
             } else {

@@ -1,6 +1,7 @@
 //! DDS, by ros2-client on RustDDS.
 
 mod cdr_bytes;
+mod discovered;
 mod farewell;
 
 use std::net::{IpAddr, Ipv4Addr};
@@ -11,7 +12,7 @@ use futures::stream::{LocalBoxStream, StreamExt, unfold};
 use ros2_client::action::{ActionServerQosPolicies, FeedbackMessage};
 #[cfg(feature = "security")]
 use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
-use ros2_client::dds::rustdds::{DomainParticipantBuilder, RTPSEntity, Topic};
+use ros2_client::dds::rustdds::{BackgroundThreads, DomainParticipantBuilder, RTPSEntity, Topic};
 use ros2_client::qos::{Durability, Reliability};
 use ros2_client::{
     ActionServer, ActionTypeName, Context, Message, MessageTypeName, Name, Node, NodeName as WireNodeName, NodeOptions,
@@ -20,8 +21,8 @@ use ros2_client::{
 
 use self::cdr_bytes::{AsCdr, CdrBytes};
 use super::{
-    Action, ActionQos, Answer, Arrival, Fault, Publish, Publisher, Refused, Request, Requests, Subscribe, Subscription,
-    TopicType,
+    Action, ActionQos, Answer, Arrival, Fault, LEAVE, Publish, Publisher, Pulse, Refused, Request, Requests, Subscribe,
+    Subscription, TopicType,
 };
 use crate::config::NodeName;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
@@ -31,6 +32,7 @@ use crate::ros::environment::{Environment, ServiceStyle};
 use crate::ros::node::NodeError;
 #[cfg(feature = "security")]
 use crate::ros::security::{Keys, Security, SecurityError};
+use crate::ros::threads;
 use crate::units::Stamp;
 
 /// How long the middleware gets to tell that entities are gone. A RustDDS participant that is dropped stops sending at
@@ -45,6 +47,9 @@ pub(in crate::ros) struct Participant {
     context: Context,
     mapping: ServiceMapping,
     note: Option<String>,
+    threads: BackgroundThreads,
+    guid: [u8; 16],
+    domain_id: u16,
 }
 
 impl Participant {
@@ -58,6 +63,7 @@ impl Participant {
         #[cfg(not(feature = "security"))]
         let note = None;
         let participant = participant.build().map_err(|error| create("DDS participant", &error))?;
+        let (threads, guid) = (participant.background_threads(), participant.guid().to_bytes());
         let context =
             Context::from_domain_participant(participant).map_err(|error| create("DDS participant", &error))?;
         let wire_name = WireNodeName::new(name.namespace(), name.name()).map_err(|error| create("node", &error))?;
@@ -67,19 +73,30 @@ impl Participant {
             ServiceStyle::Enhanced => ServiceMapping::Enhanced,
             ServiceStyle::Cyclone => ServiceMapping::Cyclone,
         };
-        Ok(Participant { node, context, mapping, note })
+        Ok(Participant { node, context, mapping, note, threads, guid, domain_id: environment.domain_id })
     }
 
     pub(super) fn note(&self) -> Option<String> {
         self.note.clone()
     }
 
+    pub(super) fn pulse(&self) -> Pulse {
+        let threads = self.threads.clone();
+        Box::new(move || threads.ended())
+    }
+
+    pub(super) fn neighbours(&self) -> super::Neighbours {
+        Box::new(discovered::Neighbours(self.context.domain_participant()))
+    }
+
     pub(super) fn leave(self) {
-        let Participant { node, context, .. } = self;
-        drop(node);
-        std::thread::sleep(FAREWELL);
-        let (guid, domain_id) = (context.domain_participant().guid().to_bytes(), context.domain_id());
-        drop(context);
+        let Participant { node, context, guid, domain_id, .. } = self;
+        // It joins its threads, and waits for them however long a network holds them.
+        threads::within(LEAVE, move || {
+            drop(node);
+            std::thread::sleep(FAREWELL);
+            drop(context);
+        });
         farewell::send(guid, domain_id);
     }
 
@@ -207,6 +224,7 @@ impl Subscribe for ros2_client::Subscription<CdrBytes> {
                 Ok(Arrival {
                     cdr,
                     received: info.received_timestamp().map_or_else(system_now, |at| Stamp(at.to_nanos())),
+                    publisher: Some(info.publisher_gid().to_bytes16()),
                 })
             }
             Err(error) => {

@@ -21,12 +21,13 @@ use ros2_client::{Message, QosProfile};
 use serde::Serialize;
 
 use self::keys::{Kind, NodeKeys};
-use super::{Action, ActionQos, Publish, Publisher, Requests, Sender, Subscription, TopicType};
+use super::{Action, ActionQos, LEAVE, Publish, Publisher, Pulse, Requests, Sender, Subscription, TopicType};
 use crate::config::NodeName;
 use crate::msg::{CalibrateFeedback, encode, type_hash};
 use crate::ros::entities::create;
 use crate::ros::environment::ZenohVars;
 use crate::ros::node::NodeError;
+use crate::ros::threads;
 
 /// How long a session may take to reach the router of its host before that is worth a word.
 const REACH: Duration = Duration::from_secs(1);
@@ -75,10 +76,17 @@ impl Participant {
         None
     }
 
+    pub(super) fn pulse(&self) -> Pulse {
+        let session = self.session.clone();
+        Box::new(move || session.is_closed().then_some("Zenoh session"))
+    }
+
     pub(super) fn leave(self) {
         let Participant { session, token, .. } = self;
-        drop(token);
-        let _ = session.close().wait(); // what is left of it ends with the process
+        threads::within(LEAVE, move || {
+            drop(token);
+            let _ = session.close().wait(); // what is left of it ends with the process
+        });
     }
 
     pub(super) fn publisher(

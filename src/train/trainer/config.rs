@@ -92,6 +92,9 @@ impl Default for TrainConfig {
     }
 }
 
+/// Most windows in a step.
+const MAX_BATCH: usize = 4096;
+
 impl TrainConfig {
     /// Refuses settings out of range.
     ///
@@ -108,6 +111,9 @@ impl TrainConfig {
         ];
         if let Some((key, got)) = counts.into_iter().find(|(_, count)| *count == 0) {
             return refuse(key, got.to_string(), "at least 1");
+        }
+        if self.batch > MAX_BATCH {
+            return refuse("batch", self.batch.to_string(), "at most 4096 windows, which take some gigabytes");
         }
         if self.shards > self.batch {
             return refuse("shards", self.shards.to_string(), "at most the batch");

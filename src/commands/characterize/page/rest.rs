@@ -25,7 +25,7 @@ pub(super) fn lag(page: &mut Page, result: &RegionResult) {
     section.figure(&sweep);
     let mut lags = Figure::new(
         &format!("{region}-lags"),
-        "Correlation of the motion of joints with the change of readings some time later.",
+        "Correlation of the change of readings with what the motion of joints some time before makes of it.",
         "lag of the taxels, ms",
         "correlation",
     );
@@ -42,18 +42,23 @@ pub(super) fn lag(page: &mut Page, result: &RegionResult) {
             Cell::count(hysteresis.n_sweeps.iter().sum::<usize>() as u64),
             percent(hysteresis.touch),
             Cell::maybe(offset.lag_ms, 1),
+            match (offset.interval_ms, offset.untold) {
+                (Some([low, high]), _) => format!("{low:.0} to {high:.0}").into(),
+                (None, why) => why.map_or_else(String::new, |why| why.to_string()).into(),
+            },
             Cell::maybe(offset.peak, 2),
         ]
     });
     section.table(&Table {
         id: format!("{region}-lag-table"),
-        caption: "By session; a lag is told where its correlation is high enough".to_owned(),
+        caption: "By session; a lag is told where its peak is high, sharp and single".to_owned(),
         header: header([
             "Session",
             "Artifact's loop, % of range",
             "Sweeps",
             "Unloading over loading, %",
             "Lag ms",
+            "95 % within, ms",
             "Correlation",
         ]),
         rows: rows.collect(),
@@ -76,13 +81,9 @@ pub(super) fn at_rest(page: &mut Page, result: &RegionResult) {
         "reading, sensor's unit",
     );
     for (idx, session) in drift.by_session.iter().enumerate() {
-        let minutes = session.at_rest.iter().map(|(at_s, _)| at_s / 60.0).collect();
-        wander.line(
-            &session.session,
-            minutes,
-            session.at_rest.iter().map(|(_, reading)| *reading).collect(),
-            Style::of(idx).marked(),
-        );
+        let minutes: Vec<f64> = session.at_rest.iter().map(|(at_s, _)| at_s / 60.0).collect();
+        let readings: Vec<f64> = session.at_rest.iter().map(|(_, reading)| *reading).collect();
+        wander.time_line(&session.session, &minutes, &readings, Style::of(idx).marked());
     }
     section.figure(&wander);
     let rows = drift.by_session.iter().map(|session| {

@@ -142,14 +142,15 @@ fn figure(stretch: &Stretch) -> Figure {
     );
     let id = format!("stretch-{}", stretch.kind.to_lowercase());
     let mut figure = Figure::new(&id, &caption, "time, s", "force, gF").height(460);
-    let x = || stretch.seconds.clone();
+    let x = &stretch.seconds;
     if !stretch.base_gf.is_empty() {
-        let artifact = stretch.base_gf.iter().zip(&stretch.force_gf).map(|(base, force)| base - force).collect();
-        figure.line("artifact", x(), artifact, Style::of(3).solid());
-        figure.line("base", x(), stretch.base_gf.clone(), Style::of(1).solid());
+        let artifact: Vec<f64> =
+            stretch.base_gf.iter().zip(&stretch.force_gf).map(|(base, force)| base - force).collect();
+        figure.time_line("artifact", x, &artifact, Style::of(3).solid());
+        figure.time_line("base", x, &stretch.base_gf, Style::of(1).solid());
     }
-    figure.line("truth", x(), stretch.truth_gf.clone(), Style::truth());
-    figure.line("estimate", x(), stretch.force_gf.clone(), Style::of(0).solid());
+    figure.time_line("truth", x, &stretch.truth_gf, Style::truth());
+    figure.time_line("estimate", x, &stretch.force_gf, Style::of(0).solid());
     figure.states("true touch", &stretch.seconds, &stretch.is_touch, Style::truth());
     figure.states("contact", &stretch.seconds, &stretch.contact, Style::of(0));
     figure

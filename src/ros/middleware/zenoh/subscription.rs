@@ -85,7 +85,8 @@ impl Inbox {
             return;
         }
         let attachment = sample.attachment().and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
-        let arrival = Arrival { cdr: sample.payload().to_bytes().into_owned(), received: system_now() };
+        let (cdr, received) = (sample.payload().to_bytes().into_owned(), system_now());
+        let arrival = Arrival { cdr, received, publisher: None };
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner).handle(arrival, attachment, self.depth);
         self.ready.notify_one();
     }
@@ -134,7 +135,7 @@ mod tests {
     use crate::units::Stamp;
 
     fn arrival(number: u8) -> Arrival {
-        Arrival { cdr: vec![number], received: Stamp(0) }
+        Arrival { cdr: vec![number], received: Stamp(0), publisher: None }
     }
 
     fn of(publisher: u8, sequence: i64) -> Option<Attachment> {

@@ -1,0 +1,56 @@
+//! Whether our own code gives the forces of a runtime, on windows of every scale.
+
+use super::direct::Direct;
+use super::session::Session;
+use super::trial::{Frames, SCALES, Scale};
+use crate::fusion::{Contract, Forces, Regressor};
+
+/// Windows of a trial, each a frame after the one before it.
+const N_WINDOWS: usize = 16;
+
+/// Forces that lie closer are the same: a hundredth of a gram-force.
+const TOLERANCE_N: f64 = 1e-4;
+
+/// Sums in another order, through the 64 steps of an LSTM: a share of the largest force of a scale.
+const ROUNDING: f64 = 2e-5;
+
+/// Holds our own code against a runtime.
+///
+/// # Errors
+/// Where they differ, and by how much.
+pub(super) fn compare(own: &mut Direct, runtime: &mut Session) -> Result<(), String> {
+    let contract = runtime.contract().clone();
+    let starts: Vec<usize> = (0..N_WINDOWS).collect();
+    let (mut expected, mut got) = (Forces::default(), Forces::default());
+    for scale in &SCALES {
+        let frames = Frames::new(&contract, scale, N_WINDOWS + contract.window - 1);
+        let ran = runtime.run(frames.windows(&starts), &mut expected);
+        ran.and_then(|()| own.run(frames.windows(&starts), &mut got)).map_err(|error| error.to_string())?;
+        differ(&contract, scale, &expected, &got)?;
+    }
+    Ok(())
+}
+
+fn differ(contract: &Contract, scale: &Scale, runtime: &Forces, own: &Forces) -> Result<(), String> {
+    let newtons = |raw: &f32| contract.unit.to_newton(*raw).0;
+    let all = |forces: &Forces| forces.force.iter().chain(&forces.base).map(newtons).collect::<Vec<f64>>();
+    let (runtime, own) = (all(runtime), all(own));
+    let largest = runtime.iter().filter(|force| force.is_finite()).fold(0.0_f64, |largest, f| largest.max(f.abs()));
+    let tolerance = TOLERANCE_N.max(ROUNDING * largest);
+    if runtime.len() != own.len() {
+        return Err(format!("our own code gives {} forces where the runtime gives {}", own.len(), runtime.len()));
+    }
+    for (expected, got) in runtime.iter().zip(&own) {
+        let is_same = match (expected.is_finite(), got.is_finite()) {
+            (true, true) => (expected - got).abs() <= tolerance,
+            (expected, got) => expected == got,
+        };
+        if !is_same {
+            return Err(format!(
+                "on {} readings our own code gives {got:.6} N where the runtime gives {expected:.6} N",
+                scale.name
+            ));
+        }
+    }
+    Ok(())
+}

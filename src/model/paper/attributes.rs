@@ -1,0 +1,81 @@
+//! Settings of a node, each read once.
+
+use std::collections::BTreeMap;
+
+use crate::model::onnx::{AttributeProto, NodeProto, TensorProto};
+
+/// `AttributeProto.AttributeType`.
+mod kind {
+    pub(super) const FLOAT: i32 = 1;
+    pub(super) const INT: i32 = 2;
+    pub(super) const STRING: i32 = 3;
+    pub(super) const TENSOR: i32 = 4;
+    pub(super) const INTS: i32 = 7;
+}
+
+/// The settings that were not read yet: one that is left at the end is one that nobody accounted for.
+pub(super) struct Attributes<'g>(BTreeMap<&'g str, &'g AttributeProto>);
+
+impl<'g> Attributes<'g> {
+    /// The settings of a node; `None` where one is there twice.
+    pub(super) fn of(node: &'g NodeProto) -> Option<Self> {
+        let by_name: BTreeMap<_, _> =
+            node.attribute.iter().map(|attribute| (attribute.name.as_str(), attribute)).collect();
+        (by_name.len() == node.attribute.len()).then_some(Attributes(by_name))
+    }
+
+    /// Whether every setting was read.
+    pub(super) fn all_read(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// A setting: `None` where it isn't there, `Some(None)` where it is of another type.
+    fn take(&mut self, name: &str, kind: i32) -> Option<Option<&'g AttributeProto>> {
+        self.0.remove(name).map(|attribute| (attribute.r#type == kind).then_some(attribute))
+    }
+
+    /// An integer; some writers leave a 0 away.
+    pub(super) fn int(&mut self, name: &str, default: i64) -> Option<i64> {
+        self.take(name, kind::INT).map_or(Some(default), |found| Some(found?.i.unwrap_or(0)))
+    }
+
+    /// Whether an integer is what it must be, or is left to a default of that value.
+    pub(super) fn is(&mut self, name: &str, expected: i64) -> bool {
+        self.int(name, expected) == Some(expected)
+    }
+
+    pub(super) fn float(&mut self, name: &str, default: f32) -> Option<f32> {
+        self.take(name, kind::FLOAT).map_or(Some(default), |found| Some(found?.f.unwrap_or(0.0)))
+    }
+
+    /// Whether a text is what it must be, or is left to a default of that value.
+    pub(super) fn says(&mut self, name: &str, expected: &str) -> bool {
+        let said = self.text(name, expected);
+        said.is_some_and(|said| said == expected.as_bytes())
+    }
+
+    pub(super) fn text<'d>(&mut self, name: &str, default: &'d str) -> Option<&'d [u8]>
+    where
+        'g: 'd,
+    {
+        let found = self.take(name, kind::STRING);
+        found.map_or(Some(default.as_bytes()), |found| Some(found?.s.as_deref().unwrap_or_default()))
+    }
+
+    /// Integers; `None` where they are of another type, `Some(None)` where they are not there.
+    pub(super) fn ints(&mut self, name: &str) -> Option<Option<&'g [i64]>> {
+        match self.take(name, kind::INTS) {
+            None => Some(None),
+            Some(found) => Some(Some(found?.ints.as_slice())),
+        }
+    }
+
+    /// Whether integers are what they must be, or are left to a default of that value.
+    pub(super) fn are(&mut self, name: &str, expected: &[i64]) -> bool {
+        self.ints(name).is_some_and(|found| found.is_none_or(|found| found == expected))
+    }
+
+    pub(super) fn tensor(&mut self, name: &str) -> Option<&'g TensorProto> {
+        self.take(name, kind::TENSOR)??.t.as_ref()
+    }
+}

@@ -1,0 +1,100 @@
+//! Says a problem once when it lasts, and once when it is over.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// How long a problem lasts before it is said.
+const LASTING: Duration = Duration::from_millis(1500);
+
+/// How long it must be gone before that is said: one that is there in every second or third report lasts.
+const GONE: Duration = Duration::from_secs(3);
+
+/// Between two times that the same problem is said: one that comes and goes must not fill a log.
+const PAUSE: Duration = Duration::from_secs(30);
+
+/// What a person is to be told.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Announcement {
+    /// A problem, in the words of its report.
+    Began(String),
+    /// What was said before is over.
+    Ended(String),
+}
+
+/// Keeps what was said.
+#[derive(Debug, Clone, Default)]
+pub struct Announcer {
+    entries: BTreeMap<String, Entry>,
+}
+
+#[derive(Debug, Clone)]
+struct Entry {
+    since: Duration,
+    seen: Duration,
+    /// When it was said last.
+    said: Option<Duration>,
+    /// Whether it was said since it began.
+    is_told: bool,
+}
+
+impl Announcer {
+    /// Takes the problems of now, each with the name that it goes by; what is to be said.
+    pub fn handle(&mut self, now: Duration, problems: &[(String, String)]) -> Vec<Announcement> {
+        let mut said = Vec::new();
+        for (name, text) in problems {
+            let new = Entry { since: now, seen: now, said: None, is_told: false };
+            let entry = self.entries.entry(name.clone()).or_insert(new);
+            if now.saturating_sub(entry.seen) > GONE {
+                (entry.since, entry.is_told) = (now, false);
+            }
+            entry.seen = now;
+            let paused = entry.said.is_some_and(|said| now.saturating_sub(said) < PAUSE);
+            if !entry.is_told && !paused && now.saturating_sub(entry.since) >= LASTING {
+                (entry.said, entry.is_told) = (Some(now), true);
+                said.push(Announcement::Began(text.clone()));
+            }
+        }
+        for (name, entry) in &mut self.entries {
+            if entry.is_told && now.saturating_sub(entry.seen) > GONE {
+                entry.is_told = false;
+                said.push(Announcement::Ended(name.clone()));
+            }
+        }
+        said
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is said at each half second at which the problem is there or not.
+    fn said(there: &[bool]) -> Vec<(usize, Announcement)> {
+        let mut announcer = Announcer::default();
+        let problem = [("taxels".to_owned(), "taxels: nothing".to_owned())];
+        let at = |(idx, &there): (usize, &bool)| {
+            let problems = if there { &problem[..] } else { &[] };
+            let said = announcer.handle(Duration::from_millis(500 * idx as u64), problems);
+            said.into_iter().map(move |said| (idx, said)).collect::<Vec<_>>()
+        };
+        there.iter().enumerate().flat_map(at).collect()
+    }
+
+    #[test]
+    fn a_problem_is_said_once_when_it_lasts_and_once_when_it_is_over() {
+        let mut there = vec![true; 20];
+        there.extend([false; 10]);
+        let (began, ended) = ("taxels: nothing".to_owned(), "taxels".to_owned());
+        assert_eq!(said(&there), [(3, Announcement::Began(began)), (26, Announcement::Ended(ended))]);
+    }
+
+    #[test]
+    fn one_that_comes_and_goes_is_said_and_fills_no_log() {
+        let twice: Vec<bool> = (0..20).map(|idx| idx == 0 || idx == 9).collect();
+        assert_eq!(said(&twice), []);
+        let blinking: Vec<bool> = (0..100).map(|idx| idx % 2 == 0).collect();
+        assert_eq!(said(&blinking).len(), 1, "it never was gone for long");
+        let slow: Vec<bool> = (0..120).map(|idx| idx % 12 < 6).collect(); // 3 s there, 3 s not, for a minute
+        assert!(said(&slow).len() <= 4, "{:?}", said(&slow));
+    }
+}

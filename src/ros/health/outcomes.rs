@@ -1,0 +1,106 @@
+//! What became of frames since the last report: the truth that diagnostics tell.
+
+use crate::fusion::{Estimate, Flags};
+
+/// Frames of regions since the last report.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Outcomes {
+    /// Frames, one a region and tick.
+    pub n: u64,
+    /// Those with a force.
+    pub n_with_force: u64,
+    /// Those with a force and without a flag.
+    pub n_good: u64,
+    /// Those with each flag, by the flag's name, in the order of the flags' bits.
+    pub flags: Vec<(&'static str, u64)>,
+}
+
+impl Outcomes {
+    /// Takes what became of a frame.
+    pub fn handle(&mut self, estimate: &Estimate) {
+        self.n += 1;
+        self.n_with_force += u64::from(estimate.force.is_some());
+        self.n_good += u64::from(estimate.force.is_some() && estimate.flags.is_empty());
+        if estimate.flags.is_empty() {
+            return;
+        }
+        if self.flags.is_empty() {
+            self.flags = Flags::names().map(|(_, name)| (name, 0)).collect();
+        }
+        for ((flag, _), (_, n)) in Flags::names().zip(&mut self.flags) {
+            *n += u64::from(estimate.flags.contains(flag));
+        }
+    }
+
+    /// Part of `n_expected` frames that are good, 0 to 1. Frames that never came are as little use as those without a force.
+    pub fn share(&self, n_expected: f64) -> f64 {
+        let n = n_expected.max(self.n as f64);
+        if n < 1.0 { 0.0 } else { (self.n_good as f64 / n).min(1.0) }
+    }
+
+    /// How many have which flag, the most frequent first, and how many never came: `STALE_POSE 100, WARMUP 3`.
+    pub fn reasons(&self, n_expected: f64) -> String {
+        let mut flags: Vec<(&str, u64)> = self.flags.iter().copied().filter(|(_, n)| *n > 0).collect();
+        flags.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+        let mut texts: Vec<String> = flags.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        let n_missing = n_expected - self.n as f64;
+        if n_missing > 0.1 * n_expected {
+            texts.push(format!("never came {n_missing:.0}"));
+        }
+        texts.join(", ")
+    }
+
+    /// The flag of most frames, where there is one.
+    pub fn worst(&self) -> Option<&'static str> {
+        self.flags.iter().filter(|(_, n)| *n > 0).max_by_key(|(_, n)| *n).map(|(name, _)| *name)
+    }
+}
+
+/// Where to look for what a flag says, when nothing is known to be wrong with an input.
+pub fn advice(flag: &str) -> &'static str {
+    match flag {
+        "WARMUP" => "a model's window begins anew after each gap: look for gaps in the taxels",
+        "UNCALIBRATED" => "call ~/calibrate or ~/tare",
+        "STALE_POSE" => "joint angles are missing or too old: look at joint.<source>.stamp and timing.max_pose_age_ms",
+        "STALE_TACTILE" => "no taxels come in time: look at their driver and tactile_timeout_ms",
+        "POSE_OUT_OF_RANGE" => {
+            "joint angles lie outside of what the model was trained on: look at joint.<source>.degrees and .scale, or train it on such poses"
+        }
+        "FAULTY_TAXEL" => "a taxel doesn't move: look at the sensor, then calibrate again",
+        "NON_FINITE" => "taxels or the model's output are no finite numbers: look at the driver",
+        "LATE" => "data is old when it arrives: look at the link, the clocks and timing.max_age_ms",
+        "HELD_POSE" => "joint angles come late or with gaps: look at their driver and timing.max_pose_age_ms",
+        "FROZEN" => "taxels repeat: look at their driver",
+        "INTERLEAVED" => "taxels of two senders come in turn: stop one of them",
+        "WRONG_RATE" => "taxels come at another rate than the model's: set tactile.<source>.frame_clock to grid",
+        _ => "~/contacts has the flags",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Newton;
+
+    #[test]
+    fn the_share_is_that_of_all_frames_that_should_have_come() {
+        let mut outcomes = Outcomes::default();
+        let estimate = |force: Option<f64>, flags| Estimate { force: force.map(Newton), flags, ..Estimate::default() };
+        (0..80).for_each(|_| outcomes.handle(&estimate(Some(1.0), Flags::default())));
+        (0..10).for_each(|_| outcomes.handle(&estimate(Some(1.0), Flags::STALE_POSE)));
+        (0..10).for_each(|_| outcomes.handle(&estimate(None, Flags::WARMUP | Flags::STALE_POSE)));
+        assert_eq!((outcomes.n, outcomes.n_with_force, outcomes.n_good), (100, 90, 80));
+        assert_eq!((outcomes.share(100.0), outcomes.share(200.0), outcomes.share(50.0)), (0.8, 0.4, 0.8));
+        assert_eq!(outcomes.reasons(200.0), "STALE_POSE 20, WARMUP 10, never came 100");
+        assert_eq!(outcomes.reasons(105.0), "STALE_POSE 20, WARMUP 10", "a tick more or less");
+        assert_eq!(outcomes.worst(), Some("STALE_POSE"));
+        assert_eq!((Outcomes::default().share(0.0), Outcomes::default().worst()), (0.0, None));
+    }
+
+    #[test]
+    fn every_flag_has_an_advice_of_its_own() {
+        for (_, name) in Flags::names() {
+            assert_ne!(advice(name), advice(""), "{name}");
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The thread that answers services and keeps the lifecycle.
+
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use futures::StreamExt;
+use tokio::sync::{mpsc, oneshot};
+
+use super::calibrate_action;
+use super::clock::Clock;
+use super::engine::Command;
+use super::entities::Graph;
+use super::interfaces;
+use super::managed::Managed;
+use super::middleware::Subscription;
+use super::node::{NodeError, runtime};
+use super::outbox::{OutIdx, Outbox};
+use super::parameters::Parameters;
+use super::services;
+use super::threads::{self, Vital};
+use crate::msg::from_cdr;
+
+/// What serving is done with.
+pub(super) struct Duties {
+    pub(super) managed: Managed,
+    pub(super) parameters: Parameters,
+    pub(super) commands: mpsc::UnboundedSender<Command>,
+    pub(super) outbox: Outbox,
+    pub(super) clock: Arc<Clock>,
+    pub(super) parameter_events: OutIdx,
+    pub(super) node_name: String,
+    pub(super) sim_clock: Option<Subscription>,
+}
+
+/// What the services share.
+pub(super) struct Shared {
+    pub(super) parameters: RefCell<Parameters>,
+    pub(super) managed: Managed,
+    pub(super) commands: mpsc::UnboundedSender<Command>,
+    pub(super) outbox: Outbox,
+    pub(super) clock: Arc<Clock>,
+    pub(super) parameter_events: OutIdx,
+    /// SHA-256 of each model in use.
+    pub(super) hashes: RefCell<BTreeMap<String, String>>,
+    /// Whether a calibration is under way.
+    pub(super) calibrating: Cell<bool>,
+    pub(super) node_name: String,
+}
+
+/// What the thread tells.
+pub(super) enum News {
+    /// Services are there; who gets the graph leaves it.
+    Serving(Graph),
+    /// The node can't be started.
+    Failed(NodeError),
+}
+
+/// The thread.
+pub(super) struct Serving {
+    thread: JoinHandle<()>,
+    stop: oneshot::Sender<()>,
+}
+
+/// Starts to offer services, and brings the node up where no manager is to do it.
+pub(super) fn start(graph: Graph, duties: Duties) -> Result<(Serving, Receiver<News>), NodeError> {
+    let (sender, news) = channel();
+    let (stop, stopped) = oneshot::channel();
+    let runtime = runtime()?;
+    let thread = threads::spawn("services", move || {
+        let served = tokio::task::LocalSet::new().block_on(&runtime, serve(graph, duties, &sender, stopped));
+        if let Err(error) = served {
+            let _ = sender.send(News::Failed(error)); // the node is leaving already
+        }
+        // A model that is being loaded is not waited for.
+        runtime.shutdown_background();
+    })?;
+    Ok((Serving { thread, stop }, news))
+}
+
+impl Serving {
+    /// The graph, where it came only now that the node is to end.
+    pub(super) fn last_news(&self, news: &Receiver<News>) -> Option<Graph> {
+        news.try_iter().find_map(|news| match news {
+            News::Serving(graph) => Some(graph),
+            News::Failed(_) => None,
+        })
+    }
+
+    /// Answers no more, and waits for a request that is being answered at most so long.
+    pub(super) fn end(self, limit: Duration) {
+        let _ = self.stop.send(()); // the thread may have ended
+        threads::ends_within(&self.thread, limit);
+    }
+}
+
+async fn serve(
+    mut graph: Graph,
+    duties: Duties,
+    news: &Sender<News>,
+    stopped: oneshot::Receiver<()>,
+) -> Result<(), NodeError> {
+    let Duties { managed, parameters, commands, outbox, clock, parameter_events, node_name, sim_clock } = duties;
+    let shared = Rc::new(Shared {
+        managed,
+        parameters: RefCell::new(parameters),
+        commands,
+        outbox,
+        clock: Arc::clone(&clock),
+        parameter_events,
+        hashes: RefCell::default(),
+        calibrating: Cell::new(false),
+        node_name,
+    });
+    services::start(&mut graph, &shared)?;
+    calibrate_action::start(&mut graph, &shared)?;
+    let _ = news.send(News::Serving(graph)); // a node that is leaving already drops it
+    if let Some(subscription) = sim_clock {
+        tokio::task::spawn_local(follow(subscription, clock));
+    }
+    let starting = async {
+        match shared.managed.autostart(&shared).await {
+            Ok(()) => std::future::pending().await,
+            Err(error) => error,
+        }
+    };
+    tokio::select! {
+        biased;
+        _ = stopped => Ok(()),
+        error = starting => Err(error),
+    }
+}
+
+/// Sets the clock by the time that is told on `/clock`.
+async fn follow(subscription: Subscription, clock: Arc<Clock>) {
+    let _vital = Vital::new("/clock");
+    let mut times = subscription.arrivals();
+    while let Some(time) = times.next().await {
+        if let Ok(time) = time
+            && let Ok(message) = from_cdr::<interfaces::Clock>(&time.cdr)
+        {
+            clock.handle_clock(message.clock.into());
+        }
+    }
+}

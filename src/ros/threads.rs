@@ -1,0 +1,121 @@
+//! Threads that the node can't do without, and waiting for them no longer than it may take to leave.
+
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
+
+use super::node::NodeError;
+use crate::leave;
+
+/// Between looks at whether a thread has ended. A wait counts these, so that time in which the process itself was stopped
+/// doesn't count.
+const SLICE: Duration = Duration::from_millis(5);
+
+/// Starts a thread that the process can't do without: where it panics, the process is to end.
+pub(super) fn spawn(name: &'static str, work: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, NodeError> {
+    let vital = Vital::new(name);
+    let work = move || {
+        let _vital = vital;
+        work();
+    };
+    Builder::new().name(name.into()).spawn(work).map_err(|source| NodeError::System { what: "thread", source })
+}
+
+/// A part that the process can't do without; held by who does its work.
+pub(super) struct Vital {
+    part: &'static str,
+    ended: fn(&str),
+}
+
+impl Vital {
+    pub(super) fn new(part: &'static str) -> Self {
+        Vital { part, ended }
+    }
+}
+
+impl Drop for Vital {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            (self.ended)(self.part);
+        }
+    }
+}
+
+/// Asks the process to end, because a part of it has.
+pub(super) fn ended(part: &str) {
+    leave::fail(format!("the part of this process called {part:?} has ended, so the process ends too; start it anew"));
+}
+
+/// Whether a thread ends within a limit.
+pub(super) fn ends_within(thread: &JoinHandle<()>, limit: Duration) -> bool {
+    for _ in 0..slices(limit) {
+        if thread.is_finished() {
+            return true;
+        }
+        std::thread::sleep(SLICE);
+    }
+    thread.is_finished()
+}
+
+/// Does some work on a thread of its own and waits for it; whether it was done within a limit. If not it goes on.
+pub(super) fn within(limit: Duration, work: impl FnOnce() + Send + 'static) -> bool {
+    let (done, is_done) = channel();
+    let work = move || {
+        work();
+        let _ = done.send(()); // nobody waits any more
+    };
+    if Builder::new().name("bounded".into()).spawn(work).is_err() {
+        return false;
+    }
+    for _ in 0..slices(limit) {
+        match is_done.recv_timeout(SLICE) {
+            Ok(()) => return true,
+            Err(RecvTimeoutError::Disconnected) => return false, // it panicked
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+    false
+}
+
+fn slices(limit: Duration) -> u128 {
+    limit.as_millis() / SLICE.as_millis()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+    use std::time::Instant;
+
+    use super::*;
+
+    #[test]
+    fn a_part_that_panics_is_told_and_one_that_is_done_is_not() {
+        static TOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
+        let vital = |part| Vital { part, ended: |part| TOLD.lock().unwrap().push(part.to_owned()) };
+        drop(vital("done"));
+        let panics = std::thread::spawn(move || {
+            let _vital = vital("engine");
+            panic!("as a defect does");
+        });
+        assert!(panics.join().is_err());
+        let tasks = tokio::task::LocalSet::new();
+        let task = tasks.spawn_local(async move {
+            let _vital = vital("services");
+            panic!("as a defect does");
+        });
+        let runtime = crate::ros::node::runtime().unwrap();
+        assert!(tasks.block_on(&runtime, task).is_err(), "tokio keeps a panic to itself");
+        assert_eq!(*TOLD.lock().unwrap(), ["engine", "services"]);
+    }
+
+    #[test]
+    fn work_that_takes_too_long_is_left_alone() {
+        let begun = Instant::now();
+        assert!(within(Duration::from_secs(5), || {}));
+        assert!(!within(Duration::from_millis(50), || std::thread::sleep(Duration::from_secs(3))));
+        assert!(!within(Duration::from_secs(5), || panic!("as a defect does")));
+        let thread = std::thread::spawn(|| std::thread::sleep(Duration::from_secs(3)));
+        assert!(!ends_within(&thread, Duration::from_millis(50)));
+        assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+    }
+}

@@ -1,0 +1,158 @@
+//! The zero of the forces: where it is found, whether it fits, whether it can be relied on, and how a core gets it.
+//!
+//! The node, replay, calibrate, train, eval, export and characterize all ask here, so that the same zero is used or refused
+//! everywhere, in the same words. What would be refused is used all the same where `calibration.insist` says so, and said.
+
+mod error;
+mod judge;
+mod movement;
+mod recorded;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Serialize;
+
+pub use crate::bag::Rest;
+pub use error::ZeroError;
+pub use judge::{LoadCheck, limits};
+pub use movement::Movement;
+pub use recorded::{Wanted, find};
+
+use crate::calibration::{Calibration, CalibrationFileError};
+use crate::config::Config;
+use crate::fusion::{Baseline, Fusion, SetupError, TactileSourceIdx};
+
+/// SHA-256 of each model, by its name in the parameters.
+pub type ModelHashes = BTreeMap<String, String>;
+
+/// Where a baseline came from, for summaries and files.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "from")]
+pub enum ZeroFrom {
+    /// A calibration file.
+    File {
+        /// The file, as it was given.
+        file: String,
+    },
+    /// The stretches that annotations say are at zero load.
+    Annotations {
+        /// `[tactile sources]`, s.
+        seconds: Vec<f64>,
+    },
+    /// The first seconds.
+    First {
+        /// `[tactile sources]`, s.
+        seconds: Vec<f64>,
+    },
+    /// Live topics.
+    Live {
+        /// Tactile samples.
+        frames: u32,
+    },
+}
+
+/// Baselines of all tactile sources, and what is left to check about them.
+#[derive(Debug)]
+pub struct Zero {
+    /// Where they are from.
+    pub from: ZeroFrom,
+    /// `[tactile sources]`
+    pub baselines: Vec<Baseline>,
+    /// What a person should know about them.
+    pub notes: Vec<String>,
+    /// What the model must confirm while the recording is read; `None` where the recording can't tell.
+    pub check: Option<LoadCheck>,
+}
+
+impl Zero {
+    /// A zero of which nothing is left to check.
+    pub fn new(from: ZeroFrom, baselines: Vec<Baseline>) -> Self {
+        Zero { from, baselines, notes: Vec::new(), check: None }
+    }
+
+    /// Gives a core its baselines.
+    ///
+    /// # Errors
+    /// [`SetupError`] when they are of another number of taxels.
+    pub fn install(&self, fusion: &mut Fusion) -> Result<(), SetupError> {
+        install(fusion, &self.baselines)
+    }
+
+    /// The baselines as a calibration file of this glove, user and these models.
+    pub fn to_calibration(&self, cfg: &Config, models: &ModelHashes) -> Calibration {
+        let names = cfg.fusion.tactile_sources.iter().map(|source| source.name.clone());
+        let sources: BTreeMap<String, Baseline> = names.zip(self.baselines.iter().cloned()).collect();
+        let text = |value: &Option<String>| value.clone().unwrap_or_default();
+        let mut calibration = Calibration::new(&text(&cfg.glove), &text(&cfg.user), self.from.to_string(), sources);
+        calibration.models.clone_from(models);
+        calibration
+    }
+}
+
+impl std::fmt::Display for ZeroFrom {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let spans = |seconds: &[f64]| seconds.iter().map(|s| format!("{s:.2} s")).collect::<Vec<_>>().join(", ");
+        match self {
+            ZeroFrom::File { file } => write!(f, "calibration {file}"),
+            ZeroFrom::Annotations { seconds } => write!(f, "annotated zero-load stretches, {}", spans(seconds)),
+            ZeroFrom::First { seconds } => write!(f, "the first {}", spans(seconds)),
+            ZeroFrom::Live { frames } => write!(f, "{frames} live frames"),
+        }
+    }
+}
+
+/// Gives a core a baseline for each tactile source.
+///
+/// # Errors
+/// [`SetupError`] when one is of another number of taxels.
+pub fn install(fusion: &mut Fusion, baselines: &[Baseline]) -> Result<(), SetupError> {
+    for (source_idx, baseline) in baselines.iter().enumerate() {
+        fusion.handle_baseline(TactileSourceIdx(source_idx), baseline.clone())?;
+    }
+    Ok(())
+}
+
+/// The zero of a calibration file that belongs to this glove, user, set of sources and these models.
+///
+/// # Errors
+/// [`ZeroError::File`] when it is none, or of other sources; [`ZeroError::Mismatch`] and [`ZeroError::OtherModel`] when it
+/// is of something else, unless `calibration.insist` is set.
+pub fn from_file(path: &Path, cfg: &Config, models: &ModelHashes) -> Result<Zero, ZeroError> {
+    let text = |value: &Option<String>| value.clone().unwrap_or_default();
+    let sources = &cfg.fusion.tactile_sources;
+    let mut notes = Vec::new();
+    let calibration = match Calibration::load(path, &text(&cfg.glove), &text(&cfg.user), sources) {
+        Err(error @ CalibrationFileError::Mismatch { .. }) => {
+            notes.extend(forgiven(cfg, ZeroError::File(error))?);
+            Calibration::load(path, "", "", sources)?
+        }
+        loaded => loaded?,
+    };
+    for (model, hash) in models {
+        match calibration.models.get(model) {
+            Some(known) if known != hash => {
+                let error = ZeroError::OtherModel { path: path.to_path_buf(), model: model.clone() };
+                notes.extend(forgiven(cfg, error)?);
+            }
+            Some(_) => {}
+            None => notes.push(format!(
+                "{}: does not say that it was judged with model {model}, so nothing tells whether the glove was loaded then",
+                path.display()
+            )),
+        }
+    }
+    let baselines = sources.iter().filter_map(|source| calibration.sources.get(&source.name).cloned()).collect();
+    Ok(Zero { notes, ..Zero::new(ZeroFrom::File { file: path.display().to_string() }, baselines) })
+}
+
+/// What is said of a zero that would be refused and is used, where the parameters insist.
+///
+/// # Errors
+/// The error itself, where they don't.
+fn forgiven(cfg: &Config, error: ZeroError) -> Result<Option<String>, ZeroError> {
+    if !cfg.calibration.insist {
+        return Err(error);
+    }
+    Ok(Some(format!("{error}; used all the same, because calibration.insist is set")))
+}

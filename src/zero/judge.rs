@@ -1,0 +1,129 @@
+//! Whether a zero can be relied on, by the forces that the models read where it says that nothing is touched.
+
+use std::collections::BTreeMap;
+
+use super::{ZeroError, ZeroFrom, forgiven};
+use crate::bag::Rest;
+use crate::config::{CalibrationConfig, Config};
+use crate::fusion::{CalibrationLimits, Estimate, Flags, Tick, judge_loaded};
+
+/// When a calibration is refused.
+pub fn limits(cfg: &CalibrationConfig) -> CalibrationLimits {
+    CalibrationLimits {
+        min_s: cfg.min_duration.as_secs_f64(),
+        max_force: cfg.max_force,
+        max_loaded_fraction: cfg.max_loaded_fraction,
+    }
+}
+
+/// Collects what the models make of the frames at rest, and judges the zero by it.
+#[derive(Debug, Clone)]
+pub struct LoadCheck {
+    from: ZeroFrom,
+    /// `[tactile sources]`: in order of time.
+    rest: Vec<Vec<Rest>>,
+    /// `[tactile sources]`: whether its last stretch is over.
+    over: Vec<bool>,
+    limits: CalibrationLimits,
+    regions: BTreeMap<usize, Tally>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Tally {
+    n_frames: u64,
+    n_estimates: u64,
+    n_loaded: u64,
+    n_without_pose: u64,
+    without_estimate: BTreeMap<Flags, u64>,
+}
+
+impl LoadCheck {
+    /// A check of a zero by the frames of these stretches.
+    ///
+    /// # Shapes
+    /// `rest`: `[tactile sources]`, each in order of time.
+    pub fn new(from: ZeroFrom, rest: Vec<Vec<Rest>>, limits: CalibrationLimits) -> Self {
+        LoadCheck { from, over: vec![false; rest.len()], rest, limits, regions: BTreeMap::new() }
+    }
+
+    /// Takes the estimates of a frame; whether frames at rest are still to come.
+    pub fn takes(&mut self, tick: &Tick) -> bool {
+        let source = tick.source.0;
+        if !self.over[source] {
+            let rest = &self.rest[source];
+            let begun = rest.partition_point(|rest| rest.from <= tick.stamp);
+            let is_at_rest = begun.checked_sub(1).is_some_and(|idx| tick.stamp <= rest[idx].to);
+            self.over[source] = rest.last().is_none_or(|last| tick.stamp > last.to);
+            if is_at_rest {
+                tick.estimates.iter().for_each(|estimate| self.handle(estimate));
+            }
+        }
+        self.over.contains(&false)
+    }
+
+    fn handle(&mut self, estimate: &Estimate) {
+        let tally = self.regions.entry(estimate.region).or_default();
+        // A window that isn't full yet says nothing of the zero.
+        if estimate.force.is_none() && estimate.flags.contains(Flags::WARMUP) {
+            return;
+        }
+        tally.n_frames += 1;
+        tally.n_without_pose += u64::from(estimate.flags.contains(Flags::STALE_POSE));
+        match estimate.force {
+            Some(force) => {
+                tally.n_estimates += 1;
+                tally.n_loaded += u64::from(force.0.abs() > self.limits.max_force.0);
+            }
+            None => *tally.without_estimate.entry(estimate.flags).or_default() += 1,
+        }
+    }
+
+    /// Refuses a zero that looks loaded, or that no estimate could be made with. Where `calibration.insist` is set it says
+    /// so instead.
+    ///
+    /// # Errors
+    /// [`ZeroError::Loaded`], [`ZeroError::LoadedHere`], [`ZeroError::Unjudged`].
+    pub fn judge(&self, cfg: &Config) -> Result<Option<String>, ZeroError> {
+        for (&region, tally) in &self.regions {
+            if let Err(error) = self.judge_region(cfg.fusion.regions[region].name.clone(), tally) {
+                return forgiven(cfg, error);
+            }
+        }
+        Ok(None)
+    }
+
+    fn judge_region(&self, region: String, tally: &Tally) -> Result<(), ZeroError> {
+        let commonest = tally.without_estimate.iter().max_by_key(|(_, n)| **n);
+        if let (0, Some((flags, _))) = (tally.n_estimates, commonest) {
+            return Err(ZeroError::Unjudged { region, n_frames: tally.n_frames, flags: *flags });
+        }
+        judge_loaded(tally.n_loaded, tally.n_estimates, &self.limits).map_err(|error| match &self.from {
+            ZeroFrom::File { file } => ZeroError::LoadedHere {
+                region,
+                file: file.clone(),
+                percent: 100.0 * tally.n_loaded as f64 / tally.n_estimates as f64,
+                limit: self.limits.max_force,
+                limit_percent: 100.0 * self.limits.max_loaded_fraction,
+            },
+            _ => ZeroError::Loaded { region, error },
+        })
+    }
+
+    /// Refuses a calibration whose joint angles didn't reach the frames, so that the model never saw the movement.
+    ///
+    /// # Errors
+    /// [`ZeroError::WithoutPose`], where `calibration.insist` is not set.
+    pub fn check_pose(&self, cfg: &Config) -> Result<Option<String>, ZeroError> {
+        for (&region, tally) in &self.regions {
+            let needs_pose = !cfg.fusion.regions[region].joints.is_empty();
+            if needs_pose && 2 * tally.n_without_pose > tally.n_frames {
+                let percent = 100.0 * tally.n_without_pose as f64 / tally.n_frames as f64;
+                return forgiven(
+                    cfg,
+                    ZeroError::WithoutPose { region: cfg.fusion.regions[region].name.clone(), percent },
+                );
+            }
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,93 @@
+//! The zero of a recording: from a file, from its annotations, or from its first seconds.
+
+use std::path::{Path, PathBuf};
+
+use super::{LoadCheck, ModelHashes, Zero, ZeroError, ZeroFrom, from_file, limits};
+use crate::bag::{BagReader, Baselines, Inputs, Rest, ZeroLoad, annotated_rest, collect_baselines};
+use crate::config::Config;
+use crate::recording::input_topics;
+
+/// How much of the seconds that are asked for must be there: frames may be missing, but not the end of what was meant.
+const SHORTEST: f64 = 0.5;
+
+/// What a person asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Wanted<'a> {
+    /// This calibration file.
+    File(&'a Path),
+    /// The first seconds.
+    First(f64),
+    /// Whatever there is: annotations, else the file of the parameters, else the first seconds.
+    Any,
+}
+
+/// Finds the zero of a recording: what is asked for, else annotations, else `calibration.file`, else the first
+/// `calibration.duration_s` seconds.
+///
+/// # Errors
+/// [`ZeroError`] when the recording can't be read, what is at zero load in it is too short or has a dead taxel, or a file
+/// is refused.
+pub fn find(wanted: Wanted<'_>, cfg: &Config, bags: &[PathBuf], models: &ModelHashes) -> Result<Zero, ZeroError> {
+    let is_annotated =
+        || Ok::<_, ZeroError>(Inputs::new(input_topics(cfg), &mut BagReader::open(bags)?)?.has_annotations());
+    match (wanted, &cfg.calibration.file) {
+        (Wanted::File(file), _) => of_file(file, cfg, bags, models, is_annotated()?),
+        (Wanted::First(seconds), _) => {
+            let zero = from_bag(cfg, bags, ZeroLoad::First(seconds))?;
+            match &zero.from {
+                ZeroFrom::First { seconds: got } if got.iter().all(|got_s| *got_s < SHORTEST * seconds) => {
+                    let got_s = got.iter().copied().fold(0.0, f64::max);
+                    Err(ZeroError::PastTheEnd { seconds, got_s })
+                }
+                _ => Ok(zero),
+            }
+        }
+        (Wanted::Any, _) if is_annotated()? => from_bag(cfg, bags, ZeroLoad::Annotated),
+        (Wanted::Any, Some(file)) => of_file(file, cfg, bags, models, false),
+        (Wanted::Any, None) => {
+            let seconds = cfg.calibration.duration.as_secs_f64();
+            let mut zero = from_bag(cfg, bags, ZeroLoad::First(seconds))?;
+            zero.notes.push(format!(
+                "no stage annotations on {} and no calibration file: taking the first {seconds} s as zero load",
+                cfg.stage_topic
+            ));
+            Ok(zero)
+        }
+    }
+}
+
+/// The zero of a file; where the recording says when nothing touches the glove, the model must agree.
+fn of_file(
+    file: &Path,
+    cfg: &Config,
+    bags: &[PathBuf],
+    models: &ModelHashes,
+    is_annotated: bool,
+) -> Result<Zero, ZeroError> {
+    let mut zero = from_file(file, cfg, models)?;
+    if is_annotated {
+        let mut reader = BagReader::open(bags)?;
+        let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+        let rest = annotated_rest(&mut reader, &mut inputs)?;
+        zero.check = Some(check(&zero.from, cfg, vec![rest; cfg.fusion.tactile_sources.len()]));
+    }
+    Ok(zero)
+}
+
+fn from_bag(cfg: &Config, bags: &[PathBuf], zero_load: ZeroLoad) -> Result<Zero, ZeroError> {
+    let mut reader = BagReader::open(bags)?;
+    let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    let limits = limits(&cfg.calibration);
+    let Baselines { baselines, spans_s: seconds, rest } =
+        collect_baselines(&mut reader, &mut inputs, &cfg.fusion, zero_load, &limits)?;
+    let from = match zero_load {
+        ZeroLoad::Annotated => ZeroFrom::Annotations { seconds },
+        ZeroLoad::First(_) => ZeroFrom::First { seconds },
+    };
+    let check = Some(check(&from, cfg, rest));
+    Ok(Zero { check, ..Zero::new(from, baselines) })
+}
+
+fn check(from: &ZeroFrom, cfg: &Config, rest: Vec<Vec<Rest>>) -> LoadCheck {
+    LoadCheck::new(from.clone(), rest, limits(&cfg.calibration))
+}
