@@ -1,16 +1,72 @@
 //! What a synthetic session has in it: the protocol, its counts, its truth, its gaps, and the same bytes every time.
 
+mod common;
+
 use std::collections::BTreeMap;
 
+use common::fake::*;
 use sha2::{Digest, Sha256};
+use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::protocol::{Name, Plan, Protocol};
 use tactile_pose_fusion::sim::hand::JOINTS;
+use tactile_pose_fusion::sim::manipulation::{Episode, MIN_MANIPULATION_MINUTES};
 use tactile_pose_fusion::sim::touch::TouchKind;
-use tactile_pose_fusion::sim::{FULL_MINUTES, MIN_MINUTES, Record, SessionSpec, simulate};
+use tactile_pose_fusion::sim::{Activity, FULL_MINUTES, MIN_MINUTES, Record, SessionSpec, Tracking, simulate};
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 
+/// Taxels of a session, with the baseline that its stretches without load give.
+fn taxels(spec: &SessionSpec) -> (Vec<(Stamp, Vec<f32>)>, Baseline) {
+    let mut is_zero = false;
+    let (mut rows, mut builder) = (Vec::new(), None);
+    for record in records(spec) {
+        match record {
+            Record::Stage { zero_load, .. } => is_zero = zero_load,
+            Record::Taxels { stamp, values, .. } => {
+                let builder = builder.get_or_insert_with(|| BaselineBuilder::new(values.len(), 50_000_000));
+                if is_zero {
+                    builder.handle_sample(stamp, &values);
+                }
+                rows.push((stamp, values));
+            }
+            _ => {}
+        }
+    }
+    let limits = CalibrationLimits { min_s: 1.0, max_force: Newton(0.5), max_loaded_fraction: 1.0 };
+    (rows, builder.unwrap().finish(&limits).unwrap())
+}
+
+#[test]
+fn a_healthy_synthetic_glove_is_never_called_faulty_and_a_frozen_one_is_within_a_fifth_of_a_second() {
+    let faults = [Flags::FROZEN, Flags::FAULTY_TAXEL, Flags::INTERLEAVED, Flags::WRONG_RATE];
+    for glove in 1..=3 {
+        let (rows, baseline) = taxels(&SessionSpec { glove, ..spec(2.0) });
+        let n_taxels = rows[0].1.len();
+        let all: Vec<usize> = (0..n_taxels).collect();
+        let mut core = fusion(config(n_taxels, vec![region("index", &all, &[])]), vec![Sum::boxed(64, n_taxels, 0)]);
+        core.handle_baseline(TactileSourceIdx(0), baseline).unwrap();
+        let mut flags_of = |rows: &mut dyn Iterator<Item = (Stamp, &Vec<f32>)>| -> Vec<Flags> {
+            let mut flags = Vec::new();
+            for (stamp, values) in rows {
+                core.handle(tactile(stamp, values));
+                while let Some(tick) = core.poll().unwrap() {
+                    flags.push(tick.estimates[0].flags);
+                }
+            }
+            flags
+        };
+        let healthy = flags_of(&mut rows.iter().map(|(stamp, values)| (*stamp, values)));
+        assert!(
+            healthy.len() > 10_000 && !healthy.iter().any(|flags| faults.iter().any(|fault| flags.contains(*fault)))
+        );
+        let (last, values) = rows.last().unwrap();
+        let frozen = flags_of(&mut (1..40).map(|k| (last.offset(k * 10_000_000), values)));
+        assert!(frozen[20..].iter().all(|flags| *flags == Flags::FROZEN), "glove {glove}: {frozen:?}");
+    }
+}
+
 fn spec(minutes: f64) -> SessionSpec {
-    SessionSpec { glove: 1, user: 3, session: 0, seed: 11, minutes }
+    let (activity, tracking) = (Activity::Protocol, Tracking::Markers);
+    SessionSpec { glove: 1, user: 3, session: 0, seed: 11, minutes, activity, tracking }
 }
 
 fn substages() -> Vec<(u8, Name)> {
@@ -244,4 +300,75 @@ fn metadata_says_that_it_is_synthetic() {
     assert_eq!(metadata["synthetic"], "true");
     assert_eq!((metadata["glove"].as_str(), metadata["sign"].as_str()), ("2", "-1"));
     assert_eq!((metadata["user"].as_str(), metadata["donning"].as_str(), metadata["seed"].as_str()), ("3", "0", "11"));
+}
+
+fn manipulation(user: u32) -> SessionSpec {
+    SessionSpec { user, minutes: MIN_MANIPULATION_MINUTES, activity: Activity::Manipulation, ..spec(5.0) }
+}
+
+#[test]
+fn free_manipulation_has_every_episode_with_its_force() {
+    let all = records(&manipulation(1));
+    assert_eq!(records(&manipulation(1)), all);
+    let mut episodes: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    let mut substages = all.iter().filter_map(|record| match record {
+        Record::Stage { stamp, substage, stage, .. } => Some((*stamp, *stage, substage.to_string())),
+        _ => None,
+    });
+    let forces = tared(&all);
+    let mut now = substages.next().unwrap();
+    let mut next = substages.next();
+    for (stamp, force_gf, _) in forces {
+        while let Some(later) = next.take_if(|later| later.0 <= stamp) {
+            now = later;
+            next = substages.next();
+        }
+        assert_eq!(now.1, 0); // outside of the protocol
+        episodes.entry(now.2.clone()).or_default().push(force_gf);
+    }
+    for episode in Episode::ALL {
+        let forces = &episodes[episode.name()];
+        let mean = forces.iter().sum::<f64>() / forces.len() as f64;
+        let expected = match episode {
+            Episode::Air | Episode::StillAir => -2.0..2.0,
+            Episode::LightHold | Episode::StillHold => 2.0..25.0,
+            Episode::Grasp => 25.0..400.0,
+            Episode::Ramp => 10.0..150.0,
+            Episode::Touches => 5.0..200.0,
+        };
+        assert!(expected.contains(&mean), "{episode:?}: {mean} gF");
+    }
+}
+
+#[test]
+fn a_camera_is_slow_late_noisy_off_and_now_and_then_blind() {
+    let seen = SessionSpec { tracking: Tracking::Camera, ..manipulation(2) };
+    let joints = |spec: &SessionSpec| -> Vec<(f64, Vec<f64>)> {
+        let joints = simulate(spec).unwrap().filter_map(|record| match record {
+            Record::Joints { stamp, positions, .. } => Some((stamp.0 as f64 * 1e-9, positions)),
+            _ => None,
+        });
+        joints.collect()
+    };
+    let (markers, camera) = (joints(&manipulation(2)), joints(&seen));
+    let rate_hz = camera.len() as f64 / (camera[camera.len() - 1].0 - camera[0].0);
+    assert!((26.0..30.0).contains(&rate_hz), "{rate_hz}");
+    let longest_s = camera.windows(2).map(|pair| pair[1].0 - pair[0].0).fold(0.0, f64::max);
+    assert!((0.2..2.0).contains(&longest_s), "{longest_s}");
+    let at = |t_s: f64| &markers[markers.partition_point(|(stamp_s, _)| *stamp_s < t_s).min(markers.len() - 1)].1;
+    // What is seen fits best what the hand did 60 ms before; less a bias of each joint, noise of 5 degrees is left.
+    let error = |delay_s: f64| -> f64 {
+        let n_joints = JOINTS.len();
+        let differences: Vec<Vec<f64>> = camera
+            .iter()
+            .map(|(stamp_s, seen)| seen.iter().zip(at(stamp_s - delay_s)).map(|(seen, true_)| seen - true_).collect())
+            .collect();
+        let n = differences.len() as f64;
+        let mean = |j: usize| differences.iter().map(|of| of[j]).sum::<f64>() / n;
+        let means: Vec<f64> = (0..n_joints).map(mean).collect();
+        let squares = differences.iter().flat_map(|of| of.iter().zip(&means).map(|(of, mean)| (of - mean).powi(2)));
+        (squares.sum::<f64>() / n / n_joints as f64).sqrt().to_degrees()
+    };
+    assert!((4.0..6.5).contains(&error(0.06)), "{}", error(0.06));
+    assert!(error(0.06) < error(0.0) && error(0.06) < error(0.12));
 }

@@ -25,6 +25,7 @@ fn a_simulated_session_replays_with_its_annotated_zero() {
     tactile.glove: {topic: /glove/taxels, n_taxels: 6}
     joint.hand: {topic: /hand/joint_states}
     model.tip: {path: model.onnx}
+    calibration.max_force: 1000.0 # the model only adds up taxels: a hand that moves in the air reads as force
     region.index: {model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}
 ";
     fs::write(folder.join("params.yaml"), params).unwrap();
@@ -63,4 +64,27 @@ fn what_cannot_be_simulated_is_refused_before_a_folder_is_made() {
     let short = tpf(folder, &["simulate", "--glove", "1", "--seed", "1", "--minutes", "0.1", "-o", "out"]);
     assert!(short.failure().starts_with("minutes 0.1: a session of the protocol takes"), "{short:?}");
     assert!(!folder.join("out").exists());
+}
+
+#[test]
+fn free_manipulation_is_a_session_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let asked = ["simulate", "--glove", "3", "--users", "1", "--sessions", "1", "--seed", "7", "-o", "free"];
+    let free = ["--activity", "manipulation", "--tracking", "camera"];
+    let short = tpf(folder, &[&asked[..], &free, &["--minutes", "5"]].concat());
+    assert!(short.failure().contains("a session of free manipulation takes 10 to 120 minutes"), "{short:?}");
+    let other = tpf(folder, &[&asked[..], &["--activity", "work"]].concat());
+    assert!(other.code == 2 && other.stderr.contains("expected protocol or manipulation, got \"work\""), "{other:?}");
+    tpf(folder, &[&asked[..], &free, &["--minutes", "10"]].concat()).ok();
+    let inspected = tpf(folder, &["inspect", "free/glove3_user01_session1"]).ok();
+    let joints = inspected.stdout.lines().find(|line| line.trim_start().starts_with("/hand/joint_states")).unwrap();
+    let rate_hz: f64 = joints.split_whitespace().nth(2).unwrap().parse().unwrap();
+    assert!((26.0..30.0).contains(&rate_hz), "{joints}");
+    let scored = ["eval", "free/glove3_user01_session1", "--whole", "--by", "substage", "--params-file"];
+    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
+    let scored = tpf(folder, &[&scored[..], &[params]].concat()).ok();
+    for episode in ["air", "still_air", "light_hold", "still_hold", "grasp", "ramp", "touches"] {
+        assert!(scored.stdout.contains(episode), "{scored:?}");
+    }
 }

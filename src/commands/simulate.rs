@@ -6,13 +6,13 @@ mod live;
 use std::path::{Path, PathBuf};
 
 use super::progress::Progress;
-use super::{Failure, Outcome, interrupt, print, say};
+use super::{Failure, Outcome, counted, interrupt, print, say};
 use crate::bag::{BagMetadata, BagWriter, OutChannel, WriteOptions};
 use crate::msg::{
     Duration, Header, JointState, Stage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped, to_cdr_into,
 };
 use crate::recording::SESSION_NOTES;
-use crate::sim::{Record, SessionSpec, simulate};
+use crate::sim::{Activity, FULL_MINUTES, Record, SessionSpec, Tracking, simulate};
 use crate::units::Stamp;
 
 const TAXELS: &str = "/glove/taxels";
@@ -35,9 +35,17 @@ pub(super) struct Args {
     /// The same seed gives the same bytes; another one has other users
     #[arg(long, value_name = "S")]
     seed: u64,
-    /// Length of a session; less than the whole protocol has fewer repetitions, never fewer substages
-    #[arg(long, value_name = "M", default_value_t = crate::sim::FULL_MINUTES)]
-    minutes: f64,
+    /// What is done: protocol (the paper's), or manipulation (free: light touches held for a minute, grasps without air,
+    /// slow ramps, slips, now and then a start in contact; 10 to 120 minutes)
+    #[arg(long, value_name = "WHAT", default_value = "protocol", value_parser = activity)]
+    activity: Activity,
+    /// How joint angles are measured: markers (100 Hz, as the paper), or camera (30 Hz, late, noisy, off by 10 degrees)
+    #[arg(long, value_name = "HOW", default_value = "markers", value_parser = tracking)]
+    tracking: Tracking,
+    /// Length of a session, 27.7 if not given; less than the whole protocol has fewer repetitions, never fewer substages.
+    /// With --live: end after so long
+    #[arg(long, value_name = "M")]
+    minutes: Option<f64>,
     /// Folder for the bags, made if it isn't there
     #[cfg_attr(feature = "ros", arg(short, long, value_name = "DIR", required_unless_present = "live"))]
     #[cfg_attr(not(feature = "ros"), arg(short, long, value_name = "DIR", required = true))]
@@ -56,7 +64,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let Some(output) = &args.output else { return Err(Failure("--output is missing".to_owned())) };
     let specs = (1..=args.users).flat_map(|user| (1..=args.sessions).map(move |session| (user, session)));
     let specs: Vec<SessionSpec> = specs
-        .map(|(user, session)| SessionSpec { glove: args.glove, user, session, seed: args.seed, minutes: args.minutes })
+        .map(|(user, session)| SessionSpec {
+            glove: args.glove,
+            user,
+            session,
+            seed: args.seed,
+            minutes: args.minutes.unwrap_or(FULL_MINUTES),
+            activity: args.activity,
+            tracking: args.tracking,
+        })
         .collect();
     if let Some(spec) = specs.first() {
         simulate(spec)?; // what is wrong with one is wrong with all, and is told before a folder is made
@@ -69,10 +85,22 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let name = format!("glove{}_user{:02}_session{}", spec.glove, spec.user, spec.session);
         let path = output.join(name);
         let n_messages = write(spec, &path, false)?;
-        text += &format!("{}: {n_messages} messages (synthetic)\n", path.display());
+        text += &format!("{}: {} (synthetic)\n", path.display(), counted(n_messages, "message"));
     }
     print(&text)?;
     Ok(Outcome::Done)
+}
+
+fn activity(text: &str) -> Result<Activity, String> {
+    let known = [Activity::Protocol, Activity::Manipulation];
+    let found = known.into_iter().find(|activity| activity.name() == text);
+    found.ok_or_else(|| format!("expected protocol or manipulation, got {text:?}"))
+}
+
+fn tracking(text: &str) -> Result<Tracking, String> {
+    let known = [Tracking::Markers, Tracking::Camera];
+    let found = known.into_iter().find(|tracking| tracking.name() == text);
+    found.ok_or_else(|| format!("expected markers or camera, got {text:?}"))
 }
 
 /// Writes one session; the number of its messages.

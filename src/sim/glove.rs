@@ -19,7 +19,7 @@ use readout::Readout;
 use strain::StrainField;
 
 use super::performance::HandState;
-use super::session::SessionSpec;
+use super::session::{Activity, SessionSpec};
 use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
@@ -143,6 +143,7 @@ pub struct WornGlove {
     contact: ContactField,
     readout: Readout,
     slip: Slip,
+    jumps: Option<Jumps>,
     noise: Noise,
 }
 
@@ -158,6 +159,13 @@ impl WornGlove {
             contact: ContactField::new(design, &mut hardware, &mut noise),
             readout: Readout::new(design, &mut hardware, &mut noise),
             slip: Slip::new(design, &mut noise),
+            jumps: match spec.activity {
+                Activity::Protocol => None,
+                Activity::Manipulation => Some(Jumps::new(
+                    design,
+                    Noise::named(&format!("{}, glove {}, jumps", spec.session_name(), design.number)),
+                )),
+            },
             noise,
         }
     }
@@ -167,6 +175,9 @@ impl WornGlove {
     /// # Shapes
     /// Returns `[taxels]` in the order of [`GloveDesign::taxels`].
     pub fn sample(&mut self, dt_s: f64, state: &HandState) -> Vec<f32> {
+        if let Some(jumps) = &mut self.jumps {
+            jumps.advance(dt_s, &mut self.slip);
+        }
         let slip = self.slip.advance(dt_s, &mut self.noise);
         let (artifacts, bends) = self.strain.advance(dt_s, &state.pose, &slip);
         let touched = self.contact.advance(dt_s, &bends, state.contact, slip.common, &mut self.noise);
@@ -190,6 +201,33 @@ struct Slipped {
 }
 
 const SLIP_S: f64 = 90.0;
+
+/// Slips that come at once: friction holds the glove until it gives way.
+#[derive(Debug)]
+struct Jumps {
+    size: f64,
+    next_s: f64,
+    noise: Noise,
+}
+
+const JUMP_EVERY_S: f64 = 45.0; // on average
+
+impl Jumps {
+    fn new(design: &GloveDesign, mut noise: Noise) -> Self {
+        Jumps { size: design.slip * std::f64::consts::FRAC_1_SQRT_2, next_s: noise.exponential(JUMP_EVERY_S), noise }
+    }
+
+    fn advance(&mut self, dt_s: f64, slip: &mut Slip) {
+        self.next_s -= dt_s;
+        while self.next_s <= 0.0 {
+            self.next_s += self.noise.exponential(JUMP_EVERY_S);
+            slip.common.push(self.noise.normal(self.size));
+            for own in &mut slip.taxels {
+                own.push(self.noise.normal(self.size));
+            }
+        }
+    }
+}
 
 impl Slip {
     fn new(design: &GloveDesign, noise: &mut Noise) -> Self {

@@ -357,3 +357,42 @@ impl MotionCapture {
         angles
     }
 }
+
+/// A camera that looks at the hand, and angles that a network makes of its pictures.
+///
+/// Angles are off by a bias of each joint that stays for the session, and by an error that is partly the same for several
+/// frames, because it comes from how the hand is seen. Their delay is that of [`session`](super::session).
+///
+/// # Source
+/// Sizes are assumed: a bias of 10 degrees and 5 degrees of noise are what a correction by pose should bear.
+#[derive(Debug)]
+pub(crate) struct Camera {
+    bias: [f64; JOINTS.len()],
+    slow: Vec<Wander>,
+    noise: Noise,
+}
+
+const CAMERA_BIAS_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
+const CAMERA_NOISE_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
+const CAMERA_SLOW_S: f64 = 0.3;
+
+impl Camera {
+    pub(crate) fn new(mut noise: Noise) -> Self {
+        let share = CAMERA_NOISE_RAD * std::f64::consts::FRAC_1_SQRT_2; // half of the variance is slow
+        Camera {
+            bias: array::from_fn(|_| noise.normal(CAMERA_BIAS_RAD)),
+            slow: JOINTS.iter().map(|_| Wander::new(share, CAMERA_SLOW_S, &mut noise)).collect(),
+            noise,
+        }
+    }
+
+    /// Angles as they are seen, `dt_s` after the picture before, in the order of [`JOINTS`], rad.
+    pub(crate) fn measure(&mut self, dt_s: f64, pose: &HandPose) -> Vec<f64> {
+        let mut angles = pose.angles();
+        for ((angle, bias), slow) in angles.iter_mut().zip(self.bias).zip(&mut self.slow) {
+            let fast = self.noise.normal(CAMERA_NOISE_RAD * std::f64::consts::FRAC_1_SQRT_2);
+            *angle += bias + slow.advance(dt_s, &mut self.noise) + fast;
+        }
+        angles
+    }
+}

@@ -74,9 +74,7 @@ impl Performance {
             actor.performance.annotate(protocol, trial, at_s);
             at_s += trial.duration_s;
         }
-        let over = Annotation { at_s, stage: 0, substage: "".into(), pose: "".into(), repetition: 0, zero_load: false };
-        performance.annotations.push(over);
-        performance.end_s = at_s;
+        performance.end(at_s);
         performance
     }
 
@@ -89,6 +87,21 @@ impl Performance {
             annotations: Vec::new(),
             end_s: f64::INFINITY,
         }
+    }
+
+    pub(super) fn touch(&mut self, touch: Touch) {
+        self.touches.push(touch);
+    }
+
+    pub(super) fn annotate_as(&mut self, annotation: Annotation) {
+        self.annotations.push(annotation);
+    }
+
+    /// Says that it is over.
+    pub(super) fn end(&mut self, at_s: f64) {
+        let over = Annotation { at_s, stage: 0, substage: "".into(), pose: "".into(), repetition: 0, zero_load: false };
+        self.annotations.push(over);
+        self.end_s = at_s;
     }
 
     /// Lets go of whatever is touched, and gives up every movement and touch that has not begun.
@@ -262,7 +275,7 @@ impl Actor<'_> {
 
     /// Every finger as it likes. Its joints flex partly together, as in all natural movement, DIP and PIP nearly as one,
     /// because they share a tendon.
-    fn move_freely(&mut self, start_s: f64, end_s: f64, index_reach: f64) {
+    pub(super) fn move_freely(&mut self, start_s: f64, end_s: f64, index_reach: f64) {
         for f in 0..N_FINGERS {
             let reach = if f == Finger::Index as usize { index_reach } else { 1.0 };
             let mut at_s = start_s + self.noise.uniform(0.0, 0.3);

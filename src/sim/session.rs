@@ -10,8 +10,9 @@ use channel::{Channel, Kind, RATE_HZ, Sampling};
 pub use live::{Fault, LiveSession, Prompt};
 
 use super::glove::{GLOVES, GloveDesign, WornGlove};
-use super::hand::{Hand, JOINTS, MotionCapture};
+use super::hand::{Camera, Hand, JOINTS, MotionCapture};
 use super::load_cell::LoadCell;
+use super::manipulation::{MAX_MANIPULATION_MINUTES, MIN_MANIPULATION_MINUTES};
 use super::performance::{Annotation, Performance, Performer};
 use super::touch::ForceStyle;
 use crate::protocol::{Name, Plan, Protocol};
@@ -34,8 +35,60 @@ pub struct SessionSpec {
     pub session: u32,
     /// Which world: another seed has other users. Gloves are the same in all.
     pub seed: u64,
-    /// How long, [`MIN_MINUTES`] to [`FULL_MINUTES`]; shorter has fewer repetitions, never fewer substages.
+    /// How long, as far as the [`activity`](Self::activity) goes.
     pub minutes: f64,
+    /// What is done.
+    pub activity: Activity,
+    /// How joint angles are measured.
+    pub tracking: Tracking,
+}
+
+/// What a user does in a session.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Activity {
+    /// The paper's protocol, [`MIN_MINUTES`] to [`FULL_MINUTES`]; shorter has fewer repetitions, never fewer substages.
+    #[default]
+    Protocol,
+    /// Free [`manipulation`](super::manipulation), [`MIN_MANIPULATION_MINUTES`] to [`MAX_MANIPULATION_MINUTES`], in which
+    /// the glove slips in jumps besides.
+    Manipulation,
+}
+
+impl Activity {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Activity::Protocol => "protocol",
+            Activity::Manipulation => "manipulation",
+        }
+    }
+
+    fn minutes(self) -> std::ops::RangeInclusive<f64> {
+        match self {
+            Activity::Protocol => MIN_MINUTES..=FULL_MINUTES,
+            Activity::Manipulation => MIN_MANIPULATION_MINUTES..=MAX_MANIPULATION_MINUTES,
+        }
+    }
+}
+
+/// How joint angles are measured.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Tracking {
+    /// Optical motion capture with markers, as the paper used: 100 Hz, a few degrees off.
+    #[default]
+    Markers,
+    /// A camera that looks at the hand: 30 Hz, late, noisy, off by ten degrees and now and then blind.
+    Camera,
+}
+
+impl Tracking {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Tracking::Markers => "markers",
+            Tracking::Camera => "camera",
+        }
+    }
 }
 
 /// Why there is no such session. Each text is one line.
@@ -47,11 +100,18 @@ pub enum SimError {
         /// What was asked for.
         got: u8,
     },
-    /// The protocol doesn't fit.
-    #[error("minutes {got}: a session of the protocol takes {MIN_MINUTES} to {FULL_MINUTES} minutes")]
+    /// The activity doesn't fit.
+    #[error(
+        "minutes {got}: a session of {activity} takes {from} to {until} minutes",
+        activity = match activity { Activity::Protocol => "the protocol", Activity::Manipulation => "free manipulation" },
+        from = activity.minutes().start(),
+        until = activity.minutes().end()
+    )]
     Minutes {
         /// What was asked for.
         got: f64,
+        /// In a session of what.
+        activity: Activity,
     },
 }
 
@@ -162,6 +222,13 @@ impl Record {
     }
 }
 
+/// What measures joint angles.
+#[derive(Debug)]
+enum Tracker {
+    Markers(MotionCapture),
+    Camera(Camera),
+}
+
 const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always the same
 
 /// Begins a session.
@@ -170,8 +237,8 @@ const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always
 /// [`SimError`] when there is no such glove or the protocol doesn't fit into that time.
 pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
     let glove = design(spec)?;
-    if !(MIN_MINUTES..=FULL_MINUTES).contains(&spec.minutes) {
-        return Err(SimError::Minutes { got: spec.minutes });
+    if !spec.activity.minutes().contains(&spec.minutes) {
+        return Err(SimError::Minutes { got: spec.minutes, activity: spec.activity });
     }
     Ok(Session::new(spec.clone(), glove))
 }
@@ -189,7 +256,7 @@ pub struct Session {
     annotations: std::vec::IntoIter<Annotation>,
     next_annotation: Option<Annotation>,
     glove: WornGlove,
-    mocap: MotionCapture,
+    tracker: Tracker,
     load_cell: LoadCell,
     names: Arc<[String]>,
     channels: [Channel; 3],
@@ -204,10 +271,20 @@ pub struct Session {
 impl Session {
     fn new(spec: SessionSpec, design: &'static GloveDesign) -> Self {
         let user = User::new(&spec);
-        let protocol = Protocol::paper();
-        let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
-        let mut noise = user.of_session("performance");
-        let performance = Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise);
+        let (plan, performance) = match spec.activity {
+            Activity::Protocol => {
+                let protocol = Protocol::paper();
+                let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
+                let mut noise = user.of_session("performance");
+                let performance = Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise);
+                (plan, performance)
+            }
+            Activity::Manipulation => {
+                let mut noise = user.of_session("manipulation");
+                let total_s = 60.0 * spec.minutes;
+                (Plan::default(), Performance::manipulation(&user.hand, &user.style, total_s, &mut noise))
+            }
+        };
         let (days, hours) = (i64::from(spec.user), i64::from(spec.session));
         let start = Stamp((EPOCH_S + days * 86_400 + hours * 3_600).saturating_mul(NANOS_PER_SEC));
         Session::begin(user, design, plan, performance, start)
@@ -216,15 +293,22 @@ impl Session {
     fn begin(user: User, design: &'static GloveDesign, plan: Plan, performance: Performance, start: Stamp) -> Self {
         let mut annotations = performance.annotations().to_vec().into_iter();
         let mut transport = user.of_session("transport");
+        let joints = match user.spec.tracking {
+            Tracking::Markers => Kind::Joints,
+            Tracking::Camera => Kind::SeenJoints,
+        };
         Session {
             end_s: performance.end_s(),
             next_annotation: annotations.next(),
             annotations,
             glove: WornGlove::new(design, &user.spec),
-            mocap: MotionCapture::new(&mut user.of_session("markers")),
+            tracker: match user.spec.tracking {
+                Tracking::Markers => Tracker::Markers(MotionCapture::new(&mut user.of_session("markers"))),
+                Tracking::Camera => Tracker::Camera(Camera::new(user.of_session("camera"))),
+            },
             load_cell: LoadCell::new(user.of_session("load cell")),
             names: JOINTS.iter().map(|joint| (*joint).to_owned()).collect(),
-            channels: [Kind::Taxels, Kind::Joints, Kind::Truth].map(|kind| Channel::new(kind, &mut transport)),
+            channels: [Kind::Taxels, joints, Kind::Truth].map(|kind| Channel::new(kind, &mut transport)),
             transport,
             measurement: user.of_session("measurement"),
             on_the_way: BTreeMap::new(),
@@ -251,7 +335,13 @@ impl Session {
             ("minutes", self.spec.minutes.to_string()),
             ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
         ];
-        entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+        // What a session has always been isn't written, so that its bytes are what they have always been.
+        let other = [
+            ("activity", self.spec.activity.name(), self.spec.activity == Activity::default()),
+            ("tracking", self.spec.tracking.name(), self.spec.tracking == Tracking::default()),
+        ];
+        let other = other.into_iter().filter(|(_, _, usual)| !usual).map(|(key, name, _)| (key, name.to_owned()));
+        entries.into_iter().chain(other).map(|(key, value)| (key.to_owned(), value)).collect()
     }
 
     /// What the user is asked to do.
@@ -302,8 +392,11 @@ impl Session {
                 let values = self.glove.sample(sampling.dt_s, &state);
                 Record::Taxels { stamp, received, sequence: sampling.sequence, values }
             }
-            Kind::Joints => {
-                let positions = self.mocap.measure(&state.pose, &mut self.measurement);
+            Kind::Joints | Kind::SeenJoints => {
+                let positions = match &mut self.tracker {
+                    Tracker::Markers(markers) => markers.measure(&state.pose, &mut self.measurement),
+                    Tracker::Camera(camera) => camera.measure(sampling.dt_s, &state.pose),
+                };
                 Record::Joints { stamp, received, names: Arc::clone(&self.names), positions }
             }
             Kind::Truth => {

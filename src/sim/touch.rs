@@ -10,6 +10,12 @@ pub enum TouchKind {
     Tap(usize),
     /// A sustained press.
     Press,
+    /// A touch that is held at a level.
+    Hold,
+    /// A thing that is held and turned about.
+    Grasp,
+    /// Force that rises slowly.
+    Ramp,
 }
 
 /// A touch from first contact to release. The force is zero outside of it.
@@ -33,6 +39,9 @@ pub struct Touch {
 /// Pose-aware tactile gloves, Sec. I (touchscreen taps 0.5 N on average) and Sec. IV (light, medium, heavy, under 10 N).
 const TAP_LEVELS_GF: [f64; 3] = [65.0, 180.0, 400.0];
 const MAX_FORCE_GF: f64 = 880.0; // with the errors of force control on top still under 10 N
+
+const LEAST_GRASP_GF: f64 = 20.0; // less, and the thing falls
+const RAMP_KNOT_S: f64 = 0.5; // between knots force is minimum-jerk, so a ramp has steps of this length that nobody feels
 
 /// How a user doses force, from session to session the same.
 #[derive(Debug, Clone)]
@@ -95,6 +104,39 @@ impl ForceStyle {
             at_s += noise.uniform(0.4, 1.1);
         }
         self.press(start_s, end_s, knots, noise)
+    }
+
+    /// A touch that is held at a level, gF, which it leaves by `spread` (log-normal) and finds again. However hard this
+    /// user presses else, a level that is held by feel is the level.
+    pub(super) fn hold_at(&self, start_s: f64, end_s: f64, level_gf: f64, spread: f64, noise: &mut Noise) -> Touch {
+        let mut knots = Vec::new();
+        let mut at_s = start_s;
+        while at_s < end_s {
+            knots.push((at_s, (level_gf * noise.log_normal(spread * self.consistency)).min(MAX_FORCE_GF)));
+            at_s += noise.uniform(0.8, 3.0);
+        }
+        Touch { kind: TouchKind::Hold, ..self.press(start_s, end_s, knots, noise) }
+    }
+
+    /// A grasp: force follows what is done with the thing, and never lets go of it.
+    pub(super) fn grasp(&self, start_s: f64, end_s: f64, noise: &mut Noise) -> Touch {
+        let weight_gf = noise.log_uniform(30.0, 150.0);
+        let mut knots = Vec::new();
+        let mut at_s = start_s;
+        while at_s < end_s {
+            let level_gf = (weight_gf * noise.log_normal(0.5)).max(LEAST_GRASP_GF);
+            knots.push((at_s, self.limited(level_gf).max(LEAST_GRASP_GF)));
+            at_s += noise.uniform(0.6, 4.0);
+        }
+        Touch { kind: TouchKind::Grasp, ..self.press(start_s, end_s, knots, noise) }
+    }
+
+    /// Force that rises evenly from nothing to `top_gf` over the whole touch, and is let go within half a second.
+    pub(super) fn ramp(&self, start_s: f64, end_s: f64, top_gf: f64, noise: &mut Noise) -> Touch {
+        let n_knots = ((end_s - start_s) / RAMP_KNOT_S).ceil().max(1.0);
+        let at = |k: f64| (start_s + (end_s - start_s) * k / n_knots, top_gf * k / n_knots);
+        let knots = (0..=n_knots as usize).map(|k| at(k as f64)).collect();
+        Touch { kind: TouchKind::Ramp, rise_s: 0.1, fall_s: 0.4, ..self.press(start_s, end_s, knots, noise) }
     }
 
     /// Ramps last 3 to 10 % of a press.

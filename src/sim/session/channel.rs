@@ -3,6 +3,8 @@
 use crate::random::Noise;
 
 pub(super) const RATE_HZ: f64 = 100.0; // Sec. IV: all signals at 100 Hz
+const CAMERA_HZ: f64 = 30.0;
+const CAMERA_DELAY_S: f64 = 0.06;
 const SYNC_ERROR_S: f64 = 0.005; // sd: half a frame between glove and load cell is left after synchronizing them
 
 /// What a stream measures.
@@ -12,6 +14,8 @@ pub(super) enum Kind {
     Taxels,
     /// Motion capture.
     Joints,
+    /// A camera that looks at the hand.
+    SeenJoints,
     /// The load cell.
     Truth,
 }
@@ -55,9 +59,12 @@ impl Channel {
         let (jitter_s, delay_s, stamp_error_s) = match kind {
             Kind::Taxels => (0.0004, (0.001, 0.001), noise.normal(SYNC_ERROR_S).clamp(-0.012, 0.012)),
             Kind::Joints => (0.0001, (0.004, 0.0007), 0.0),
+            // A frame is stamped when its picture has been understood, so all of its delay is in its stamp.
+            Kind::SeenJoints => (0.003, (0.002, 0.004), CAMERA_DELAY_S),
             Kind::Truth => (0.00005, (0.0003, 0.0001), 0.0),
         };
-        let period_s = (1.0 + noise.normal(2e-5)) / RATE_HZ; // quartz: tens of ppm
+        let rate_hz = if kind == Kind::SeenJoints { CAMERA_HZ } else { RATE_HZ };
+        let period_s = (1.0 + noise.normal(2e-5)) / rate_hz; // quartz: tens of ppm
         let phase_s = noise.uniform(0.2, 0.8) * period_s;
         Channel {
             kind,
@@ -98,6 +105,7 @@ impl Channel {
         let (single, burst, outage) = match self.kind {
             Kind::Taxels => (8e-4, 5e-5, 1.5e-5),
             Kind::Joints => (4e-4, 2e-5, 0.0), // markers that are hidden for a moment
+            Kind::SeenJoints => (1e-2, 5e-3, 1.5e-3), // fingers that hide each other: every 20 s for up to a second
             Kind::Truth => return false,       // wired
         };
         if self.still_lost > 0 {

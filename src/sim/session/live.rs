@@ -1,9 +1,10 @@
 //! A synthetic user with a synthetic glove who is there now, and does what the prompts of a collection say.
 
 use super::super::glove::GloveDesign;
+use super::super::manipulation::MAX_MANIPULATION_MINUTES;
 use super::super::performance::Performance;
 use super::super::touch::ForceStyle;
-use super::{Record, Session, SessionSpec, SimError, User, design};
+use super::{Activity, Record, Session, SessionSpec, SimError, User, design};
 use crate::protocol::{Action, Plan, Protocol, Trial};
 use crate::random::Noise;
 use crate::units::{Newton, Stamp};
@@ -62,7 +63,8 @@ pub struct LiveSession {
 }
 
 impl LiveSession {
-    /// Begins at `start`. A user who doesn't follow prompts goes through the protocol as they please.
+    /// Begins at `start`. A user who doesn't follow prompts goes through the protocol as they please; nobody prompts free
+    /// manipulation.
     ///
     /// # Errors
     /// [`SimError`] when there is no such glove.
@@ -77,9 +79,14 @@ impl LiveSession {
         let user = User::new(spec);
         let mut noise = user.of_session("performance");
         let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
-        let performance = match follows {
-            true => Performance::idle(&user.hand, &mut noise),
-            false => Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise),
+        let follows = follows && spec.activity == Activity::Protocol;
+        let performance = match spec.activity {
+            _ if follows => Performance::idle(&user.hand, &mut noise),
+            Activity::Protocol => Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise),
+            Activity::Manipulation => {
+                let total_s = 60.0 * spec.minutes.min(MAX_MANIPULATION_MINUTES); // who is asked for more rests then
+                Performance::manipulation(&user.hand, &user.style, total_s, &mut noise)
+            }
         };
         let style = user.style.clone();
         let mut session = Session::begin(user, design, plan, performance, start);
@@ -169,8 +176,18 @@ mod tests {
     use super::*;
     use crate::units::{GramForce, NANOS_PER_SEC};
 
+    use super::super::Tracking;
+
     fn spec() -> SessionSpec {
-        SessionSpec { glove: 3, user: 1, session: 1, seed: 5, minutes: super::super::FULL_MINUTES }
+        SessionSpec {
+            glove: 3,
+            user: 1,
+            session: 1,
+            seed: 5,
+            minutes: super::super::FULL_MINUTES,
+            activity: Activity::Protocol,
+            tracking: Tracking::Markers,
+        }
     }
 
     fn prompt(stage: u8, substage: &str, pose: &str) -> Prompt {
