@@ -61,6 +61,12 @@ soak minutes="20" model="models/glove1_pose_aware.onnx":
     cargo build --release --bins
     tests/ros/isolated target/ros-venv/bin/python tests/ros/soak.py run target/release {{model}} --minutes {{minutes}}
 
+# The same with a node that is stopped every 30 s and a link that stalls every minute: nothing old may be said to be new
+trouble minutes="20" model="models/glove1_pose_aware.onnx":
+    scripts/ros-venv
+    cargo build --release --bins
+    tests/ros/isolated target/ros-venv/bin/python tests/ros/soak.py run target/release {{model}} --minutes {{minutes}} --clock grid --trouble --out target/trouble
+
 # The ways in which live inputs go wrong, and what a running node said of each within how many seconds, as a table in OUT
 wrong-inputs out="target/wrong_inputs.md":
     scripts/ros-venv

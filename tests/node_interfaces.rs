@@ -144,6 +144,12 @@ fn refused(args: &[&str]) -> String {
     let folder = tempfile::tempdir().unwrap();
     write_session(&folder.path().join("session.mcap"), 4);
     write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "");
+    // Under the node's own name; what is under `/**` may be another node's.
+    let own = "/tactile_pose_fusion:
+  ros__parameters:
+    qos_overrides./taxels.subscription.depth: 10
+";
+    std::fs::write(folder.path().join("own.yaml"), own).unwrap();
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_tactile_pose_fusion_node"))
         .current_dir(folder.path())
         .args(args)
@@ -170,7 +176,10 @@ fn what_can_not_run_is_refused_in_one_line() {
         (&["--params-file", "live.yaml", "-p", "tactile.glove.field:=rangez"], "topic /taxels: values: "),
         (&["--params-file", "live.yaml", "-p", "model.tip.path:=none.onnx"], "none.onnx"),
         (&["--params-file", "live.yaml", "--calibration", "none.yaml"], "none.yaml: cannot read the calibration"),
-        (&["--params-file", "live.yaml", "--ros-args", "-r", "/taxels:=/raw"], "is for nothing that this node has"),
+        (
+            &["--params-file", "live.yaml", "--ros-args", "-r", "/taxels:=/raw", "--params-file", "own.yaml"],
+            "is for nothing that this node has",
+        ),
         (&["--params-file", "live.yaml", "--ros-args", "-r", "__ns:=left"], "a namespace is absolute"),
     ] {
         let text = refused(args);

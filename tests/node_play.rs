@@ -217,7 +217,7 @@ fn a_live_calibration_of_wrong_inputs_ends_within_seconds_and_says_why() {
     let simulate: Vec<&str> = "simulate --live --glove 1 --seed 7 --ignore-prompts --minutes 4".split(' ').collect();
     let _glove = Running::start(folder.path(), &simulate);
     let wrong = [
-        ("joint.hand.scale:=57.3", "look at joint.hand.degrees"),
+        ("joint.hand.scale:=57.3", "correct joint.hand.scale"),
         ("tactile.glove.stamp_offset_ms:=-2000.0", "s behind this node's clock"),
         ("joint.hand.topic:=/hand/joints", "nobody publishes /hand/joints"),
     ];

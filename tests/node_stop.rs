@@ -53,7 +53,8 @@ fn contacts_go_on_after_a_stop_of_any_length() {
 
 #[test]
 fn contacts_go_on_after_stops_and_debuggers_at_1_khz() {
-    let Some(scene) = Scene::set("") else { return };
+    // By the model's clock: a frame for each sample would be at the wrong rate, and flagged so.
+    let Some(scene) = Scene::set_with("", &["-p", "tactile.glove.frame_clock:=grid"]) else { return };
     let _feeder = scene.feed(&["both", "60", "1000"]);
     scene.wait_for_estimates();
     for pause_ms in [50, 1000, 50] {
@@ -210,7 +211,7 @@ fn a_second_signal_ends_a_process_that_hangs_at_once_and_so_does_its_limit() {
         if again {
             signal(glove.id(), name);
         }
-        let status = node_common::end(&mut glove, String::new);
+        let status = node_common::end(&mut glove, || format!("SIG{name}, again: {again}"));
         assert_eq!(status.code(), Some(code), "{status}");
         assert!(told.elapsed() < Duration::from_millis(if again { 1700 } else { 2500 }), "{:?}", told.elapsed());
     }
@@ -279,8 +280,9 @@ fn the_tools_beside_the_node_go_on_too_and_end_when_their_time_is_over() {
         stop_for(glove.id(), Duration::from_millis(pause_ms));
         let ages = ages(&ears, Duration::from_secs(2), stamp);
         assert!(ages.len() > 50, "{} messages after a stop of {pause_ms} ms", ages.len());
-        let oldest = ages.iter().copied().fold(0.0, f64::max);
-        assert!(oldest < 0.5, "a message of {oldest} s ago after a stop of {pause_ms} ms");
+        // The one that was on its way when the process was stopped has the stamp of then.
+        let n_old = ages.iter().filter(|age| **age >= 0.5).count();
+        assert!(n_old <= 1, "{n_old} messages of half a second ago or more after a stop of {pause_ms} ms: {ages:?}");
     }
     let text = said(glove);
     let took = begun.elapsed();

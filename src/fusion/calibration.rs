@@ -45,6 +45,10 @@ pub struct CalibrationLimits {
 #[allow(missing_docs)] // the texts say it
 pub enum CalibrationError {
     #[error(
+        "no sample came at zero load, at least {need_s} s needed (calibration.min_s); look at the source's driver and topic, and calibrate again"
+    )]
+    NothingCame { need_s: f64 },
+    #[error(
         "calibration is too short: {got_s:.2} s at zero load, at least {need_s} s needed (calibration.min_s); record longer in the air"
     )]
     TooShort { got_s: f64, need_s: f64 },
@@ -110,9 +114,12 @@ impl BaselineBuilder {
     /// The baseline of what was collected.
     ///
     /// # Errors
-    /// [`CalibrationError::TooShort`], [`CalibrationError::NoReading`].
+    /// [`CalibrationError::NothingCame`], [`CalibrationError::TooShort`], [`CalibrationError::NoReading`].
     pub fn finish(&self, limits: &CalibrationLimits) -> Result<Baseline, CalibrationError> {
-        if self.rows.is_empty() || self.span_s() < limits.min_s {
+        if self.rows.is_empty() {
+            return Err(CalibrationError::NothingCame { need_s: limits.min_s });
+        }
+        if self.span_s() < limits.min_s {
             return Err(CalibrationError::TooShort { got_s: self.span_s(), need_s: limits.min_s });
         }
         let mut baseline = Baseline::from_median(vec![0.0; self.n_taxels]);
@@ -206,6 +213,8 @@ mod tests {
     fn too_short_holes_and_dead_taxels_are_refused_with_the_reason() {
         let short = collect(150, |_| [0.0; 2]).finish(&LIMITS).unwrap_err();
         assert_eq!(short, CalibrationError::TooShort { got_s: 1.49, need_s: 2.0 });
+        let nothing = BaselineBuilder::new(2, 50_000_000).finish(&LIMITS).unwrap_err();
+        assert_eq!(nothing, CalibrationError::NothingCame { need_s: 2.0 });
         let dead = collect(500, |_| [0.0, f32::NAN]).finish(&LIMITS).unwrap_err();
         assert_eq!(dead, CalibrationError::NoReading { taxel_idx: 1 });
         let mut holes = BaselineBuilder::new(1, 50_000_000);

@@ -21,6 +21,16 @@ pub enum ModelError {
         /// The largest file that is read, MiB.
         limit_mib: u64,
     },
+    /// More nodes than runtimes take in any time.
+    #[error("{path}: has {n_nodes} nodes, expected at most {most}; simplify its graph, or export it with optimization")]
+    TooManyNodes {
+        /// The file.
+        path: PathBuf,
+        /// Its nodes.
+        n_nodes: usize,
+        /// The most that are taken.
+        most: usize,
+    },
     /// The bytes are not a whole ONNX model.
     #[error("{path}: not a whole ONNX model: {reason}; export it again")]
     Malformed {

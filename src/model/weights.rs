@@ -5,18 +5,33 @@ use std::path::Path;
 use super::error::{ModelError, one_line};
 use super::onnx::{EXTERNAL, GraphProto, ModelProto, NodeProto, TensorProto, data_type};
 
-/// Refuses a model whose tensors lie elsewhere, don't fill their shapes, or hold NaN or infinite weights.
+/// Most nodes of a model, those of its subgraphs and functions counted once: the largest networks that run at the rate of a
+/// glove have some hundreds, and runtimes take minutes, or their stack's end, for 100,000.
+const MAX_NODES: usize = 10_000;
+
+/// Refuses a model of too many nodes, and one whose tensors lie elsewhere, don't fill their shapes, or hold NaN or infinite weights.
 ///
 /// A single infinite element is let through: exporters write the bounds of `Clip` and masks so, and where it reaches
 /// the force, the trial runs find it.
 ///
 /// # Errors
-/// [`ModelError::ExternalData`], [`ModelError::Malformed`], [`ModelError::NonFiniteWeight`].
+/// [`ModelError::TooManyNodes`], [`ModelError::ExternalData`], [`ModelError::Malformed`], [`ModelError::NonFiniteWeight`].
 pub(super) fn check(path: &Path, model: &ModelProto) -> Result<(), ModelError> {
+    let n_nodes = model.graph.iter().map(|graph| count(&graph.node)).sum::<usize>()
+        + model.functions.iter().map(|function| count(&function.node)).sum::<usize>();
+    if n_nodes > MAX_NODES {
+        return Err(ModelError::TooManyNodes { path: path.to_path_buf(), n_nodes, most: MAX_NODES });
+    }
     if let Some(graph) = &model.graph {
         check_graph(path, graph)?;
     }
     model.functions.iter().try_for_each(|function| check_nodes(path, &function.node))
+}
+
+/// Nodes with those of the graphs in them.
+fn count(nodes: &[NodeProto]) -> usize {
+    let within = nodes.iter().flat_map(|node| &node.attribute);
+    nodes.len() + within.flat_map(|one| one.g.iter().chain(&one.graphs)).map(|graph| count(&graph.node)).sum::<usize>()
 }
 
 // Recursion ends: the decoder has refused messages nested more than 100 deep.

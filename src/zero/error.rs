@@ -39,6 +39,10 @@ pub enum ZeroError {
     )]
     WithoutPose { region: String, percent: f64 },
     #[error(
+        "region {region}: no angle of its joints came, so nothing tells whether the hand moved; look at the driver and topic of the joint source, and calibrate again"
+    )]
+    NoAngles { region: String },
+    #[error(
         "region {region}: the hand hardly moved: its joints went through {moved_rad:.2} rad at most, {needed_rad} rad needed (calibration.min_joint_span); open and close the hand in the air and calibrate again"
     )]
     Still { region: String, moved_rad: f64, needed_rad: f64 },

@@ -56,12 +56,15 @@ impl Movement {
     /// Refuses a hand that hardly moved, whose baseline would be that of one pose, and joints that moved too far.
     ///
     /// # Errors
-    /// [`ZeroError::Still`], [`ZeroError::TooFar`].
+    /// [`ZeroError::NoAngles`], [`ZeroError::Still`], [`ZeroError::TooFar`].
     pub fn check(&self, cfg: &Config) -> Result<(), ZeroError> {
         self.check_range(cfg)?;
         let needed_rad = cfg.calibration.min_joint_span;
         let span = |joint: &String| self.spans.get(joint).map(|(low, high)| high - low);
         for region in cfg.fusion.regions.iter().filter(|region| needed_rad > 0.0 && !region.joints.is_empty()) {
+            if region.joints.iter().filter_map(span).next().is_none() {
+                return Err(ZeroError::NoAngles { region: region.name.clone() });
+            }
             let moved_rad = region.joints.iter().filter_map(span).fold(0.0, f64::max);
             if moved_rad < needed_rad {
                 return Err(ZeroError::Still { region: region.name.clone(), moved_rad, needed_rad });

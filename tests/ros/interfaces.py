@@ -56,6 +56,18 @@ def listen(kind, topic, qos=RELIABLE):
     return heard
 
 
+def fed():
+    """Waits until the node says that all of its inputs come, each for longer than a moment."""
+    diagnostics = listen(DiagnosticArray, "/diagnostics")
+
+    def comes():
+        inputs = [s for array in diagnostics[-1:] for s in array.status if ": input " in s.name]
+        counts = [value.value for status in inputs for value in status.values if value.key == "messages"]
+        return counts and all(int(count) > 20 for count in counts)
+
+    wait(comes, lambda: f"inputs: {diagnostics[-1:]}", 30.0)
+
+
 def double(name, value):
     return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
 
@@ -136,6 +148,7 @@ def reports():
 
 
 def tare():
+    fed()
     result = call(Trigger, "tare")
     assert result.success and result.message.startswith("tared live from "), result
 
@@ -254,6 +267,7 @@ class CalibrateAction:
 
 
 def calibrate(seconds="2.5", expected="true"):
+    fed()
     action = CalibrateAction()
     goal = action.begin(float(seconds))
     result = action.result(goal)
@@ -284,6 +298,7 @@ def cancel():
     assert granted.return_code == 0 and [list(g.goal_id) for g in granted.goals] == [goal], granted
     result = action.result(goal)
     assert result.status == 5 and not result.success and "cancelled" in result.message, result
+    fed()
     # The next one isn't in its way.
     result = action.result(action.begin(2.5))
     assert result.success, result

@@ -1,8 +1,10 @@
 """The live node for a long time: 1 kHz taxels, five regions, and peers that come, hang, are killed and go. `just soak`
 runs it; it writes summary.md and summary.json, and leaves with 1 where memory grew, frames were lost or latency drifted.
+With --trouble (`just trouble`) the node is stopped every 30 s and its link stalls every minute; it leaves with 1 where an
+estimate was published that is older than it may be and isn't flagged LATE, or where contacts didn't go on (trouble.py).
 
-soak.py run BINARIES MODEL [--minutes M] [--rate HZ] [--clock tactile|grid] [--backend B] [--reliable] [--out DIR]
-The other forms are the processes that it starts: feed RATE SECONDS RELIABLE OUT, listen SECONDS OUT, peer."""
+soak.py run BINARIES MODEL [--minutes M] [--rate HZ] [--clock tactile|grid] [--backend B] [--reliable] [--trouble] [--out DIR]
+The other forms are the processes that it starts: feed RATE SECONDS RELIABLE STALLS OUT, listen SECONDS OUT, peer."""
 import argparse
 import glob
 import json
@@ -15,6 +17,8 @@ import subprocess
 import sys
 import tempfile
 import time
+
+import trouble
 
 N_REGIONS, N_TAXELS = 5, 6
 JOINTS = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"]
@@ -39,7 +43,7 @@ def now_as(kind):
     return kind(now // 10**9, now % 10**9)
 
 
-def feed(rate, seconds, reliable, out):
+def feed(rate, seconds, reliable, stalls, out):
     """Publishes taxels and joints, and writes the stamp of each; prints how many."""
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.pub import DataWriter
@@ -52,6 +56,7 @@ def feed(rate, seconds, reliable, out):
     joints = DataWriter(participant, Topic(participant, "rt/joints", messages.JointState), qos=qos(1000, reliable))
     while not (taxels.get_matched_subscriptions() and joints.get_matched_subscriptions()):
         time.sleep(0.01)
+    link = trouble.Link(stalls)
     start, n, late_ms, stamps = time.monotonic(), 0, 0.0, []
     end = start + seconds
     while (due := start + n / rate) < end:
@@ -63,18 +68,19 @@ def feed(rate, seconds, reliable, out):
             start -= wait  # a machine that stood still is no burst of a sensor
         header = messages.Header(now_as(messages.Time), "")
         bend = 0.5 + 0.5 * math.sin(n * 2.0 / rate)
-        joints.write(messages.JointState(header, JOINTS, [bend] * len(JOINTS), [], []))
+        link.send(joints, messages.JointState(header, JOINTS, [bend] * len(JOINTS), [], []))
         values = [10.0 + (n * 7 + k) % 3 for k in range(N_REGIONS * N_TAXELS)]
-        taxels.write(messages.TaxelArray(header, n, 1, messages.Duration(0, 0), values))
+        link.send(taxels, messages.TaxelArray(header, n, 1, messages.Duration(0, 0), values))
         stamps.append(messages.nanos(header.stamp))
         n += 1
     time.sleep(1.0)
     open(out, "w").write("\n".join(map(str, stamps)))
-    print(json.dumps({"sent": n, "latest_ms": round(late_ms, 1)}))
+    print(json.dumps({"sent": n, "latest_ms": round(late_ms, 1), "stalls": link.n_stalls}))
 
 
 def listen(seconds, out):
-    """Receives contacts and writes a line each: stamp, latency, regions with an estimate."""
+    """Receives contacts and writes a line each: stamp, latency, regions with an estimate, when the node published it, and
+    how many of those estimates are not flagged LATE."""
     from cyclonedds.core import ReadCondition, SampleState, ViewState, InstanceState, WaitSet
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.sub import DataReader
@@ -96,8 +102,10 @@ def listen(seconds, out):
                 if not hasattr(array, "contacts"):
                     continue  # a sample that only says that its writer is gone
                 stamp = messages.nanos(array.header.stamp)
-                n_estimates = sum(state.force == state.force for state in array.contacts)
-                lines.write(f"{stamp} {(time.time_ns() - stamp) // 1000} {n_estimates}\n")
+                estimates = [state for state in array.contacts if state.force == state.force]
+                n_fresh = sum(not state.flags & trouble.LATE for state in estimates)
+                published = array.sample_info.source_timestamp
+                lines.write(f"{stamp} {(time.time_ns() - stamp) // 1000} {len(estimates)} {published} {n_fresh}\n")
 
 
 def peer():
@@ -227,12 +235,12 @@ def quantile(values, share):
 def of_minutes(path, sent):
     """Latency by minute of what a listener wrote, and how many frames are missing between its first and its last: of those
     stamps, or of steps of 10 ms where there are none."""
-    rows = [tuple(int(part) for part in line.split()) for line in open(path) if line.count(" ") == 2 and line.endswith("\n")]
+    rows = [tuple(int(part) for part in line.split()) for line in open(path) if line.count(" ") == 4 and line.endswith("\n")]
     rows = [row for row in rows if row[2] == N_REGIONS]
     if not rows:
         return [], 0, 0
     minutes = {}
-    for stamp, latency_us, _ in rows:
+    for stamp, latency_us, *_ in rows:
         minutes.setdefault((stamp - rows[0][0]) // 60_000_000_000, []).append(latency_us / 1000)
     table = [{"minute": int(minute), "n": len(ms), "p50_ms": quantile(ms, 0.5), "p99_ms": quantile(ms, 0.99), "max_ms": max(ms)}
              for minute, ms in sorted(minutes.items())]
@@ -241,8 +249,8 @@ def of_minutes(path, sent):
     return table, len(rows), expected - len(received)
 
 
-def verdict(samples, table, diagnostics, running):
-    """Everything that is not as it should be, a line each."""
+def verdict(samples, table, diagnostics, running, troubled):
+    """Everything that is not as it should be, a line each. What is `troubled` may lose frames and be late, and say so."""
     found = [] if running else ["the node ended before it was told to"]
     half = [(s["at_s"] / 60, s["rss_mb"]) for s in samples[len(samples) // 2:]]
     growth_mb = slope(half) * (half[-1][0] - half[0][0]) if half else 0.0
@@ -256,13 +264,13 @@ def verdict(samples, table, diagnostics, running):
     for name, value in diagnostics.items():
         if value is None:
             found.append(f"the node never told {name}")
-        elif value > 0:
+        elif value > 0 and not troubled:
             found.append(f"{name} is {value:.0f}, not 0")
     if not table:
         return found + ["no contacts with an estimate of every region were received"], growth_mb
     quarter = max(1, len(table) // 4)
     first, last = (statistics.median(row["p50_ms"] for row in rows) for rows in (table[:quarter], table[-quarter:]))
-    if last > MAX_DRIFT * first and last - first > MAX_DRIFT_MS:
+    if not troubled and last > MAX_DRIFT * first and last - first > MAX_DRIFT_MS:
         found.append(f"median latency drifted from {first:.2f} to {last:.2f} ms")
     return found, growth_mb
 
@@ -277,6 +285,7 @@ def run():
     parser.add_argument("--clock", choices=["tactile", "grid"], default="tactile")
     parser.add_argument("--backend", choices=["auto", "builtin", "onnxruntime", "rten"], default="auto")
     parser.add_argument("--reliable", action="store_true", help="inputs that wait for a node that is late")
+    parser.add_argument("--trouble", action="store_true", help="stop the node every 30 s, stall its link every minute")
     parser.add_argument("--out", default="target/soak")
     args = parser.parse_args()
     if not 0.0 < args.minutes <= MAX_MINUTES:
@@ -296,18 +305,21 @@ def run():
                f"{folder}/calibration.yaml"]
     node = subprocess.Popen(command, env=env, stdout=log, stderr=log)
     others, peers, samples = [], Peers(env), []
+    stops = trouble.Stops(node) if args.trouble else None
     try:
         diagnostics = Diagnostics()
         diagnostics.spin(time.monotonic() + 3)
         received, sent_at = f"{folder}/received", f"{folder}/sent"
         others.append(subprocess.Popen([*this, "listen", str(seconds + 5), received], env=env))
         time.sleep(1.5)
-        feeder = subprocess.Popen([*this, "feed", str(args.rate), str(seconds), str(int(args.reliable)), sent_at], env=env, stdout=subprocess.PIPE, text=True)
+        feeder = subprocess.Popen([*this, "feed", str(args.rate), str(seconds), str(int(args.reliable)), str(int(args.trouble)), sent_at], env=env, stdout=subprocess.PIPE, text=True)
         others.append(feeder)
         start = time.monotonic()
         next_peer = start + PEER_EVERY_S
         while time.monotonic() < start + seconds and node.poll() is None:
             diagnostics.spin(min(time.monotonic() + SAMPLE_EVERY_S, start + seconds))
+            if stops:
+                stops.step(time.monotonic() - start, seconds)
             if node.poll() is None:
                 samples.append(sample(node.pid, start))
             if time.monotonic() >= next_peer:
@@ -331,11 +343,14 @@ def run():
     table, n_received, n_missing = of_minutes(received, stamps)
     lost = {f"{place}": diagnostics.number(place) for place in
             ("estimates/tactile.glove.lost_messages", "latency/dropped.queue_full", "latency/dropped.not_sent")}
-    failures, growth_mb = verdict(samples, table, lost, running)
+    failures, growth_mb = verdict(samples, table, lost, running, args.trouble)
+    if stops:
+        failures += trouble.judge(received, stops.done, N_REGIONS)
     summary = {
         "synthetic": True, "minutes": args.minutes, "rate_hz": args.rate, "regions": N_REGIONS, "clock": args.clock,
         "backend": diagnostics.values.get("estimates/model.tip"), "load_average": os.getloadavg(), "feeder": sent,
         "received": n_received, "missing_at_the_listener": n_missing, "lost_by_the_node": lost, "peers": peers.counts,
+        "stops_s": [round(end - begin, 2) for begin, end in stops.done] if stops else [],
         "growth_second_half_mb": round(growth_mb, 2), "failures": failures, "minutes_table": table, "samples": samples,
     }
     json.dump(summary, open(f"{args.out}/summary.json", "w"), indent=1)
@@ -367,15 +382,20 @@ def markdown(s):
               "| minute | received | p50 ms | p99 ms | max ms |", "|---|---|---|---|---|"]
     lines += [f"| {row['minute']} | {row['n']} | {row['p50_ms']:.2f} | {row['p99_ms']:.2f} | {row['max_ms']:.2f} |"
               for row in s["minutes_table"]]
+    if s["stops_s"]:
+        lines += ["", f"The node was stopped {len(s['stops_s'])} times, for {min(s['stops_s']):g} to {max(s['stops_s']):g} s, and its "
+                  f"link stalled {s['feeder']['stalls']} times for {trouble.STALL_S:g} s. Held against it: no estimate older than "
+                  f"{trouble.LIMIT_MS:g} ms when it was published without LATE, no stamp before one that was published, estimates "
+                  f"that are not late within {trouble.GO_ON_S:g} s after every stop."]
     lines += ["", "Latency is from the stamp of the data to its contacts in the hands of another process, in Python.", ""]
-    lines += ["Not steady:" if s["failures"] else "Steady: nothing grew, drifted or was lost.", *[f"- {f}" for f in s["failures"]]]
+    lines += ["Not steady:" if s["failures"] else "Steady: " + ("nothing grew, and nothing old was said to be new." if s["stops_s"] else "nothing grew, drifted or was lost."), *[f"- {f}" for f in s["failures"]]]
     return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
     what, rest = (sys.argv[1], sys.argv[2:]) if len(sys.argv) > 1 else ("", [])
     if what == "feed":
-        feed(float(rest[0]), float(rest[1]), rest[2] == "1", rest[3])
+        feed(float(rest[0]), float(rest[1]), rest[2] == "1", rest[3] == "1", rest[4])
     elif what == "listen":
         listen(float(rest[0]), rest[1])
     elif what == "peer":

@@ -276,7 +276,7 @@ impl InputHealth {
             });
         }
         problems.extend(self.stamp_problems(limits.max_behind_ns));
-        problems.extend(limits.unit.iter().map(|text| Problem { kind: "unit", text: format!("on {topic}, {text}") }));
+        problems.extend(limits.unit.iter().map(|text| Problem { kind: "unit", text: text.clone() }));
         problems.extend(self.non_finite_problem("joint angles"));
         problems.extend(self.publisher_problem());
         self.second = Second::default();
