@@ -309,7 +309,9 @@ class Flood:
         message = bytearray(self.rng.choice(self.ear.captured))
         message[6:8] = OURS
         for _ in range(self.rng.choice((0, 1, 2, 8))):
-            at = self.rng.randrange(20, len(message)) if len(message) > 20 else 0
+            if len(message) <= 20:
+                break  # nothing but the header is left
+            at = self.rng.randrange(20, len(message))
             how = self.rng.randrange(4)
             if how == 0:
                 message[at] ^= 1 << self.rng.randrange(8)
