@@ -34,6 +34,7 @@ mod parameters;
 mod player;
 mod services;
 mod serving;
+mod stopwatch;
 mod threads;
 mod watched;
 

@@ -51,6 +51,18 @@ fn contacts_go_on_after_a_stop_of_any_length() {
     scene.live.stop();
 }
 
+/// Peers have forgotten the node by then, and it would be alive and unheard.
+#[test]
+fn after_a_stop_near_the_lease_the_node_leaves_with_an_error() {
+    let Some(scene) = Scene::set("") else { return };
+    let _feeder = scene.feed(&["both", "60"]);
+    scene.wait_for_estimates();
+    stop_for(scene.live.pid(), Duration::from_secs(42));
+    let (status, text) = scene.live.end();
+    assert_eq!(status.code(), Some(1), "{text}");
+    assert!(text.lines().last().unwrap_or_default().contains("its peers have forgotten it after 50 s"), "{text}");
+}
+
 #[test]
 fn contacts_go_on_after_stops_and_debuggers_at_1_khz() {
     // By the model's clock: a frame for each sample would be at the wrong rate, and flagged so.

@@ -13,6 +13,7 @@ use super::node::NodeError;
 use super::remap::{self, NameKind, Remap};
 use super::threads;
 use crate::config::{Config, NameError, NodeName};
+use crate::leave;
 use crate::msg::EstimateTopics;
 
 /// How often it is looked whether the middleware is at work.
@@ -86,15 +87,15 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// Joins the graph as a node. Where a part of the middleware ends, the process is to end.
+    /// Joins the graph as a node. Where the middleware sends and receives nothing any more, the process is to end.
     pub(super) fn join(name: &NodeName, environment: &Environment, remaps: &[Remap]) -> Result<Self, NodeError> {
         let participant = Participant::join(name, environment)?;
-        let (pulse, left) = (participant.pulse(), Arc::new(AtomicBool::new(false)));
+        let (mut pulse, left) = (participant.pulse(), Arc::new(AtomicBool::new(false)));
         let has_left = Arc::clone(&left);
         threads::spawn("watch", move || {
             while !has_left.load(Ordering::Acquire) {
-                if let Some(part) = pulse().filter(|_| !has_left.load(Ordering::Acquire)) {
-                    return threads::ended(part);
+                if let Some(why) = pulse().filter(|_| !has_left.load(Ordering::Acquire)) {
+                    return leave::fail(why);
                 }
                 std::thread::sleep(LOOK);
             }

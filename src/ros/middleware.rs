@@ -69,8 +69,8 @@ pub(super) trait Subscribe: Send {
     fn arrivals(&self) -> LocalBoxStream<'_, Result<Arrival, Fault>>;
 }
 
-/// Tells which part of the middleware has ended, if one has; without it nothing is sent or received any more.
-pub(super) type Pulse = Box<dyn Fn() -> Option<&'static str> + Send>;
+/// Tells why the middleware sends or receives nothing any more, if it doesn't. It is asked all the time.
+pub(super) type Pulse = Box<dyn FnMut() -> Option<String> + Send>;
 
 pub(super) type Publisher = Box<dyn Publish>;
 pub(super) type Subscription = Box<dyn Subscribe>;

@@ -43,7 +43,12 @@ impl Drop for Vital {
 
 /// Asks the process to end, because a part of it has.
 pub(super) fn ended(part: &str) {
-    leave::fail(format!("the part of this process called {part:?} has ended, so the process ends too; start it anew"));
+    leave::fail(has_ended(part));
+}
+
+/// What is said of a part that has ended.
+pub(super) fn has_ended(part: &str) -> String {
+    format!("the part of this process called {part:?} has ended, so the process ends too; start it anew")
 }
 
 /// Whether a thread ends within a limit.

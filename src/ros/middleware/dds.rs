@@ -32,12 +32,20 @@ use crate::ros::environment::{Environment, ServiceStyle};
 use crate::ros::node::NodeError;
 #[cfg(feature = "security")]
 use crate::ros::security::{Keys, Security, SecurityError};
+use crate::ros::stopwatch::Stopwatch;
 use crate::ros::threads;
 use crate::units::Stamp;
 
 /// How long the middleware gets to tell that entities are gone. A RustDDS participant that is dropped stops sending at
 /// once and doesn't say when it has told everyone; what it has not told stays in the graph until its lease is over.
 const FAREWELL: Duration = Duration::from_millis(100);
+
+/// How long peers remember a participant of RustDDS that is silent: five of its announcements.
+const LEASE: Duration = Duration::from_secs(50);
+
+/// After such a pause they may have forgotten it, because its last announcement may be 10 s old. They meet it as a new one,
+/// and RustDDS goes on with what they acknowledged before: nothing would be sent or received for good.
+const FORGOTTEN: Duration = Duration::from_secs(40);
 
 /// How often an action's requests are looked for; a person calibrates for seconds.
 const POLL: Duration = Duration::from_millis(20);
@@ -82,7 +90,17 @@ impl Participant {
 
     pub(super) fn pulse(&self) -> Pulse {
         let threads = self.threads.clone();
-        Box::new(move || threads.ended())
+        let mut look = Stopwatch::start();
+        Box::new(move || {
+            let paused = std::mem::replace(&mut look, Stopwatch::start()).elapsed();
+            if paused > FORGOTTEN {
+                let (paused_s, lease_s) = (paused.as_secs(), LEASE.as_secs());
+                return Some(format!(
+                    "this process stood still for {paused_s} s, and its peers have forgotten it after {lease_s} s, so the process ends; start it anew"
+                ));
+            }
+            threads.ended().map(threads::has_ended)
+        })
     }
 
     pub(super) fn neighbours(&self) -> super::Neighbours {

@@ -78,7 +78,7 @@ impl Participant {
 
     pub(super) fn pulse(&self) -> Pulse {
         let session = self.session.clone();
-        Box::new(move || session.is_closed().then_some("Zenoh session"))
+        Box::new(move || session.is_closed().then(|| threads::has_ended("Zenoh session")))
     }
 
     pub(super) fn leave(self) {

@@ -1,0 +1,47 @@
+//! Time that goes by also while this process, or the whole machine, stands still.
+
+use std::time::{Duration, Instant};
+
+/// Measures how much time goes by, also while the process is stopped and, on Linux, while the machine is suspended, which
+/// `Instant` leaves out there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stopwatch {
+    begun: Instant,
+    uptime: Option<Duration>,
+}
+
+impl Stopwatch {
+    pub(super) fn start() -> Self {
+        Stopwatch { begun: Instant::now(), uptime: uptime() }
+    }
+
+    pub(super) fn elapsed(&self) -> Duration {
+        let with_suspends = self.uptime.zip(uptime()).map(|(begun, now)| now.saturating_sub(begun));
+        self.begun.elapsed().max(with_suspends.unwrap_or_default())
+    }
+}
+
+/// Time since the machine was started, suspends included, to a hundredth of a second.
+fn uptime() -> Option<Duration> {
+    if !cfg!(target_os = "linux") {
+        return None;
+    }
+    let text = std::fs::read_to_string("/proc/uptime").ok()?;
+    Duration::try_from_secs_f64(text.split_whitespace().next()?.parse().ok()?).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_goes_by() {
+        let watch = Stopwatch::start();
+        std::thread::sleep(Duration::from_millis(60));
+        let elapsed = watch.elapsed();
+        assert!((Duration::from_millis(60)..Duration::from_secs(5)).contains(&elapsed), "{elapsed:?}");
+        assert_eq!(uptime().is_some(), cfg!(target_os = "linux"));
+        let suspended = Stopwatch { uptime: uptime().map(|now| now.saturating_sub(Duration::from_secs(1))), ..watch };
+        assert_eq!(suspended.elapsed() >= Duration::from_millis(900), cfg!(target_os = "linux"));
+    }
+}
