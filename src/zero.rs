@@ -116,8 +116,8 @@ pub fn install(fusion: &mut Fusion, baselines: &[Baseline]) -> Result<(), SetupE
 /// The zero of a calibration file that belongs to this glove, user, set of sources and these models.
 ///
 /// # Errors
-/// [`ZeroError::File`] when it is none, or of other sources; [`ZeroError::Mismatch`] and [`ZeroError::OtherModel`] when it
-/// is of something else, unless `calibration.insist` is set.
+/// [`ZeroError::File`] when it is none, or of another glove, user or sources; [`ZeroError::OtherModel`] when it was judged
+/// with another model, unless `calibration.insist` is set.
 pub fn from_file(path: &Path, cfg: &Config, models: &ModelHashes) -> Result<Zero, ZeroError> {
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
     let sources = &cfg.fusion.tactile_sources;
