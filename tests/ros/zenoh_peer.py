@@ -87,20 +87,26 @@ def play(bag_path, speed, taxels, publish_taxels, publish_joints):
         (publish_taxels if is_taxels else publish_joints)(serialize_message(out))
 
 
+done, feeders = threading.Event(), []
+
+
 def feed(rate=100.0):
-    """Publishes a moving glove until this process ends."""
+    """Publishes a moving glove until this process is done."""
     publish_taxels = node.publisher("/taxels", "sensor_msgs/msg/LaserScan")
     publish_joints = node.publisher("/joints", "sensor_msgs/msg/JointState")
 
     def run():
         start = time.monotonic()
         for n in range(int(60 * rate)):
+            if done.is_set():
+                return
             joints, taxels = glove.sample(n, rate)
             publish_joints(serialize_message(joints))
             publish_taxels(serialize_message(taxels))
             time.sleep(max(0.0, start + (n + 1) / rate - time.monotonic()))
 
-    threading.Thread(target=run, daemon=True).start()
+    feeders.append(threading.Thread(target=run, daemon=True))
+    feeders[-1].start()
 
 
 def graph():
@@ -183,4 +189,7 @@ def leaves(pid):
 
 checks = [session, graph, services, calibrate, leaves]
 print({check.__name__: check for check in checks}[sys.argv[1]](*sys.argv[2:]) or "ok")
+done.set()
+for feeder in feeders:
+    feeder.join()  # one that publishes into a closed session ends this process with an error
 node.close()
