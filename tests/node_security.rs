@@ -361,7 +361,8 @@ fn a_participant_without_security_hears_nothing_and_brings_nothing() {
         let live = secured.node();
         let (ear, stranger) = (secured.listen(CONTACTS, Some("ear")), secured.listen(CONTACTS, None));
         secured.play("/", &[]).ok();
-        assert!(ear.lines.try_iter().next().is_none(), "nothing was brought yet");
+        // Contacts without a force come all the time: they say that there are no taxels.
+        assert!(ear.estimates().is_empty(), "nothing was brought yet");
         secured.play("/glove", &enforced("keys")).ok();
         assert!(stranger.lines.try_iter().next().is_none());
         let heard = ear.estimates().len();
@@ -369,7 +370,7 @@ fn a_participant_without_security_hears_nothing_and_brings_nothing() {
             return None;
         }
         assert!(heard > 700);
-        assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
+        assert!(secured.taken(live, "run.mcap").iter().all(|n| (799..=800).contains(n)), "all but a first one at most");
         Some(())
     });
 }
@@ -426,7 +427,8 @@ fn without_keys_a_permissive_node_warns_and_talks_in_the_clear() {
     let run = secured.play("/glove", &vars).ok();
     assert!(run.stderr.contains("which Permissive allows: enclave /glove: nowhere/enclaves/glove is not there"));
     assert!(stranger.estimates().len() > 700);
-    assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
+    let taken = secured.taken(live, "run.mcap");
+    assert!(taken.iter().all(|n| (799..=800).contains(n)), "all but a first one at most: {taken:?}");
     drop(wire.stdin());
     let counts = wire.wait();
     assert!(counts.split(' ').all(|count| count != "0"), "what the other test doesn't find can be found: {counts}");
