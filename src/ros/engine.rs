@@ -5,9 +5,9 @@ mod report;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use futures::StreamExt;
+use futures::{FutureExt, StreamExt};
 use ros2_client::QosProfile;
 use tokio::sync::{mpsc, oneshot};
 
@@ -97,6 +97,9 @@ pub(super) struct Outputs {
     pub(super) offers: Vec<(String, QosProfile)>,
 }
 
+/// How long it may take to handle what came before the end.
+const LAST_INPUTS_LIMIT: Duration = Duration::from_millis(100);
+
 pub(super) struct Engine {
     pub(super) cfg: Config,
     pub(super) clock: Arc<Clock>,
@@ -176,6 +179,13 @@ impl Engine {
                 _ = watch.tick() => running.watch(),
                 Some((idx, message)) = incoming.next() => running.handle_incoming(idx, message),
             }
+        }
+        // What had come by then is in the recording, too.
+        let leaving = Instant::now();
+        while leaving.elapsed() < LAST_INPUTS_LIMIT
+            && let Some(Some((idx, message))) = incoming.next().now_or_never()
+        {
+            running.handle_incoming(idx, message);
         }
         running.end();
     }

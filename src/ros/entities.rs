@@ -8,7 +8,9 @@ use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 use ros2_client::{Message, QosProfile};
 
 use super::environment::Environment;
-use super::middleware::{Action, ActionQos, Neighbours, Participant, Publisher, Requests, Subscription, TopicType};
+use super::middleware::{
+    Action, ActionQos, Neighbours, Participant, Publisher, Requests, Settle, Subscription, TopicType,
+};
 use super::node::NodeError;
 use super::remap::{self, NameKind, Remap};
 use super::threads;
@@ -111,6 +113,11 @@ impl Graph {
     /// Who else is in the graph, where the middleware is asked.
     pub(super) fn neighbours(&self) -> Option<Neighbours> {
         self.participant.as_ref().and_then(Participant::neighbours)
+    }
+
+    /// What waits until reliable subscribers have what was published.
+    pub(super) fn settle(&self) -> Settle {
+        self.participant.as_ref().expect("only dropping takes it").settle()
     }
 
     /// Leaves the graph, when everything that was made here has been dropped.

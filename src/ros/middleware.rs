@@ -90,6 +90,10 @@ pub(super) struct Arrival {
     pub(super) publisher: Option<[u8; 16]>,
 }
 
+/// Waits until reliable subscribers have what was published, no longer than it is told. Publishers that are dropped before send
+/// nothing again.
+pub(super) type Settle = Box<dyn Fn(Duration) + Send>;
+
 /// Who else is in the graph.
 pub(super) trait Discovered: Send {
     /// Publishers of others.
@@ -170,6 +174,15 @@ impl Participant {
             Participant::Dds(participant) => participant.pulse(),
             #[cfg(feature = "zenoh")]
             Participant::Zenoh(participant) => participant.pulse(),
+        }
+    }
+
+    /// What waits for subscribers. On Zenoh, that is what leaving does.
+    pub(super) fn settle(&self) -> Settle {
+        match self {
+            Participant::Dds(participant) => participant.settle(),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(_) => Box::new(|_| ()),
         }
     }
 

@@ -115,7 +115,8 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     };
 
     let log = LogConfig { level: args.log_level, stderr: args.stderr };
-    let (outbox, publishing) = outbox::start(publishers, rosout, log, Arc::clone(&clock), cfg.fusion.timing.max_age)?;
+    let (max_wait, settle) = (cfg.fusion.timing.max_age, graph.settle());
+    let (outbox, publishing) = outbox::start(publishers, rosout, log, Arc::clone(&clock), max_wait, settle)?;
     environment.notes.iter().cloned().chain(graph.note()).for_each(|note| outbox.log(Severity::Warn, note));
     if !of_others.is_empty() {
         let keys = of_others.join(", ");

@@ -11,7 +11,7 @@ use super::args::Severity;
 use super::clock::{Clock, system_now};
 use super::diagnostics::Latencies;
 use super::interfaces::Log;
-use super::middleware::Publisher;
+use super::middleware::{Publisher, Settle};
 use super::node::NodeError;
 use super::threads;
 use crate::msg::to_cdr;
@@ -25,6 +25,9 @@ const MAX_LINES: usize = 1024;
 
 /// How long a terminal gets to show the last lines.
 const TERMINAL_LIMIT: Duration = Duration::from_millis(100);
+
+/// How long reliable subscribers get to take the last messages.
+const SETTLING_LIMIT: Duration = Duration::from_millis(150);
 
 /// Index of a publisher.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,12 +103,13 @@ pub(super) fn start(
     log: LogConfig,
     clock: Arc<Clock>,
     max_wait: Option<Duration>,
+    settle: Settle,
 ) -> Result<(Outbox, PublishThread), NodeError> {
     let (sender, receiver) = sync_channel(CAPACITY);
     let stats = Arc::new(Stats::default());
     let outbox = Outbox { sender: sender.clone(), stats: Arc::clone(&stats), log };
     let stderr = log.stderr.then(Terminal::open).transpose()?;
-    let work = move || Publishing { publishers, rosout, stderr, stats, clock, max_wait }.run(&receiver);
+    let work = move || Publishing { publishers, rosout, stderr, stats, clock, max_wait, settle }.run(&receiver);
     let thread = threads::spawn("publish", work)?;
     Ok((outbox, PublishThread { sender, thread }))
 }
@@ -155,6 +159,7 @@ struct Publishing {
     clock: Arc<Clock>,
     /// How long an estimate may be under way in the node.
     max_wait: Option<Duration>,
+    settle: Settle,
 }
 
 /// The thread that writes to stderr: a terminal that hangs (Ctrl-S, a pager) holds nothing else.
@@ -189,6 +194,7 @@ impl Publishing {
                 Out::Message { to, cdr, of } => self.publish(to, cdr, of),
             }
         }
+        (self.settle)(SETTLING_LIMIT);
         if let Some(stderr) = self.stderr {
             stderr.close();
         }

@@ -1,5 +1,7 @@
 //! A node that publishes messages that are there already, as bytes.
 
+use std::time::Duration;
+
 use ros2_client::qos::{Durability, History};
 
 use super::entities::Graph;
@@ -14,6 +16,12 @@ use crate::units::Stamp;
 
 /// First two bytes of a message in plain little-endian CDR, which is what the middleware sends.
 const PLAIN_LITTLE_ENDIAN: [u8; 2] = [0, 1];
+
+/// How long reliable subscribers get to take the last messages.
+const SETTLING_LIMIT: Duration = Duration::from_millis(500);
+
+/// How long other subscribers get, who don't say what they have: who hears of a departure drops what it has not read yet.
+const READING_TIME: Duration = Duration::from_millis(250);
 
 /// A node that plays messages.
 pub struct Player {
@@ -57,9 +65,11 @@ impl Player {
         self.graph.note()
     }
 
-    /// Leaves the graph.
+    /// Leaves the graph when reliable subscribers have what was published, or after half a second, and others have had time.
     pub fn leave(self) {
         let Player { publishers, clock, graph, .. } = self;
+        graph.settle()(SETTLING_LIMIT);
+        std::thread::sleep(READING_TIME);
         drop((publishers, clock));
         graph.leave();
     }

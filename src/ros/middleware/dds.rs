@@ -21,8 +21,8 @@ use ros2_client::{
 
 use self::cdr_bytes::{AsCdr, CdrBytes};
 use super::{
-    Action, ActionQos, Answer, Arrival, Fault, LEAVE, Publish, Publisher, Pulse, Refused, Request, Requests, Subscribe,
-    Subscription, TopicType,
+    Action, ActionQos, Answer, Arrival, Fault, LEAVE, Publish, Publisher, Pulse, Refused, Request, Requests, Settle,
+    Subscribe, Subscription, TopicType,
 };
 use crate::config::NodeName;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
@@ -100,6 +100,13 @@ impl Participant {
                 ));
             }
             threads.ended().map(threads::has_ended)
+        })
+    }
+
+    pub(super) fn settle(&self) -> Settle {
+        let participant = self.context.domain_participant();
+        Box::new(move |limit| {
+            participant.flush(limit);
         })
     }
 

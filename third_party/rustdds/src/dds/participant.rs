@@ -48,6 +48,7 @@ use crate::{
     dp_event_loop::{DPEventLoop, DomainInfo, EventLoopCommand},
     reader::*,
     writer::WriterIngredients,
+    writer_send_buffer::{WeakWriterSendBuffer, WriterSendBuffer},
   },
   structure::{dds_cache::DDSCache, entity::RTPSEntity, guid::*, locator::Locator},
   StatusEvented,
@@ -639,6 +640,33 @@ impl DomainParticipant {
     self.dpi.lock().unwrap().background_threads.clone()
   }
 
+  /// Wait until what the DataWriters of this participant have written is sent,
+  /// and every matched reliable DataReader has acknowledged it, or `max_wait`
+  /// elapses. Returns `true` if nothing is left to do. A DataWriter that is
+  /// dropped before sends nothing any more.
+  pub fn flush(&self, max_wait: Duration) -> bool {
+    let send_buffers: Vec<_> = {
+      let dpi = self.dpi.lock().unwrap();
+      let send_buffers = dpi.send_buffers.lock().unwrap();
+      send_buffers.iter().filter_map(|weak| weak.upgrade()).collect()
+    };
+    let deadline = Instant::now() + max_wait;
+    send_buffers.iter().fold(true, |delivered, send_buffer| {
+      let remaining = deadline.saturating_duration_since(Instant::now());
+      let target = send_buffer.last_change_sequence_number();
+      send_buffer.wait_for_delivered_through(target, remaining) && delivered
+    })
+  }
+
+  // Remember a user DataWriter's samples, and forget those of DataWriters that
+  // are gone.
+  pub(crate) fn track_send_buffer(&self, send_buffer: &WriterSendBuffer) {
+    let dpi = self.dpi.lock().unwrap();
+    let mut send_buffers = dpi.send_buffers.lock().unwrap();
+    send_buffers.retain(|weak| weak.upgrade().is_some());
+    send_buffers.push(send_buffer.downgrade());
+  }
+
   pub(crate) fn weak_clone(&self) -> DomainParticipantWeak {
     DomainParticipantWeak::new(self)
   }
@@ -970,6 +998,8 @@ pub(crate) struct DomainParticipantDisc {
   discovery_command_sender: WakeSender<DiscoveryCommand>,
   discovery_join_handle: std::sync::mpsc::Receiver<JoinHandle<()>>,
   background_threads: BackgroundThreads,
+  // What the user's DataWriters have written, see `flush`.
+  send_buffers: Mutex<Vec<WeakWriterSendBuffer>>,
   // This allows deterministic generation of EntityIds for DataReader, DataWriter, etc.
   entity_id_generator: atomic::AtomicU32,
 }
@@ -1019,6 +1049,7 @@ impl DomainParticipantDisc {
       discovery_command_sender,
       discovery_join_handle,
       background_threads,
+      send_buffers: Mutex::new(Vec::new()),
       entity_id_generator: atomic::AtomicU32::new(0),
     })
   }
@@ -1833,6 +1864,46 @@ mod tests {
     let mut _data_writer = publisher
       .create_datawriter::<RandomData, CDRSerializerAdapter<RandomData, LittleEndian>>(&topic, None)
       .expect("Failed to create datawriter");
+  }
+
+  #[test]
+  fn what_was_written_is_waited_for() {
+    let participant = DomainParticipant::new(test_domain_id(0)).unwrap();
+    let reliable = QosPolicyBuilder::new()
+      .reliability(policy::Reliability::Reliable {
+        max_blocking_time: crate::Duration::from_millis(10),
+      })
+      .build();
+    let publisher = participant.create_publisher(&reliable).unwrap();
+    let topic = participant
+      .create_topic(
+        "waited".to_string(),
+        "RandomData".to_string(),
+        &reliable,
+        TopicKind::WithKey,
+      )
+      .unwrap();
+    let writer = publisher
+      .create_datawriter::<RandomData, CDRSerializerAdapter<RandomData, LittleEndian>>(&topic, None)
+      .unwrap();
+    let data = RandomData {
+      a: 4,
+      b: "b".to_string(),
+    };
+    writer.write(data, None).unwrap();
+    let wait = || participant.flush(Duration::from_millis(20));
+    assert!(wait(), "nobody listens");
+
+    let send_buffer = {
+      let dpi = participant.dpi.lock().unwrap();
+      let send_buffers = dpi.send_buffers.lock().unwrap();
+      assert_eq!(send_buffers.len(), 1, "writers of discovery are not waited for");
+      send_buffers[0].upgrade().unwrap()
+    };
+    send_buffer.set_acked_frontier(Some(SequenceNumber::new(1)));
+    assert!(!wait(), "a reader has acknowledged nothing");
+    send_buffer.set_acked_frontier(Some(SequenceNumber::new(2)));
+    assert!(wait());
   }
 
   #[test]

@@ -556,6 +556,9 @@ impl InnerPublisher {
       backlog_limit,
       max_retain,
     );
+    if !guid.entity_id.entity_kind.is_built_in() {
+      dp.track_send_buffer(&send_buffer);
+    }
     // Doorbell: enqueue this writer's entity id and wake the participant poll.
     let doorbell = Doorbell::new(guid.entity_id, self.writer_ready.clone());
 

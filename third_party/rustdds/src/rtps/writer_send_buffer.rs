@@ -1,7 +1,7 @@
 use std::{
   cmp::max,
   collections::BTreeMap,
-  sync::{Arc, Condvar, Mutex},
+  sync::{Arc, Condvar, Mutex, Weak},
   time::{Duration as StdDuration, Instant},
 };
 use core::task::Waker;
@@ -106,7 +106,20 @@ pub(crate) struct WriterSendBuffer {
   shared: Arc<Shared>,
 }
 
+/// A `WriterSendBuffer` for as long as someone else holds it.
+pub(crate) struct WeakWriterSendBuffer(Weak<Shared>);
+
+impl WeakWriterSendBuffer {
+  pub fn upgrade(&self) -> Option<WriterSendBuffer> {
+    self.0.upgrade().map(|shared| WriterSendBuffer { shared })
+  }
+}
+
 impl WriterSendBuffer {
+  pub fn downgrade(&self) -> WeakWriterSendBuffer {
+    WeakWriterSendBuffer(Arc::downgrade(&self.shared))
+  }
+
   #[allow(clippy::too_many_arguments)]
   pub fn new(
     writer_guid: GUID,
@@ -407,11 +420,26 @@ impl WriterSendBuffer {
   /// Synchronously wait until everything up to `target` is acknowledged, or
   /// `max_wait` elapses. Returns `true` if acknowledged.
   pub fn wait_for_acked_through(&self, target: SequenceNumber, max_wait: StdDuration) -> bool {
+    let acked = |inner: &Inner| !inner.reliable_readers_present || inner.acked_before > target;
+    self.wait_for(acked, max_wait)
+  }
+
+  /// As `wait_for_acked_through`, and until everything up to `target` has been
+  /// put on the wire.
+  pub fn wait_for_delivered_through(&self, target: SequenceNumber, max_wait: StdDuration) -> bool {
+    let delivered = |inner: &Inner| {
+      inner.sent_frontier >= target
+        && (!inner.reliable_readers_present || inner.acked_before > target)
+    };
+    self.wait_for(delivered, max_wait)
+  }
+
+  fn wait_for(&self, done: impl Fn(&Inner) -> bool, max_wait: StdDuration) -> bool {
     let shared = &*self.shared;
     let mut inner = shared.inner.lock().unwrap();
     let deadline = Instant::now() + max_wait;
     loop {
-      if !inner.reliable_readers_present || inner.acked_before > target {
+      if done(&inner) {
         return true;
       }
       let now = Instant::now();
