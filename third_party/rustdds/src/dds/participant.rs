@@ -1869,8 +1869,8 @@ mod tests {
   #[test]
   fn what_was_written_is_waited_for() {
     let participant = DomainParticipant::new(test_domain_id(0)).unwrap();
-    let reliable = QosPolicyBuilder::new()
-      .reliability(policy::Reliability::Reliable {
+    let reliable = crate::QosPolicyBuilder::new()
+      .reliability(crate::policy::Reliability::Reliable {
         max_blocking_time: crate::Duration::from_millis(10),
       })
       .build();
@@ -1891,7 +1891,7 @@ mod tests {
       b: "b".to_string(),
     };
     writer.write(data, None).unwrap();
-    let wait = || participant.flush(Duration::from_millis(20));
+    let wait = || participant.flush(std::time::Duration::from_millis(20));
     assert!(wait(), "nobody listens");
 
     let send_buffer = {
