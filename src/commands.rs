@@ -25,7 +25,6 @@ mod sessions;
 mod setup;
 mod simulate;
 mod split;
-mod summary;
 #[cfg(feature = "ros")]
 mod terminal;
 #[cfg(feature = "train")]

@@ -16,17 +16,21 @@ pub mod eval;
 pub mod export;
 pub mod files;
 pub mod fusion;
+pub mod glove;
 mod kernels;
 pub mod leave;
 pub mod model;
 pub mod msg;
+pub mod observer;
 pub mod page;
 pub mod protocol;
 mod random;
 pub mod recording;
+pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod sim;
+pub mod synthetic;
 #[cfg(feature = "train")]
 pub mod train;
 pub mod units;

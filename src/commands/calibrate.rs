@@ -6,11 +6,12 @@ mod live;
 use std::path::PathBuf;
 
 use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
-use super::zero::{ZeroArgs, hashes};
+use super::zero::ZeroArgs;
 use super::{Failure, Outcome, print, say};
 use crate::bag::{BagReader, Input, Inputs};
 use crate::calibration::Calibration;
 use crate::fusion::Fusion;
+use crate::glove::hashes;
 
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]

@@ -7,10 +7,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 
-use super::{Cli, Command, Failure, Outcome, eval, interrupt, print, say, simulate};
-use crate::config;
+use super::progress::Shown;
+use super::{Cli, Command, Failure, Outcome, eval, interrupt, print, say};
+use crate::config::{self, Config};
 use crate::files;
+use crate::glove;
+use crate::replay::{self, Options, Recording};
 use crate::sim::{Activity, SessionSpec, Tracking};
+use crate::synthetic;
+use crate::zero::Wanted;
 
 /// Seed, users and donnings of the sessions that the shipped models were trained on; the demo takes another donning.
 const TRAINING_SEED: u64 = 1;
@@ -78,14 +83,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         tracking: Tracking::Markers,
     };
     say(&format!("simulate a session by the paper's protocol: {}", folder.session().display()));
-    simulate::write(&spec, &folder.session(), true)?;
+    synthetic::write(&spec, &folder.session(), true, &Shown::steps("simulate"))?;
 
     let mut frames = Vec::new();
     let cfg = config::load(&folder.params(), config::DEFAULT_NODE)?;
     for model in [Model::TactileOnly, Model::PoseAware] {
         let replayed = folder.replayed(model);
         say(&format!("replay it with the {} model: {}", model.name(), replayed.display()));
-        super::replay::replay(&folder.replay(model)?)?;
+        folder.replay(model, cfg.clone())?;
         frames.push((model.name(), eval::recorded(&replayed, &cfg)?));
     }
     say(&format!("draw force over time: {}", folder.picture().display()));
@@ -156,14 +161,14 @@ impl Folder<'_> {
         self.path.join("force.svg")
     }
 
-    fn replay(&self, model: Model) -> Result<super::replay::Args, Failure> {
-        let (session, params, model_path) = (self.session(), self.params(), self.model(model));
-        let output = self.replayed(model);
-        let paths = [("--params-file", &params), ("--model", &model_path), ("-o", &output)];
-        match command("replay", &session, &paths, &["--merge", "--overwrite"])? {
-            Command::Replay(args) => Ok(args),
-            _ => Err(Failure("replay is not what it was".to_owned())),
-        }
+    /// As `tpf replay SESSION --params-file … --model … -o … --merge --overwrite`.
+    fn replay(&self, model: Model, mut cfg: Config) -> Result<(), Failure> {
+        glove::replace_model(&mut cfg, self.model(model))?;
+        let options =
+            Options { merge: true, overwrite: true, drop_unused_joints: true, ..Options::new(self.replayed(model)) };
+        let recording = Recording { bags: &[self.session()], zero: Wanted::Any };
+        replay::run(cfg, recording, &options, &Shown::bytes("replay"))?;
+        Ok(())
     }
 
     fn evaluation(&self) -> Result<eval::Args, Failure> {

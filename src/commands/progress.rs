@@ -1,8 +1,13 @@
 //! How far a long piece of work is: a bar on a terminal, a plain line now and then elsewhere.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+use super::say;
+use crate::leave;
+use crate::observer::Observer;
 
 const PLAIN_EVERY: Duration = Duration::from_secs(10);
 
@@ -40,7 +45,7 @@ impl Progress {
         self.bar.set_position(done.min(self.total));
         if self.bar.is_hidden() && self.last_plain.elapsed() >= PLAIN_EVERY {
             self.last_plain = Instant::now();
-            super::say(&format!("{}: {:.0} %", self.what, 100.0 * done as f64 / self.total.max(1) as f64));
+            say(&format!("{}: {:.0} %", self.what, 100.0 * done as f64 / self.total.max(1) as f64));
         }
     }
 }
@@ -49,12 +54,46 @@ impl Progress {
     /// Says something above the bar.
     #[cfg(feature = "train")]
     pub(crate) fn line(&self, text: &str) {
-        self.bar.suspend(|| super::say(text));
+        self.bar.suspend(|| say(text));
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Shows a long piece of work at the terminal, and cancels it at an interrupt.
+pub(super) struct Shown {
+    what: &'static str,
+    new_bar: fn(&'static str, u64) -> Progress,
+    bar: Mutex<Option<Progress>>,
+}
+
+impl Shown {
+    /// Work that counts bytes.
+    pub(super) fn bytes(what: &'static str) -> Self {
+        Shown { what, new_bar: Progress::bytes, bar: Mutex::new(None) }
+    }
+
+    /// Work that counts steps.
+    pub(super) fn steps(what: &'static str) -> Self {
+        Shown { what, new_bar: Progress::steps, bar: Mutex::new(None) }
+    }
+}
+
+impl Observer for Shown {
+    fn note(&self, text: &str) {
+        say(text);
+    }
+
+    fn progress(&self, done: u64, total: u64) {
+        let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        bar.get_or_insert_with(|| (self.new_bar)(self.what, total)).set(done);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        leave::asked()
     }
 }

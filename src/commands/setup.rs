@@ -6,8 +6,8 @@ use clap::ValueEnum;
 
 use super::{Failure, say};
 use crate::config::{Config, DEFAULT_NODE, Origin, ParamTree, ParamValue, load_tree};
-use crate::fusion::{RegionConfig, Regressor};
-use crate::model::{self, BackendChoice, ModelInfo};
+use crate::glove::{self, Models};
+use crate::model::{BackendChoice, ModelInfo};
 pub(super) use crate::recording::input_topics;
 
 /// Where the parameters come from.
@@ -93,14 +93,6 @@ pub(super) fn config(tree: &ParamTree) -> Result<Config, Failure> {
     Ok(cfg)
 }
 
-/// Models that are ready to run, in the order of the configuration.
-pub(super) struct Models {
-    /// What is known of each.
-    pub(super) infos: Vec<ModelInfo>,
-    /// What runs each.
-    pub(super) regressors: Vec<Box<dyn Regressor>>,
-}
-
 impl ModelArgs {
     /// Whether the command line names another model than the parameters.
     pub(super) fn replaces(&self) -> bool {
@@ -110,7 +102,7 @@ impl ModelArgs {
     /// Puts what the command line says about models into the configuration.
     pub(super) fn apply(&self, cfg: &mut Config) -> Result<(), Failure> {
         if let Some(path) = &self.model {
-            replace_model(cfg, path)?;
+            glove::replace_model(cfg, path.clone())?;
         }
         self.backend.apply(cfg);
         Ok(())
@@ -132,57 +124,15 @@ impl BackendArgs {
     }
 }
 
-/// Puts another file in the place of the only model of a configuration.
-pub(super) fn replace_model(cfg: &mut Config, path: &Path) -> Result<(), Failure> {
-    let [only] = cfg.models.as_mut_slice() else {
-        let names: Vec<&str> = cfg.models.iter().map(|model| model.name.as_str()).collect();
-        return Err(Failure(format!(
-            "--model stands for one model, the parameters have {}: {}; set -p model.NAME.path:=FILE for each",
-            names.len(),
-            names.join(", ")
-        )));
-    };
-    only.spec.path = path.to_path_buf();
-    Ok(())
-}
-
-/// Takes the joints from regions whose model has no pose input: so that the parameters of a pose-aware model also run
-/// the tactile-only one that it is compared with.
+/// Takes the joints from regions whose model has no pose input, and says so.
 pub(super) fn without_unused_joints(cfg: &mut Config, models: &[ModelInfo]) {
-    let without_pose = |region: &&mut RegionConfig| models[region.model].contract.n_joints == 0;
-    for region in cfg.fusion.regions.iter_mut().filter(without_pose).filter(|region| !region.joints.is_empty()) {
-        say(&format!("region {}: its model has no pose input, so its joints are not used", region.name));
-        region.joints.clear();
-    }
-}
-
-/// Frames of one inference call with which models run fastest.
-pub(super) fn batch_hint(models: &[ModelInfo]) -> usize {
-    models.iter().map(|info| info.batch_hint).max().unwrap_or(1)
+    glove::drop_unused_joints(cfg, models).iter().for_each(|note| say(note));
 }
 
 /// Loads the models of a configuration and says in which runtime each runs.
 pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
-    let models = load_models_quietly(cfg)?;
-    for (model_cfg, info) in cfg.models.iter().zip(&models.infos) {
-        if let Some(backend) = &info.backend {
-            say(&format!("model {}: {} in {backend}", model_cfg.name, model_cfg.spec.path.display()));
-        }
-        for note in &info.notes {
-            say(&format!("model {}: {note}", model_cfg.name));
-        }
-    }
-    Ok(models)
-}
-
-/// Loads the models of a configuration once more.
-pub(super) fn load_models_quietly(cfg: &Config) -> Result<Models, Failure> {
-    let mut models = Models { infos: Vec::new(), regressors: Vec::new() };
-    for model_cfg in &cfg.models {
-        let model = model::load(&model_cfg.spec)?;
-        models.infos.push(model.info);
-        models.regressors.push(model.regressor);
-    }
+    let models = Models::load(cfg)?;
+    models.notes(cfg).iter().for_each(|note| say(note));
     Ok(models)
 }
 

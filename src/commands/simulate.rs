@@ -3,22 +3,12 @@
 #[cfg(feature = "ros")]
 mod live;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use super::progress::Progress;
+use super::progress::Shown;
 use super::{Failure, Outcome, counted, interrupt, print, say};
-use crate::bag::{BagMetadata, BagWriter, OutChannel, WriteOptions};
-use crate::msg::{
-    Duration, Header, JointState, Stage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped, to_cdr_into,
-};
-use crate::recording::SESSION_NOTES;
-use crate::sim::{Activity, FULL_MINUTES, Record, SessionSpec, Tracking, simulate};
-use crate::units::Stamp;
-
-const TAXELS: &str = "/glove/taxels";
-const JOINTS: &str = "/hand/joint_states";
-const TRUTH: &str = "/load_cell/wrench";
-const STAGE: &str = "/stage";
+use crate::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking, simulate};
+use crate::synthetic;
 
 /// Writes sessions of a synthetic glove: taxels, joint angles, force truth and stage annotations.
 #[derive(Debug, clap::Args)]
@@ -84,7 +74,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     for spec in &specs {
         let name = format!("glove{}_user{:02}_session{}", spec.glove, spec.user, spec.session);
         let path = output.join(name);
-        let n_messages = write(spec, &path, false)?;
+        let n_messages = synthetic::write(spec, &path, false, &Shown::steps("simulate"))?;
         text += &format!("{}: {} (synthetic)\n", path.display(), counted(n_messages, "message"));
     }
     print(&text)?;
@@ -101,87 +91,4 @@ fn tracking(text: &str) -> Result<Tracking, String> {
     let known = [Tracking::Markers, Tracking::Camera];
     let found = known.into_iter().find(|tracking| tracking.name() == text);
     found.ok_or_else(|| format!("expected markers or camera, got {text:?}"))
-}
-
-/// Writes one session; the number of its messages.
-pub(super) fn write(spec: &SessionSpec, path: &Path, overwrite: bool) -> Result<u64, Failure> {
-    let session = simulate(spec)?;
-    let mut progress = Progress::steps("simulate", session.n_frames());
-    let mut bag = BagWriter::create(path, WriteOptions { overwrite, ..WriteOptions::default() })?;
-    bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &session.metadata() })?;
-    let mut topics = Topics {
-        taxels: bag.add_topic::<TaxelArray>(TAXELS)?,
-        joints: bag.add_topic::<JointState>(JOINTS)?,
-        truth: bag.add_topic::<WrenchStamped>(TRUTH)?,
-        stage: bag.add_topic::<Stage>(STAGE)?,
-        bag,
-        cdr: Vec::new(),
-    };
-    let mut n_frames = 0;
-    for record in session {
-        interrupt::check()?;
-        n_frames += u64::from(matches!(record, Record::Truth { .. }));
-        progress.set(n_frames);
-        topics.write(record)?;
-    }
-    Ok(topics.bag.finish()?.n_messages)
-}
-
-struct Topics {
-    taxels: OutChannel,
-    joints: OutChannel,
-    truth: OutChannel,
-    stage: OutChannel,
-    bag: BagWriter,
-    cdr: Vec<u8>,
-}
-
-impl Topics {
-    fn write(&mut self, record: Record) -> Result<(), Failure> {
-        let received = record.received();
-        match message(&record) {
-            Message::Taxels(message) => self.send(self.taxels, received, &message),
-            Message::Joints(message) => self.send(self.joints, received, &message),
-            Message::Truth(message) => self.send(self.truth, received, &message),
-            Message::Stage(message) => self.send(self.stage, received, &message),
-        }
-    }
-
-    fn send<T: WireType>(&mut self, channel: OutChannel, received: Stamp, message: &T) -> Result<(), Failure> {
-        to_cdr_into(message, &mut self.cdr);
-        Ok(self.bag.write(channel, 0, received, received, &self.cdr)?)
-    }
-}
-
-/// A record as it is sent.
-enum Message {
-    Taxels(TaxelArray),
-    Joints(JointState),
-    Truth(WrenchStamped),
-    Stage(Stage),
-}
-
-fn message(record: &Record) -> Message {
-    let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
-    let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
-    match record {
-        Record::Taxels { sequence, values, .. } => {
-            let (rows, row_period, values) = (1, Duration::default(), values.clone());
-            Message::Taxels(TaxelArray { header: header("index_tip"), sequence: *sequence, rows, row_period, values })
-        }
-        Record::Joints { names, positions, .. } => {
-            let (velocity, effort) = (Vec::new(), Vec::new());
-            let (name, position) = (names.to_vec(), positions.clone());
-            Message::Joints(JointState { header: header(""), name, position, velocity, effort })
-        }
-        Record::Truth { force, torque, .. } => {
-            let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
-            Message::Truth(WrenchStamped { header: header("load_cell"), wrench })
-        }
-        Record::Stage { stage, substage, pose, repetition, zero_load, .. } => {
-            let (stage, repetition, zero_load) = (*stage, *repetition, *zero_load);
-            let (substage, pose) = (substage.to_string(), pose.to_string());
-            Message::Stage(Stage { header: header(""), stage, substage, pose, repetition, zero_load })
-        }
-    }
 }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use super::{Failure, say};
 use crate::config::Config;
+use crate::glove::hashes;
 use crate::model::ModelInfo;
-use crate::zero::{ModelHashes, Wanted, Zero, find};
+use crate::zero::{Wanted, Zero, find};
 
 /// What the command line says about it.
 #[derive(Debug, clap::Args)]
@@ -24,22 +25,21 @@ impl ZeroArgs {
         ZeroArgs { calibration: None, calibrate_first }
     }
 
-    /// Finds the zero of a recording, and says what a person should know about it.
-    pub(super) fn find(&self, cfg: &Config, bags: &[PathBuf], models: &[ModelInfo]) -> Result<Zero, Failure> {
-        let wanted = match (&self.calibration, self.calibrate_first) {
+    /// What is asked for.
+    pub(super) fn wanted(&self) -> Wanted<'_> {
+        match (&self.calibration, self.calibrate_first) {
             (Some(file), _) => Wanted::File(file),
             (None, Some(seconds)) => Wanted::First(seconds),
             (None, None) => Wanted::Any,
-        };
-        let zero = find(wanted, cfg, bags, &hashes(cfg, models))?;
+        }
+    }
+
+    /// Finds the zero of a recording, and says what a person should know about it.
+    pub(super) fn find(&self, cfg: &Config, bags: &[PathBuf], models: &[ModelInfo]) -> Result<Zero, Failure> {
+        let zero = find(self.wanted(), cfg, bags, &hashes(cfg, models))?;
         zero.notes.iter().for_each(|note| say(note));
         Ok(zero)
     }
-}
-
-/// SHA-256 of each model, by its name in the parameters.
-pub(super) fn hashes(cfg: &Config, models: &[ModelInfo]) -> ModelHashes {
-    cfg.models.iter().zip(models).map(|(model, info)| (model.name.clone(), info.sha256.clone())).collect()
 }
 
 /// A span in seconds, from the command line.

@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 use super::super::live::RosArguments;
 use super::super::progress::Progress;
 use super::super::setup::{load_models, shown};
-use super::super::zero::{self, hashes};
+use super::super::zero;
 use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{Args, verdict};
 use crate::config::{Config, ParamTree};
 use crate::fusion::Fusion;
+use crate::glove::hashes;
 use crate::ros::definitions::Definitions;
 use crate::ros::{
     Calibrator, Delivery, Heard, HeardTopic, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings,

@@ -3,9 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
 
-use super::super::setup::{
-    Models, batch_hint, load_models, load_models_quietly, replace_model, shown, without_unused_joints,
-};
+use super::super::setup::{load_models, shown, without_unused_joints};
 use super::super::zero::ZeroArgs;
 use super::super::{Failure, say};
 use super::columns::{Core, Modelled, hold_estimates, read_estimates, run_models};
@@ -14,6 +12,7 @@ use super::{Args, scored};
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
 use crate::fusion::Regressor;
+use crate::glove::{Models, replace_model};
 use crate::msg::EstimateTopics;
 use crate::recording::{EstimateTrack, PoseQuality};
 
@@ -95,10 +94,10 @@ impl<'a> Plan<'a> {
             let mut cfg = cfg.clone();
             args.backend.apply(&mut cfg);
             if let Some(path) = path {
-                replace_model(&mut cfg, path)?;
+                replace_model(&mut cfg, path.clone())?;
             }
             let models = load_models(&cfg)?;
-            cfg.fusion.batch = batch_hint(&models.infos);
+            cfg.fusion.batch = models.batch_hint();
             without_unused_joints(&mut cfg, &models.infos);
             let name = match (path, cfg.models.as_slice()) {
                 (Some(path), _) => stem(path),
@@ -125,7 +124,7 @@ impl<'a> Plan<'a> {
                 let reason = "worse joint angles are tried on a model that takes pose; give one by --model";
                 return Err(Failure(reason.to_owned()));
             };
-            let models = load_models_quietly(&judged.cfg)?;
+            let models = Models::load(&judged.cfg)?;
             let core = PlannedCore::new(judged.cfg.clone(), quality, &models);
             let source = SeriesSource::Core(cores.len());
             series.push(Series { quality: Some(quality), ..Series::new(String::new(), source, Which::Corrected) });
@@ -145,7 +144,7 @@ impl<'a> Plan<'a> {
 
     /// The models of one more worker.
     pub(super) fn load(&self) -> Result<Vec<Core>, Failure> {
-        self.cores.iter().map(|core| Ok(core.core(load_models_quietly(&core.cfg)?))).collect()
+        self.cores.iter().map(|core| Ok(core.core(Models::load(&core.cfg)?))).collect()
     }
 
     /// Takes every series through one bag, by a worker's models; `done` grows by the bytes that were read.

@@ -5,12 +5,13 @@ use std::sync::atomic::AtomicU64;
 
 use super::super::eval::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models};
 use super::super::sessions::session_name;
-use super::super::setup::{batch_hint, input_topics, load_models, load_models_quietly, without_unused_joints};
+use super::super::setup::{input_topics, load_models, without_unused_joints};
 use super::super::{Failure, interrupt, say};
 use super::Args;
 use crate::bag::{BagReader, Input, Inputs};
 use crate::config::Config;
 use crate::export::Session;
+use crate::glove::Models;
 use crate::msg::EstimateTopics;
 use crate::recording::{EstimateTrack, PoseQuality, Samples};
 use crate::units::GramForce;
@@ -107,9 +108,9 @@ impl<'a> Loader<'a> {
             say(&format!("no estimates on {} in the bag: the models make them{several}", self.topic));
             load_models(&cfg)?
         } else {
-            load_models_quietly(&cfg)?
+            Models::load(&cfg)?
         };
-        cfg.fusion.batch = batch_hint(&models.infos);
+        cfg.fusion.batch = models.batch_hint();
         if self.args.models.replaces() {
             without_unused_joints(&mut cfg, &models.infos);
         }

@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say};
-use super::{JOINTS, Message, STAGE, TAXELS, TRUTH, message};
 use crate::leave;
 use crate::msg::{JointState, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::{Activity, FULL_MINUTES, Fault, LiveSession, Prompt, SYNTHETIC_TOPIC, SessionSpec};
+use crate::synthetic::{JOINTS, Message, STAGE, TAXELS, TRUTH, message};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";

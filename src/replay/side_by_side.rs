@@ -4,8 +4,7 @@ use std::num::NonZero;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Condvar, Mutex, PoisonError};
 
-use super::super::Failure;
-use super::super::progress::Progress;
+use super::error::ReplayError;
 use super::stages::{Core, Fused, Read, Reading, Writing};
 use crate::bag::BagError;
 
@@ -26,13 +25,13 @@ pub(super) fn run(
     core: &mut Core<'_>,
     mut writing: Writing,
     jobs: NonZero<usize>,
-    progress: &mut Progress,
-) -> Result<(Reading, Writing), Failure> {
+    progress: &dyn Fn(u64),
+) -> Result<(Reading, Writing), ReplayError> {
     if jobs.get() > 1 {
         return overlapped(reading, core, writing, progress);
     }
     while let Some(Read { portion, bytes_read }) = reading.next()? {
-        progress.set(bytes_read);
+        progress(bytes_read);
         writing.write(&core.take(portion)?)?;
     }
     writing.write(&core.end()?)?;
@@ -43,8 +42,8 @@ fn overlapped(
     reading: Reading,
     core: &mut Core<'_>,
     writing: Writing,
-    progress: &mut Progress,
-) -> Result<(Reading, Writing), Failure> {
+    progress: &dyn Fn(u64),
+) -> Result<(Reading, Writing), ReplayError> {
     let in_flight = InFlight::default();
     let (to_core, from_reading) = sync_channel(QUEUED);
     let (to_writing, from_core) = sync_channel(QUEUED_FUSED);
@@ -82,11 +81,11 @@ fn fuse<'f>(
     core: &mut Core<'_>,
     from_reading: Receiver<Sent<'f>>,
     to_writing: SyncSender<(Fused, Option<Held<'f>>)>,
-    progress: &mut Progress,
-) -> Result<(), Failure> {
+    progress: &dyn Fn(u64),
+) -> Result<(), ReplayError> {
     for sent in from_reading {
         let (Read { portion, bytes_read }, held) = sent?;
-        progress.set(bytes_read);
+        progress(bytes_read);
         if to_writing.send((core.take(portion)?, Some(held))).is_err() {
             return Ok(()); // whoever writes says why
         }

@@ -5,15 +5,15 @@ use std::fmt::{self, Write};
 
 use serde::Serialize;
 
-use super::Failure;
-use super::replay::BusySeconds;
+use super::stages::BusySeconds;
 use crate::bag::TopicCounters;
 use crate::fusion::{Counters, Fusion, TactileSourceIdx};
 use crate::model::{BackendInfo, ModelInfo};
 use crate::zero::ZeroFrom;
 
-#[derive(Debug, Serialize)]
-pub(super) struct ModelSummary {
+/// A model that ran.
+#[derive(Debug, Clone, Serialize)]
+pub struct ModelSummary {
     name: String,
     file: String,
     sha256: String,
@@ -24,70 +24,98 @@ pub(super) struct ModelSummary {
 
 impl ModelSummary {
     pub(super) fn new(name: &str, info: &ModelInfo) -> Self {
-        let (file, sha256) = (super::setup::shown(&info.path), info.sha256.clone());
+        let (file, sha256) = (super::shown(&info.path), info.sha256.clone());
         ModelSummary { name: name.to_owned(), file, sha256, backend: info.backend.clone(), notes: info.notes.clone() }
     }
 }
 
-/// A replay in numbers.
-#[derive(Debug, Serialize)]
-pub(super) struct Summary<'a> {
+/// What became of a recording.
+#[derive(Debug)]
+pub struct Replayed {
     pub(super) inputs: Vec<String>,
     pub(super) output: String,
-    pub(super) baseline: ZeroFrom,
+    pub(super) zero: ZeroFrom,
     pub(super) models: Vec<ModelSummary>,
-    /// Stamps of the frames, last minus first.
     pub(super) data_s: f64,
     pub(super) wall_s: f64,
     pub(super) jobs: usize,
-    pub(super) busy_s: BusySeconds,
+    pub(super) busy: BusySeconds,
     pub(super) topics: BTreeMap<String, TopicCounters>,
-    #[serde(flatten)]
-    pub(super) counters: Counters<'a>,
     pub(super) estimates_sha256: String,
     pub(super) losses: Vec<String>,
+    pub(super) doubts: Vec<String>,
+    pub(super) written: Vec<String>,
+    pub(super) core: Fusion,
+}
+
+impl Replayed {
+    /// It in numbers.
+    pub fn summary(&self) -> Summary<'_> {
+        Summary {
+            inputs: &self.inputs,
+            output: &self.output,
+            baseline: &self.zero,
+            models: &self.models,
+            data_s: self.data_s,
+            wall_s: self.wall_s,
+            jobs: self.jobs,
+            busy_s: self.busy,
+            topics: &self.topics,
+            counters: self.core.counters(),
+            estimates_sha256: &self.estimates_sha256,
+            losses: &self.losses,
+        }
+    }
+
+    /// What a person should know about it, a line each.
+    pub fn warnings(&self) -> Vec<String> {
+        let warnings = warnings(&self.losses, &self.topics, &self.core);
+        self.written.iter().cloned().chain(warnings).chain(self.doubts.iter().cloned()).collect()
+    }
+
+    /// Whether everything in the input was read and understood.
+    pub fn is_complete(&self) -> bool {
+        self.losses.is_empty() && self.topics.values().all(|counters| counters.first_error.is_none())
+    }
+}
+
+/// A replay in numbers. Its text is what `tpf replay` prints, its fields are those of `--json`.
+#[derive(Debug, Serialize)]
+pub struct Summary<'a> {
+    /// Bags, as they were given.
+    pub inputs: &'a [String],
+    /// The bag that was written.
+    pub output: &'a str,
+    /// Where the zero was from.
+    pub baseline: &'a ZeroFrom,
+    /// In the order of the configuration.
+    pub models: &'a [ModelSummary],
+    /// Stamps of the frames, last minus first.
+    pub data_s: f64,
+    /// How long it took.
+    pub wall_s: f64,
+    /// Cores that it might use.
+    pub jobs: usize,
+    /// What they were busy with.
+    pub busy_s: BusySeconds,
+    /// By topic: messages that were read, and that could not be.
+    pub topics: &'a BTreeMap<String, TopicCounters>,
+    /// By source and region.
+    #[serde(flatten)]
+    pub counters: Counters<'a>,
+    /// SHA-256 of everything that was written of estimates.
+    pub estimates_sha256: &'a str,
+    /// What was lost of the input.
+    pub losses: &'a [String],
 }
 
 impl Summary<'_> {
-    pub(super) fn to_json(&self) -> Result<String, Failure> {
-        Ok(serde_json::to_string_pretty(self)? + "\n")
-    }
-
     fn frames(&self) -> u64 {
         self.counters.tactile.iter().map(|source| source.counts.frames).sum()
     }
 
     fn estimates(&self) -> u64 {
         self.counters.regions.iter().map(|region| region.counts.estimates).sum()
-    }
-
-    /// What a person should know who only looks at stderr.
-    pub(super) fn warnings(&self, fusion: &Fusion) -> Vec<String> {
-        let mut warnings: Vec<String> = self.losses.iter().map(|loss| format!("input lost: {loss}")).collect();
-        for (topic, counters) in &self.topics {
-            if let Some(first) = &counters.first_error {
-                let n: u64 = counters.unreadable.values().sum();
-                warnings.push(format!("{topic}: {n} messages could not be read, the first: {first}"));
-            }
-        }
-        for (source_idx, source) in self.counters.tactile.iter().enumerate() {
-            warnings.extend(fusion.rate_fault(TactileSourceIdx(source_idx)).map(|fault| fault.to_string()));
-            let (name, c) = (source.name, &source.counts);
-            for (n, what) in [
-                (
-                    c.frozen,
-                    "while all its taxels stood still for longer than their noise allows: was its driver running?",
-                ),
-                (c.stuck, "while some of its taxels stood still and others moved: look at their wiring"),
-                (c.interleaved, "of two senders in turn: record one"),
-                (c.non_finite, "with a NaN or an infinite reading: look at its driver"),
-            ] {
-                if n > 0 {
-                    warnings.push(format!("tactile source {name}: {n} of {} rows came {what}", c.used));
-                }
-            }
-        }
-        warnings
     }
 }
 
@@ -157,6 +185,32 @@ impl fmt::Display for Summary<'_> {
         }
         writeln!(f, "  estimates sha256 {}", self.estimates_sha256)
     }
+}
+
+/// What a person should know who only looks at stderr.
+pub(super) fn warnings(losses: &[String], topics: &BTreeMap<String, TopicCounters>, fusion: &Fusion) -> Vec<String> {
+    let mut warnings: Vec<String> = losses.iter().map(|loss| format!("input lost: {loss}")).collect();
+    for (topic, counters) in topics {
+        if let Some(first) = &counters.first_error {
+            let n: u64 = counters.unreadable.values().sum();
+            warnings.push(format!("{topic}: {n} messages could not be read, the first: {first}"));
+        }
+    }
+    for (source_idx, source) in fusion.counters().tactile.iter().enumerate() {
+        warnings.extend(fusion.rate_fault(TactileSourceIdx(source_idx)).map(|fault| fault.to_string()));
+        let (name, c) = (source.name, &source.counts);
+        for (n, what) in [
+            (c.frozen, "while all its taxels stood still for longer than their noise allows: was its driver running?"),
+            (c.stuck, "while some of its taxels stood still and others moved: look at their wiring"),
+            (c.interleaved, "of two senders in turn: record one"),
+            (c.non_finite, "with a NaN or an infinite reading: look at its driver"),
+        ] {
+            if n > 0 {
+                warnings.push(format!("tactile source {name}: {n} of {} rows came {what}", c.used));
+            }
+        }
+    }
+    warnings
 }
 
 /// The counts that are not zero, as `, 3 gaps, 1 time jumps`.

@@ -10,10 +10,11 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::super::{Failure, interrupt, say};
+use super::error::ReplayError;
 use crate::bag::{BagError, BagReader, BagRecord, BagWriter, EstimateWriter, Input, Inputs, PassThrough, Portion};
 use crate::config::Config;
 use crate::fusion::{Contract, Forces, Fusion, RegressError, Regressor, SharedWindows, Tick};
+use crate::observer::{Observer, check};
 use crate::units::Stamp;
 use crate::zero::LoadCheck;
 
@@ -44,16 +45,17 @@ pub(super) struct Read {
 
 /// Fuses.
 pub(super) struct Core<'c> {
-    pub(super) cfg: &'c Config,
+    cfg: &'c Config,
     pub(super) fusion: Fusion,
     pub(super) inputs: Inputs,
     /// What is left to check about the baseline.
-    pub(super) check: Option<LoadCheck>,
+    check: Option<LoadCheck>,
     /// First and last stamp of a frame.
     pub(super) span: Option<(Stamp, Stamp)>,
-    pub(super) busy: Duration,
+    busy: Duration,
     /// What of that is inference.
-    pub(super) inference: InferenceTime,
+    inference: InferenceTime,
+    observer: &'c dyn Observer,
 }
 
 /// A part of the input with what came of it.
@@ -74,7 +76,7 @@ pub(super) struct Writing {
 
 /// Seconds that each stage was at work; side by side they may add up to more than went by.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(in crate::commands) struct BusySeconds {
+pub struct BusySeconds {
     /// Reading, unpacking.
     read: f64,
     /// Decoding, aligning, windows, contacts.
@@ -171,13 +173,32 @@ impl Reading {
     }
 }
 
-impl Core<'_> {
+impl Fused {
+    /// What came of it.
+    pub(super) fn ticks(&self) -> impl Iterator<Item = &Tick> {
+        self.ticks.iter().map(|(_, tick)| tick)
+    }
+}
+
+impl<'c> Core<'c> {
+    /// A core before the first part of the input.
+    pub(super) fn new(
+        cfg: &'c Config,
+        fusion: Fusion,
+        inputs: Inputs,
+        check: Option<LoadCheck>,
+        inference: InferenceTime,
+        observer: &'c dyn Observer,
+    ) -> Self {
+        Core { cfg, fusion, inputs, check, span: None, busy: Duration::ZERO, inference, observer }
+    }
+
     /// Takes a part of the input.
-    pub(super) fn take(&mut self, portion: Portion) -> Result<Fused, Failure> {
+    pub(super) fn take(&mut self, portion: Portion) -> Result<Fused, ReplayError> {
         let began = Instant::now();
         let mut ticks = Vec::new();
         for (idx, record) in portion.records().enumerate() {
-            interrupt::check()?;
+            check(self.observer)?;
             let BagRecord::Message(message) = record else { continue };
             for part in self.inputs.parts(message.channel)? {
                 if let Input::Event(event) = self.inputs.decode(&message, part) {
@@ -191,7 +212,7 @@ impl Core<'_> {
     }
 
     /// Takes the end of the input.
-    pub(super) fn end(&mut self) -> Result<Fused, Failure> {
+    pub(super) fn end(&mut self) -> Result<Fused, ReplayError> {
         let began = Instant::now();
         let mut ticks = Vec::new();
         self.fusion.handle_end();
@@ -200,12 +221,12 @@ impl Core<'_> {
         self.inputs.check_end(self.fusion.missing_joints())?;
         self.check_used()?;
         if let Some(check) = self.check.take() {
-            check.judge(self.cfg)?.iter().for_each(|note| say(note));
+            check.judge(self.cfg)?.iter().for_each(|note| self.observer.note(note));
         }
         Ok(Fused { portion: Portion::default(), ticks })
     }
 
-    fn drain(&mut self, n_handled: usize, ticks: &mut Vec<(usize, Tick)>) -> Result<(), Failure> {
+    fn drain(&mut self, n_handled: usize, ticks: &mut Vec<(usize, Tick)>) -> Result<(), ReplayError> {
         while let Some(tick) = self.fusion.poll()? {
             let (first, last) = self.span.get_or_insert((tick.stamp, tick.stamp));
             (*first, *last) = ((*first).min(tick.stamp), (*last).max(tick.stamp));
@@ -213,7 +234,7 @@ impl Core<'_> {
             if let Some(check) = &mut self.check
                 && !check.takes(tick)
             {
-                check.judge(self.cfg)?.iter().for_each(|note| say(note));
+                check.judge(self.cfg)?.iter().for_each(|note| self.observer.note(note));
                 self.check = None;
             }
         }
@@ -221,15 +242,12 @@ impl Core<'_> {
     }
 
     /// Refuses a run in which a tactile source gave nothing that could be used.
-    fn check_used(&self) -> Result<(), Failure> {
+    fn check_used(&self) -> Result<(), ReplayError> {
         let counters = self.fusion.counters();
         let Some(idle) = counters.tactile.iter().position(|source| source.counts.used == 0) else { return Ok(()) };
-        let (name, counts) = (counters.tactile[idle].name, counters.tactile[idle].counts);
+        let (name, counts) = (counters.tactile[idle].name.to_owned(), counters.tactile[idle].counts);
         let n_taxels = self.cfg.fusion.tactile_sources[idle].n_taxels;
-        Err(Failure(format!(
-            "tactile source {name}: none of its {} rows could be used, {} had another length than tactile.{name}.n_taxels = {n_taxels}; correct it",
-            counts.rows, counts.wrong_length
-        )))
+        Err(ReplayError::Idle { name, rows: counts.rows, wrong_length: counts.wrong_length, n_taxels })
     }
 }
 

@@ -1,0 +1,217 @@
+//! A recording in, force and contact out: written to a bag by [`run`], or given estimate by estimate by [`for_each`].
+//!
+//! Both go through the same stages, and the same core as the live node.
+
+mod error;
+mod side_by_side;
+mod stages;
+mod summary;
+
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+pub use error::ReplayError;
+pub use stages::BusySeconds;
+pub use summary::{ModelSummary, Replayed, Summary};
+
+use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions, printable};
+use crate::config::Config;
+use crate::fusion::{Fusion, Tick};
+use crate::glove::{Models, drop_unused_joints, hashes};
+use crate::msg::EstimateTopics;
+use crate::observer::Observer;
+use crate::recording::input_topics;
+use crate::units::Stamp;
+use crate::zero::{self, Wanted, ZeroFrom};
+use stages::{Core, InferenceTime, Read, Reading, Writing, busy_seconds};
+
+/// What is replayed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recording<'a> {
+    /// MCAP files or bag folders: one recording; several are parts of one, merged by time.
+    pub bags: &'a [PathBuf],
+    /// Where the zero of the forces is from.
+    pub zero: Wanted<'a>,
+}
+
+/// How a recording is replayed into a bag.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// NAME.mcap for a file, any other name for a bag folder.
+    pub output: PathBuf,
+    /// Whether an output that is there is replaced.
+    pub overwrite: bool,
+    /// Whether everything in the input is copied into the output.
+    pub merge: bool,
+    /// Frames of one inference call; `None` for as many as the models run fastest with. With 1 the bytes are those of the
+    /// live node.
+    pub batch: Option<usize>,
+    /// Cores to use; the output is the same on any number.
+    pub jobs: NonZero<usize>,
+    /// Whether joints are taken from regions whose model has no pose input, instead of refusing them.
+    pub drop_unused_joints: bool,
+}
+
+impl Options {
+    /// Into a bag that is not there yet, on all cores.
+    pub fn new(output: impl Into<PathBuf>) -> Self {
+        Options {
+            output: output.into(),
+            overwrite: false,
+            merge: false,
+            batch: None,
+            jobs: std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN),
+            drop_unused_joints: false,
+        }
+    }
+}
+
+/// What [`for_each`] read.
+#[derive(Debug)]
+pub struct Seen {
+    /// Where the zero was from.
+    pub zero: ZeroFrom,
+    /// What was lost of the input, and what of it could not be understood; a line each.
+    pub warnings: Vec<String>,
+    /// The core at its end, for its counters.
+    pub core: Fusion,
+}
+
+/// Replays a recording into a bag.
+///
+/// # Errors
+/// [`ReplayError`]; the output is absent then.
+pub fn run(
+    mut cfg: Config,
+    recording: Recording<'_>,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Replayed, ReplayError> {
+    cfg.models.iter_mut().for_each(|model| model.spec.threads = options.jobs);
+    let mut reader = open(recording.bags, observer)?;
+    let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
+    let topics = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
+    if options.merge
+        && let Some(taken) = topics.names().find(|name| reader.channels().iter().any(|channel| channel.topic == *name))
+    {
+        return Err(ReplayError::TopicTaken { topic: taken.to_owned() });
+    }
+    let write =
+        WriteOptions { overwrite: options.overwrite, inputs: recording.bags.to_vec(), ..WriteOptions::default() };
+    let mut writer = BagWriter::create(&options.output, write)?;
+    let Ready { models, fusion, zero, inference } =
+        ready(&mut cfg, recording, &inputs, &reader, options.batch, options.drop_unused_joints, observer)?;
+    let contracts: Vec<_> = cfg.fusion.regions.iter().map(|region| &models.infos[region.model].contract).collect();
+    let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &contracts)?;
+
+    let started = Instant::now();
+    let wanted = (!options.merge).then(|| inputs.topics());
+    let total = reader.bytes_total();
+    let mut core = Core::new(&cfg, fusion, inputs, zero.check, inference, observer);
+    let pass_through = options.merge.then(PassThrough::default);
+    let writing = Writing { writer, estimates, pass_through, busy: Duration::ZERO };
+    let progress = |done| observer.progress(done, total);
+    let (reading, writing) =
+        side_by_side::run(Reading::new(reader, wanted), &mut core, writing, options.jobs, &progress)?;
+    let busy = busy_seconds(&reading, &core, &writing);
+
+    let (Core { fusion, inputs, span, .. }, Writing { mut writer, mut estimates, .. }) = (core, writing);
+    let losses: Vec<String> = reading.reader.losses().iter().map(ToString::to_string).collect();
+    estimates.finish(&mut writer)?;
+    let estimates_sha256 = estimates.sha256();
+    let finished = writer.finish()?;
+    let models = cfg.models.iter().zip(&models.infos).map(|(model, info)| ModelSummary::new(&model.name, info));
+    Ok(Replayed {
+        inputs: recording.bags.iter().map(|bag| shown(bag)).collect(),
+        output: shown(&finished.path),
+        zero: zero.from,
+        models: models.collect(),
+        data_s: seconds(span),
+        wall_s: started.elapsed().as_secs_f64(),
+        jobs: options.jobs.get(),
+        busy,
+        topics: inputs.counters().clone(),
+        estimates_sha256,
+        losses,
+        doubts: inputs.angle_doubts(),
+        written: finished.notes,
+        core: fusion,
+    })
+}
+
+/// Takes a recording through the core, and gives what it says of each frame in the order of their stamps within a source.
+///
+/// # Errors
+/// [`ReplayError`]; what was given before it stands.
+pub fn for_each(
+    mut cfg: Config,
+    recording: Recording<'_>,
+    observer: &dyn Observer,
+    mut each: impl FnMut(&Tick),
+) -> Result<Seen, ReplayError> {
+    let mut reader = open(recording.bags, observer)?;
+    let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
+    let Ready { fusion, zero, inference, .. } = ready(&mut cfg, recording, &inputs, &reader, None, false, observer)?;
+    let (wanted, total) = (Some(inputs.topics()), reader.bytes_total());
+    let mut core = Core::new(&cfg, fusion, inputs, zero.check, inference, observer);
+    let mut reading = Reading::new(reader, wanted);
+    while let Some(Read { portion, bytes_read }) = reading.next()? {
+        observer.progress(bytes_read, total);
+        core.take(portion)?.ticks().for_each(&mut each);
+    }
+    core.end()?.ticks().for_each(&mut each);
+    let Core { fusion, inputs, .. } = core;
+    let losses: Vec<String> = reading.reader.losses().iter().map(ToString::to_string).collect();
+    let mut warnings = summary::warnings(&losses, inputs.counters(), &fusion);
+    warnings.extend(inputs.angle_doubts());
+    Ok(Seen { zero: zero.from, warnings, core: fusion })
+}
+
+/// Models, core and zero before the first message.
+struct Ready {
+    models: Models,
+    fusion: Fusion,
+    zero: zero::Zero,
+    inference: InferenceTime,
+}
+
+fn ready(
+    cfg: &mut Config,
+    recording: Recording<'_>,
+    inputs: &Inputs,
+    reader: &BagReader,
+    batch: Option<usize>,
+    drops_unused_joints: bool,
+    observer: &dyn Observer,
+) -> Result<Ready, ReplayError> {
+    let mut models = Models::load(cfg)?;
+    models.notes(cfg).iter().for_each(|note| observer.note(note));
+    cfg.fusion.batch = batch.unwrap_or_else(|| models.batch_hint());
+    if drops_unused_joints {
+        drop_unused_joints(cfg, &models.infos).iter().for_each(|note| observer.note(note));
+    }
+    let zero = zero::find(recording.zero, cfg, recording.bags, &hashes(cfg, &models.infos))?;
+    zero.notes.iter().for_each(|note| observer.note(note));
+    let inference = InferenceTime::default();
+    let regressors = std::mem::take(&mut models.regressors).into_iter().map(|model| inference.of(model)).collect();
+    cfg.fusion.receipts = inputs.receipts(reader);
+    let mut fusion = Fusion::new(cfg.fusion.clone(), regressors)?;
+    zero.install(&mut fusion)?;
+    Ok(Ready { models, fusion, zero, inference })
+}
+
+fn open(bags: &[PathBuf], observer: &dyn Observer) -> Result<BagReader, ReplayError> {
+    let reader = BagReader::open(bags)?;
+    reader.notes().iter().for_each(|note| observer.note(note));
+    Ok(reader)
+}
+
+fn seconds(span: Option<(Stamp, Stamp)>) -> f64 {
+    span.map_or(0.0, |(first, last)| last.nanos_since(first) as f64 * 1e-9)
+}
+
+/// How a path is told in results: as it was given.
+fn shown(path: &Path) -> String {
+    printable(&path.display().to_string())
+}

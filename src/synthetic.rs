@@ -1,0 +1,125 @@
+//! Sessions of a synthetic glove as bags: the messages that a driver, a tracker, a load cell and a protocol would send.
+
+use std::path::Path;
+
+use crate::bag::{BagError, BagMetadata, BagWriter, OutChannel, WriteOptions};
+use crate::msg::{
+    Duration, Header, JointState, Stage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped, to_cdr_into,
+};
+use crate::observer::{Cancelled, Observer, check};
+use crate::recording::SESSION_NOTES;
+use crate::sim::{Record, SessionSpec, SimError, simulate};
+use crate::units::Stamp;
+
+/// Topic of the taxels.
+pub const TAXELS: &str = "/glove/taxels";
+/// Topic of the joint angles.
+pub const JOINTS: &str = "/hand/joint_states";
+/// Topic of the true force.
+pub const TRUTH: &str = "/load_cell/wrench";
+/// Topic of the annotations.
+pub const STAGE: &str = "/stage";
+
+/// Why a session is not written.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the texts say it
+pub enum SyntheticError {
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Writes one session; the number of its messages.
+///
+/// # Errors
+/// [`SyntheticError`] when there is no such session, or the bag can't be written; the bag is absent then.
+pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Observer) -> Result<u64, SyntheticError> {
+    let session = simulate(spec)?;
+    let total = session.n_frames();
+    let mut bag = BagWriter::create(path, WriteOptions { overwrite, ..WriteOptions::default() })?;
+    bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &session.metadata() })?;
+    let mut topics = Topics {
+        taxels: bag.add_topic::<TaxelArray>(TAXELS)?,
+        joints: bag.add_topic::<JointState>(JOINTS)?,
+        truth: bag.add_topic::<WrenchStamped>(TRUTH)?,
+        stage: bag.add_topic::<Stage>(STAGE)?,
+        bag,
+        cdr: Vec::new(),
+    };
+    let mut n_frames = 0;
+    for record in session {
+        check(observer)?;
+        n_frames += u64::from(matches!(record, Record::Truth { .. }));
+        observer.progress(n_frames, total);
+        topics.write(&record)?;
+    }
+    Ok(topics.bag.finish()?.n_messages)
+}
+
+struct Topics {
+    taxels: OutChannel,
+    joints: OutChannel,
+    truth: OutChannel,
+    stage: OutChannel,
+    bag: BagWriter,
+    cdr: Vec<u8>,
+}
+
+impl Topics {
+    fn write(&mut self, record: &Record) -> Result<(), BagError> {
+        let received = record.received();
+        match message(record) {
+            Message::Taxels(message) => self.send(self.taxels, received, &message),
+            Message::Joints(message) => self.send(self.joints, received, &message),
+            Message::Truth(message) => self.send(self.truth, received, &message),
+            Message::Stage(message) => self.send(self.stage, received, &message),
+        }
+    }
+
+    fn send<T: WireType>(&mut self, channel: OutChannel, received: Stamp, message: &T) -> Result<(), BagError> {
+        to_cdr_into(message, &mut self.cdr);
+        self.bag.write(channel, 0, received, received, &self.cdr)
+    }
+}
+
+/// A record as it is sent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Message {
+    /// On [`TAXELS`].
+    Taxels(TaxelArray),
+    /// On [`JOINTS`].
+    Joints(JointState),
+    /// On [`TRUTH`].
+    Truth(WrenchStamped),
+    /// On [`STAGE`].
+    Stage(Stage),
+}
+
+/// A record of a simulated session as a message.
+pub fn message(record: &Record) -> Message {
+    let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
+    let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
+    match record {
+        Record::Taxels { sequence, values, .. } => {
+            let (rows, row_period, values) = (1, Duration::default(), values.clone());
+            Message::Taxels(TaxelArray { header: header("index_tip"), sequence: *sequence, rows, row_period, values })
+        }
+        Record::Joints { names, positions, .. } => {
+            let (velocity, effort) = (Vec::new(), Vec::new());
+            let (name, position) = (names.to_vec(), positions.clone());
+            Message::Joints(JointState { header: header(""), name, position, velocity, effort })
+        }
+        Record::Truth { force, torque, .. } => {
+            let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
+            Message::Truth(WrenchStamped { header: header("load_cell"), wrench })
+        }
+        Record::Stage { stage, substage, pose, repetition, zero_load, .. } => {
+            let (stage, repetition, zero_load) = (*stage, *repetition, *zero_load);
+            let (substage, pose) = (substage.to_string(), pose.to_string());
+            Message::Stage(Stage { header: header(""), stage, substage, pose, repetition, zero_load })
+        }
+    }
+}
