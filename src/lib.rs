@@ -3,7 +3,106 @@
 //! Soft tactile gloves read force when the wearer only bends a finger. This crate removes that error in software: a
 //! tactile-only force estimate minus a residual that a network predicts from pose and touch together.
 //!
-//! [`fusion`] is the pure core; everything else brings it events, models and parameters, or takes its estimates away.
+//! [`fusion`] is the pure core; everything else brings it events, models and parameters, or takes its estimates away. There
+//! are three ways in.
+//!
+//! # Samples of your own
+//!
+//! A parameter file says which taxels, joints and models there are ([`glove`]). The core takes samples as they come and
+//! gives estimates as soon as their joint angles are final.
+//!
+//! ```
+//! use tactile_pose_fusion::fusion::{Baseline, Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
+//! use tactile_pose_fusion::glove::Glove;
+//! use tactile_pose_fusion::units::Stamp;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut core = Glove::load("params/glove3.yaml")?.into_core()?;
+//! core.handle_baseline(TactileSourceIdx(0), Baseline::from_median(vec![300.0; 6]))?; // readings at rest
+//! let names = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"].map(String::from);
+//! let (hand, glove) = (JointSourceIdx(0), TactileSourceIdx(0));
+//! let mut newest = None;
+//! for number in 0..100_i64 {
+//!     let stamp = Stamp(number * 10_000_000); // ns: 100 Hz
+//!     let (positions, values) = ([0.2, 0.4, 0.3, 0.0], [310.0 + (number % 3) as f32; 6]);
+//!     core.handle(Event::Joints(JointSample { source: hand, stamp, names: &names, positions: &positions, received: stamp }));
+//!     let (rows, row_period_ns, sequence) = (1, 0, None);
+//!     let block =
+//!         TactileBlock { source: glove, stamp, rows, row_period_ns, sequence, values: &values, received: stamp };
+//!     core.handle(Event::Tactile(block));
+//!     while let Some(tick) = core.poll()? {
+//!         newest = tick.estimates[0].force; // N; `None` until the model's window is full
+//!     }
+//! }
+//! assert!(newest.is_some());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # A recording
+//!
+//! [`replay`] takes a bag through the same core: frame by frame in memory, or into another bag. An
+//! [`Observer`](observer::Observer) hears notes and progress, and can cancel.
+//!
+//! ```
+//! use tactile_pose_fusion::config::{self, DEFAULT_NODE};
+//! use tactile_pose_fusion::observer::Unobserved;
+//! use tactile_pose_fusion::replay::{self, Options, Recording};
+//! use tactile_pose_fusion::zero::Wanted;
+//! # use tactile_pose_fusion::{sim, synthetic};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let folder = tempfile::tempdir()?;
+//! # let (bag, output) = (folder.path().join("session"), folder.path().join("forces.mcap"));
+//! # let (activity, tracking) = (sim::Activity::Protocol, sim::Tracking::Markers);
+//! # let spec = sim::SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.5, activity, tracking };
+//! # synthetic::write(&spec, &bag, false, &Unobserved)?;
+//! let cfg = config::load("params/glove3.yaml".as_ref(), DEFAULT_NODE)?;
+//! let bags = [bag];
+//! let recording = Recording { bags: &bags, zero: Wanted::Any }; // its annotations, else its first seconds
+//! let mut largest = 0.0_f64;
+//! let seen = replay::for_each(cfg.clone(), recording, &Unobserved, |tick| {
+//!     largest = tick.estimates[0].force.map_or(largest, |force| largest.max(force.0));
+//! })?;
+//! assert!(largest > 1.0 && seen.warnings.is_empty());
+//!
+//! let replayed = replay::run(cfg, recording, &Options::new(output), &Unobserved)?;
+//! assert!(replayed.is_complete());
+//! println!("{}", replayed.summary());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Scores
+//!
+//! [`evaluate`] holds models, or the estimates in bags, against the true force.
+//!
+//! ```
+//! use tactile_pose_fusion::config::{self, DEFAULT_NODE};
+//! use tactile_pose_fusion::evaluate::{self, Request};
+//! use tactile_pose_fusion::observer::Unobserved;
+//! # use tactile_pose_fusion::{sim, synthetic};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let folder = tempfile::tempdir()?;
+//! # let bag = folder.path().join("session");
+//! # let (activity, tracking) = (sim::Activity::Protocol, sim::Tracking::Markers);
+//! # let spec = sim::SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.5, activity, tracking };
+//! # synthetic::write(&spec, &bag, false, &Unobserved)?;
+//! let cfg = config::load("params/glove3.yaml".as_ref(), DEFAULT_NODE)?;
+//! let found = evaluate::run(cfg, &Request::new(&[bag]), &Unobserved)?;
+//! let judged = found.models.last().ok_or("nothing was scored")?;
+//! let score = &judged.by["all"][0].score;
+//! assert!(score.ba.value().is_some_and(|ba| ba > 0.8)); // balanced accuracy of touch
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Where things are
+//!
+//! The zero of the forces is decided in [`zero`]. The wire types are in [`msg`], bags in [`bag`], what a recording says in
+//! [`recording`] and [`sessions`], metrics in [`eval`], models in [`model`], training in `train`, the live node in `ros`.
+//! `commands` is the program `tpf`, a tenant of these. ARCHITECTURE.md has the whole map and what may use what.
 
 pub mod bag;
 pub mod calibration;
@@ -13,6 +112,7 @@ pub mod columns;
 pub mod commands;
 pub mod config;
 pub mod eval;
+pub mod evaluate;
 pub mod export;
 pub mod files;
 pub mod fusion;
@@ -29,6 +129,7 @@ pub mod recording;
 pub mod replay;
 #[cfg(feature = "ros")]
 pub mod ros;
+pub mod sessions;
 pub mod sim;
 pub mod synthetic;
 #[cfg(feature = "train")]

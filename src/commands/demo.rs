@@ -2,17 +2,16 @@
 
 mod picture;
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use clap::Parser;
-
 use super::progress::Shown;
-use super::{Cli, Command, Failure, Outcome, eval, interrupt, print, say};
+use super::{Failure, Outcome, eval, interrupt, print, say};
 use crate::config::{self, Config};
+use crate::evaluate::{self, Evaluated, Request};
 use crate::files;
 use crate::glove;
 use crate::replay::{self, Options, Recording};
+use crate::sessions::recorded;
 use crate::sim::{Activity, SessionSpec, Tracking};
 use crate::synthetic;
 use crate::zero::Wanted;
@@ -91,12 +90,12 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let replayed = folder.replayed(model);
         say(&format!("replay it with the {} model: {}", model.name(), replayed.display()));
         folder.replay(model, cfg.clone())?;
-        frames.push((model.name(), eval::recorded(&replayed, &cfg)?));
+        frames.push((model.name(), recorded(&replayed, &cfg, &Shown::bytes("demo"))?));
     }
     say(&format!("draw force over time: {}", folder.picture().display()));
     write(&folder.picture(), picture::draw(&frames, args.glove)?.as_bytes())?;
     say("score both against the true force\n");
-    let found = eval::evaluate(&folder.evaluation()?)?;
+    let found = folder.evaluate(cfg)?;
     print(&(eval::short_text(&found) + &next_steps(&folder)))?;
     Ok(Outcome::Done)
 }
@@ -171,25 +170,13 @@ impl Folder<'_> {
         Ok(())
     }
 
-    fn evaluation(&self) -> Result<eval::Args, Failure> {
-        let (session, params) = (self.session(), self.params());
-        let (judged, baseline) = (self.model(Model::PoseAware), self.model(Model::TactileOnly));
-        let paths = [("--params-file", &params), ("--model", &judged), ("--compare", &baseline)];
-        match command("eval", &session, &paths, &["--whole"])? {
-            Command::Eval(args) => Ok(*args),
-            _ => Err(Failure("eval is not what it was".to_owned())),
-        }
+    /// As `tpf eval SESSION --params-file … --model … --compare … --whole`.
+    fn evaluate(&self, cfg: Config) -> Result<Evaluated, Failure> {
+        let (bags, compare) = ([self.session()], [self.model(Model::TactileOnly)]);
+        let model = self.model(Model::PoseAware);
+        let request = Request { model: Some(&model), compare: &compare, ..Request::new(&bags) };
+        Ok(evaluate::run(cfg, &request, &Shown::bytes("eval"))?)
     }
-}
-
-/// A command as it would come from the command line, so that the demo does what anyone can do after it.
-fn command(name: &str, bag: &Path, paths: &[(&str, &PathBuf)], flags: &[&str]) -> Result<Command, Failure> {
-    let mut words: Vec<OsString> = vec!["tpf".into(), name.into(), bag.into()];
-    for (option, path) in paths {
-        words.extend([OsString::from(option), path.as_os_str().to_owned()]);
-    }
-    words.extend(flags.iter().map(OsString::from));
-    Ok(Cli::try_parse_from(words)?.command)
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {

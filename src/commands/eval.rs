@@ -1,36 +1,29 @@
 //! `tpf eval`: what a model, or the estimates in a bag, are worth against the true force.
 
-mod columns;
 mod gates;
-mod labels;
-mod plan;
 mod pose_quality;
 mod render;
 mod report;
-mod results;
 mod tables;
-mod workers;
 
 use std::num::NonZero;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-pub(super) use self::columns::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
 use self::gates::GateFile;
-pub(super) use self::labels::{Labelled, NeedsTruth};
-use self::plan::Plan;
 use self::pose_quality::PoseQualityArgs;
 pub(super) use self::render::short_text;
-use self::results::{Evaluated, Gathered};
 use self::tables::FrameFile;
 use super::checks::{self, CheckArgs};
+use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
 use super::split::SplitArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::eval::{GroupBy, Split};
+use crate::eval::GroupBy;
+use crate::evaluate::{self, Evaluated, Request};
 use crate::files;
 
 /// Scores force and contact against the true force: per session, user, glove and substage, in the shape of the paper.
@@ -150,33 +143,27 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// Scores, and gives everything that was found.
-pub(super) fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
+fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
     let split = if args.whole { None } else { Some(args.split.split(0.0)?) };
     let bags = find_bags(&args.bags)?;
-    let (plan, cores) = Plan::new(args, cfg, split, &bags)?;
-    let mut gathered = Gathered::new(&plan);
-    let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    let everything = Request::new(&bags);
+    let request = Request {
+        model: args.model.as_deref(),
+        compare: &args.compare,
+        backend: args.backend.choice(),
+        split,
+        zero: args.zero.wanted(),
+        needs_truth: args.truth.is_some(),
+        pose_levels: args.pose_quality.levels()?,
+        jobs: args.jobs.map_or(everything.jobs, NonZero::get),
+        ..everything
+    };
     let mut frames = args.frames.as_deref().map(FrameFile::new);
-    workers::run(&plan, cores, &bags, jobs, |idx, session| {
-        match session {
-            Ok(session) => {
-                frames.iter_mut().try_for_each(|frames| frames.handle_session(&plan, &session))?;
-                gathered.handle_session(session)?;
-            }
-            Err(failure) => gathered.handle_failure(&bags[idx], &failure),
-        }
-        Ok(())
+    let result = evaluate::run_with(cfg, &request, &Shown::bytes("eval"), |series, session| {
+        let written = frames.iter_mut().try_for_each(|frames| frames.handle_session(series, session));
+        written.map_err(|failure| failure.to_string().into())
     })?;
-    interrupt::check()?;
     frames.map_or(Ok(()), FrameFile::finish)?;
-    gathered.finish(&plan)
-}
-
-/// What was scored of each session, in words.
-fn scored(split: Option<Split>) -> &'static str {
-    match split {
-        None => "every frame",
-        Some(_) => "the held-out test part",
-    }
+    Ok(result)
 }

@@ -1,6 +1,6 @@
 //! From command line and parameter file to models, topics and the core: what replay and calibrate have in common.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 
@@ -9,6 +9,7 @@ use crate::config::{Config, DEFAULT_NODE, Origin, ParamTree, ParamValue, load_tr
 use crate::glove::{self, Models};
 use crate::model::{BackendChoice, ModelInfo};
 pub(super) use crate::recording::input_topics;
+pub(super) use crate::sessions::shown;
 
 /// Where the parameters come from.
 #[derive(Debug, clap::Args)]
@@ -110,17 +111,20 @@ impl ModelArgs {
 }
 
 impl BackendArgs {
+    /// What the command line names.
+    pub(super) fn choice(&self) -> Option<BackendChoice> {
+        self.backend.map(|backend| match backend {
+            Backend::Auto => BackendChoice::Auto,
+            Backend::Builtin => BackendChoice::Builtin,
+            Backend::Onnxruntime => BackendChoice::OnnxRuntime,
+            Backend::Rten => BackendChoice::Rten,
+        })
+    }
+
     /// Puts what the command line says about runtimes into the configuration.
-    pub(super) fn apply(&self, cfg: &mut Config) {
-        let Some(backend) = self.backend else { return };
-        for model in &mut cfg.models {
-            model.spec.backend = match backend {
-                Backend::Auto => BackendChoice::Auto,
-                Backend::Builtin => BackendChoice::Builtin,
-                Backend::Onnxruntime => BackendChoice::OnnxRuntime,
-                Backend::Rten => BackendChoice::Rten,
-            };
-        }
+    fn apply(&self, cfg: &mut Config) {
+        let Some(backend) = self.choice() else { return };
+        cfg.models.iter_mut().for_each(|model| model.spec.backend = backend);
     }
 }
 
@@ -134,9 +138,4 @@ pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
     let models = Models::load(cfg)?;
     models.notes(cfg).iter().for_each(|note| say(note));
     Ok(models)
-}
-
-/// How a path is told in results: as it was given.
-pub(super) fn shown(path: &Path) -> String {
-    crate::bag::printable(&path.display().to_string())
 }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::super::{Failure, say};
-use super::results::Evaluated;
 use crate::eval::{Check, Gates, Scored};
+use crate::evaluate::Evaluated;
 use crate::files;
 
 /// A file of gates that was read.

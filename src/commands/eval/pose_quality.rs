@@ -3,11 +3,10 @@
 use std::fmt::Write as _;
 
 use comfy_table::{Table, presets};
-use serde::Serialize;
 
 use super::super::Failure;
-use super::results::{Evaluated, ModelScores};
 use crate::eval::{GroupScore, Metric, Score};
+use crate::evaluate::{Evaluated, ModelScores};
 use crate::recording::PoseQuality;
 
 /// What is made worse, one amount a run; each is tried alone.
@@ -43,15 +42,6 @@ impl PoseQualityArgs {
         levels.iter().try_for_each(PoseQuality::check)?;
         Ok(levels)
     }
-}
-
-/// What one amount did.
-#[derive(Debug, Serialize)]
-pub(super) struct PoseQualityScores {
-    #[serde(flatten)]
-    pub(super) quality: PoseQuality,
-    /// Of the corrected force, by glove.
-    pub(super) scores: Vec<GroupScore>,
 }
 
 /// An amount in words, and what kind it is of.

@@ -7,8 +7,8 @@ use comfy_table::{Table, presets};
 
 use super::super::checks;
 use super::pose_quality;
-use super::results::{Evaluated, ModelScores, Pairing};
 use crate::eval::{Distribution, GroupBy, Improvement, Measure, Metric, ResultTable, Score};
+use crate::evaluate::{Evaluated, ModelScores, Pairing};
 
 /// The table, and what was gained.
 pub(in crate::commands) fn short_text(result: &Evaluated) -> String {

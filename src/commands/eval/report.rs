@@ -5,28 +5,8 @@ mod origin;
 mod scores;
 mod stretches;
 
-use super::results::Evaluated;
+use crate::evaluate::Evaluated;
 use crate::page::{Page, Style};
-
-pub(super) use stretches::{Stretch, Stretches};
-
-/// What the page shows and the JSON doesn't hold.
-#[derive(Debug, Default)]
-pub(super) struct Evidence {
-    /// The best, the median and the worst stretch of the series that is judged.
-    pub(super) stretches: Vec<Stretch>,
-    /// By series and glove: latencies of onsets and of offsets, ms.
-    pub(super) latencies: Vec<Latencies>,
-}
-
-/// Latencies of one series on one glove, ms.
-#[derive(Debug)]
-pub(super) struct Latencies {
-    pub(super) series: usize,
-    pub(super) glove: String,
-    pub(super) onset: Vec<f64>,
-    pub(super) offset: Vec<f64>,
-}
 
 /// The page.
 pub(super) fn page(result: &Evaluated) -> Page {

@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::super::Failure;
-use super::plan::{Plan, Session};
-use super::results::Evaluated;
 use crate::columns::{Cells, ColumnFile, Kind};
 use crate::eval::{GroupScore, Measure, Metric, ScoredFrames};
+use crate::evaluate::{Evaluated, Series, Session};
 
 const SCORES: [(&str, Kind); 20] = [
     ("model", Kind::Text),
@@ -108,12 +107,12 @@ impl FrameFile {
     }
 
     /// Takes a session: every series of the table, and no pose that was made worse.
-    pub(super) fn handle_session(&mut self, plan: &Plan<'_>, session: &Session) -> Result<(), Failure> {
+    pub(super) fn handle_session(&mut self, series: &[Series], session: &Session) -> Result<(), Failure> {
         if self.file.is_none() {
             self.file = Some(ColumnFile::create(&self.path, &FRAMES, &notes(session.summary.synthetic))?);
         }
         let Some(file) = &mut self.file else { return Ok(()) };
-        for (series, of_regions) in plan.series.iter().zip(&session.frames).filter(|(one, _)| one.quality.is_none()) {
+        for (series, of_regions) in series.iter().zip(&session.frames).filter(|(one, _)| one.quality.is_none()) {
             for frames in of_regions {
                 file.write(&cells(&series.name, frames, session.summary.synthetic))?;
             }

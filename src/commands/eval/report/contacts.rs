@@ -1,9 +1,9 @@
 //! Touches: found, missed, how late, and those that were told in the air.
 
-use super::super::results::Evaluated;
 use super::scores::metric;
 use super::{slug, style};
 use crate::eval::Distribution;
+use crate::evaluate::Evaluated;
 use crate::page::{Cell, Figure, Page, Table};
 
 /// What is shown of latencies before someone zooms out, ms: a window's blur before, a slow press after.

@@ -1,8 +1,8 @@
 //! Timing, and where everything on the page comes from.
 
-use super::super::results::Evaluated;
 use super::scores::metric;
 use crate::eval::Distribution;
+use crate::evaluate::Evaluated;
 use crate::page::{Cell, Page, Table};
 
 pub(super) fn timing(page: &mut Page, result: &Evaluated) {

@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use super::super::super::checks;
 use super::super::pose_quality::words;
 use super::super::render::{improvement, measure_name, short_list};
-use super::super::results::Evaluated;
 use super::{slug, style};
 use crate::eval::{ForceCurve, Measure, Metric, PairedTest, ResultTable, Verdict};
+use crate::evaluate::{Evaluated, ModelScores};
 use crate::page::{Cell, Figure, Page, Section, Style, Table};
 
 const BA_AT_MDF: f64 = 100.0 * crate::eval::MDF_BALANCED_ACCURACY;
@@ -180,7 +180,7 @@ pub(super) fn pose_quality(page: &mut Page, result: &Evaluated) {
         let mut figure =
             Figure::new(&format!("pose-{}", slug(glove)), &caption, "", "MAE, gF").height(340).y_from_zero();
         let (mut names, mut errors) = (vec!["as recorded".to_owned()], Vec::new());
-        let mae = |model: &super::super::results::ModelScores| {
+        let mae = |model: &ModelScores| {
             let of_glove = model.by.get("glove")?.iter().find(|one| &one.group.to_string() == glove)?;
             of_glove.score.mae_gf.value()
         };

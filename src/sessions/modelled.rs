@@ -4,66 +4,75 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::super::sessions::{Stopped, session_name};
-use super::super::setup::input_topics;
-use super::super::zero::ZeroArgs;
-use super::super::{Failure, interrupt, say};
-use super::labels::{Labelled, NeedsTruth};
+use super::{Labelled, NeedsTruth, SessionError, session_name};
 use crate::bag::{BagReader, ContactReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames};
 use crate::fusion::{Fusion, Regressor};
+use crate::glove::hashes;
 use crate::model::ModelInfo;
 use crate::msg::{ContactArray, EstimateTopics, WireType};
-use crate::recording::{EstimateTrack, Labels, Listener, PoseDegrader, PoseQuality, read};
+use crate::observer::{Observer, check};
+use crate::recording::{EstimateTrack, Labels, Listener, PoseDegrader, PoseQuality, input_topics, read};
 use crate::units::Stamp;
-use crate::zero::{ZeroError, ZeroFrom};
+use crate::zero::{self, Wanted, ZeroError, ZeroFrom};
 
 /// A model on its way through a session: its configuration, and what runs it.
-pub(in crate::commands) struct Core {
-    pub(in crate::commands) cfg: Config,
-    pub(in crate::commands) infos: Vec<ModelInfo>,
+#[derive(Debug)]
+pub struct Core {
+    /// What the parameters say, with this model.
+    pub cfg: Config,
+    /// What is known of it.
+    pub infos: Vec<ModelInfo>,
     /// What becomes of the joint angles before they reach it.
-    pub(in crate::commands) quality: PoseQuality,
-    pub(in crate::commands) regressors: Vec<Box<dyn Regressor>>,
+    pub quality: PoseQuality,
+    /// What runs it.
+    pub regressors: Vec<Box<dyn Regressor>>,
 }
 
 /// What models made of a session.
-pub(in crate::commands) struct Modelled {
+#[derive(Debug)]
+pub struct Modelled {
     /// `[models][regions]`
-    pub(in crate::commands) columns: Vec<Vec<EstimateTrack>>,
+    pub columns: Vec<Vec<EstimateTrack>>,
     /// The models, for the next session.
-    pub(in crate::commands) cores: Vec<Core>,
+    pub cores: Vec<Core>,
     /// `[models]`: what became of all that went in.
-    pub(in crate::commands) counters: Vec<serde_json::Value>,
-    pub(in crate::commands) zero: Option<ZeroFrom>,
+    pub counters: Vec<serde_json::Value>,
+    /// Where its zero was from.
+    pub zero: Option<ZeroFrom>,
     /// Whether it can be relied on, or what is to be said where the parameters insist on it.
-    pub(in crate::commands) verdict: Result<Option<String>, ZeroError>,
+    pub verdict: Result<Option<String>, ZeroError>,
     /// What was lost of the bag.
-    pub(in crate::commands) losses: Vec<String>,
+    pub losses: Vec<String>,
 }
 
 /// Runs models over the stretches of a session that are scored; `done` grows by the bytes that were read.
-pub(in crate::commands) fn run_models(
+///
+/// # Errors
+/// [`SessionError`] when the bag or its zero can't be used.
+pub fn run_models(
     bag: &Path,
     labelled: &Labelled,
     cores: Vec<Core>,
-    zero: &ZeroArgs,
+    zero: Wanted<'_>,
     done: &AtomicU64,
-) -> Result<Modelled, Failure> {
+    observer: &dyn Observer,
+) -> Result<Modelled, SessionError> {
     let Some(first) = cores.first() else {
         let (columns, counters, losses) = (Vec::new(), Vec::new(), Vec::new());
         return Ok(Modelled { columns, cores, counters, zero: None, verdict: Ok(None), losses });
     };
     let bags = [bag.to_path_buf()];
-    let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
+    let in_bag = |error: &dyn std::fmt::Display| SessionError::at(bag, error);
     // The sources are the same for all.
     let Core { cfg, infos, .. } = first;
     let degrader = |core: &Core| PoseDegrader::new(core.quality, &core.cfg.fusion.joint_sources, &session_name(bag));
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
-    let zero = zero.find(cfg, &bags, infos).map_err(|failure| in_bag(&failure))?;
+    let zero = zero::find(zero, cfg, &bags, &hashes(cfg, infos)).map_err(|error| in_bag(&error))?;
+    zero.notes.iter().for_each(|note| observer.note(note));
     let offset_ns = cfg.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
     let mut columns: Vec<Vec<EstimateTrack>> =
         cores.iter().map(|core| vec![EstimateTrack::default(); core.cfg.fusion.regions.len()]).collect();
@@ -79,7 +88,7 @@ pub(in crate::commands) fn run_models(
     let is_judge = |idx: &usize| kept[*idx].2 == PoseQuality::default();
     let judges = (0..kept.len()).filter(is_judge);
     let mut checks: Vec<_> = judges.filter_map(|idx| Some((idx, zero.check.clone()?))).collect();
-    let listener = Listener::<Stopped> {
+    let listener = Listener::<SessionError> {
         on_tick: &mut |core_idx, tick| {
             if let Some((_, check)) = checks.iter_mut().find(|(judge, _)| *judge == core_idx) {
                 check.takes(tick);
@@ -94,7 +103,7 @@ pub(in crate::commands) fn run_models(
         between: &mut |bytes| {
             done.fetch_add(bytes.saturating_sub(told), Ordering::Relaxed);
             told = bytes;
-            Ok(interrupt::check()?)
+            Ok(check(observer)?)
         },
     };
     let mut unused = Labels::new(&[]);
@@ -104,13 +113,14 @@ pub(in crate::commands) fn run_models(
     let is_at_rest = verdicts.iter().any(|verdict| matches!(verdict, Ok(None)));
     let verdict = verdicts.into_iter().next_back().filter(|_| !is_at_rest).unwrap_or(Ok(None));
     for doubt in inputs.angle_doubts() {
-        say(&format!("{}: {doubt}", bag.display()));
+        observer.note(&format!("{}: {doubt}", bag.display()));
     }
     let as_recorded = fusions.iter().zip(&kept).filter(|(_, (.., quality))| *quality == PoseQuality::default());
     for (fusion, _) in as_recorded {
         inputs.check_end(fusion.missing_joints()).map_err(|error| in_bag(&error))?;
     }
-    let counters = fusions.iter().map(|fusion| serde_json::to_value(fusion.counters())).collect::<Result<_, _>>()?;
+    let counters = fusions.iter().map(|fusion| serde_json::to_value(fusion.counters())).collect::<Result<_, _>>();
+    let counters = counters.map_err(|error| in_bag(&error))?;
     let cores = fusions.into_iter().zip(kept).map(|(fusion, (cfg, infos, quality))| Core {
         cfg,
         infos,
@@ -122,25 +132,28 @@ pub(in crate::commands) fn run_models(
     Ok(Modelled { columns, cores, counters, zero: Some(zero.from), verdict, losses })
 }
 
-/// Reads the estimates that a bag holds. `[regions]`
-pub(in crate::commands) fn read_estimates(
+/// Reads the estimates that a bag holds, and what was lost of it. `[regions]`
+///
+/// # Errors
+/// [`SessionError`] when the bag can't be read.
+pub fn read_estimates(
     bag: &Path,
     cfg: &Config,
     topic: &str,
-) -> Result<(Vec<EstimateTrack>, Vec<String>), Failure> {
+    observer: &dyn Observer,
+) -> Result<(Vec<EstimateTrack>, Vec<String>), SessionError> {
     let mut reader = BagReader::open(&[bag.to_path_buf()])?;
     let topics = InputTopics { taxels: Vec::new(), joints: Vec::new(), joint_sources: Vec::new(), ..input_topics(cfg) };
     let mut inputs = Inputs::new(topics, &mut reader)?;
     let columns = RefCell::new(vec![EstimateTrack::default(); cfg.fusion.regions.len()]);
     let mut contacts = ContactReader::default();
-    let listener = Listener::<Stopped> {
+    let listener = Listener::<SessionError> {
         on_tick: &mut |_, _| {},
         on_other: &mut |message| {
             if message.channel.topic != topic || message.channel.type_name() != ContactArray::TYPE_NAME {
                 return Ok(());
             }
-            let array =
-                contacts.read(message).map_err(|error| Failure(format!("{}: {topic}: {error}", bag.display())))?;
+            let array = contacts.read(message).map_err(|error| SessionError::at(bag, &format!("{topic}: {error}")))?;
             let stamp = Stamp::from(array.header.stamp);
             for state in &array.contacts {
                 let region = cfg.fusion.regions.iter().position(|region| region.name == state.region);
@@ -152,7 +165,7 @@ pub(in crate::commands) fn read_estimates(
         },
         is_wanted: &|_| false,
         pose: &mut [],
-        between: &mut |_| Ok(interrupt::check()?),
+        between: &mut |_| Ok(check(observer)?),
     };
     let mut unused = Labels::new(&[]);
     read(&mut reader, &mut inputs, &mut unused, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
@@ -161,10 +174,13 @@ pub(in crate::commands) fn read_estimates(
 }
 
 /// All frames of a bag's first region by the estimates in it.
-pub(in crate::commands) fn recorded(bag: &Path, cfg: &Config) -> Result<ScoredFrames, Failure> {
-    let labelled = Labelled::read(bag, cfg, None, NeedsTruth::All)?;
+///
+/// # Errors
+/// [`SessionError`] when the bag can't be read, or lacks truth or annotations.
+pub fn recorded(bag: &Path, cfg: &Config, observer: &dyn Observer) -> Result<ScoredFrames, SessionError> {
+    let labelled = Labelled::read(bag, cfg, None, NeedsTruth::All, observer)?;
     let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
-    let (columns, _) = read_estimates(bag, cfg, &topic)?;
+    let (columns, _) = read_estimates(bag, cfg, &topic, observer)?;
     let region = &cfg.fusion.regions[0];
     let truth_idx = cfg.truth_of_region[0];
     let max_gap = cfg.fusion.timing.max_gap;
@@ -172,7 +188,7 @@ pub(in crate::commands) fn recorded(bag: &Path, cfg: &Config) -> Result<ScoredFr
 }
 
 /// Whether bags hold estimates of a node.
-pub(in crate::commands) fn hold_estimates(bags: &[PathBuf], topic: &str) -> bool {
+pub fn hold_estimates(bags: &[PathBuf], topic: &str) -> bool {
     let holds = |bag: &PathBuf| {
         let mut reader = BagReader::open(std::slice::from_ref(bag)).ok()?;
         reader.scan(&[topic]).ok()?;

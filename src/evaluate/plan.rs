@@ -1,20 +1,19 @@
 //! Which series of estimates are made of every session, and how one session becomes frames that can be scored.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
-use super::super::setup::{load_models, shown, without_unused_joints};
-use super::super::zero::ZeroArgs;
-use super::super::{Failure, say};
-use super::columns::{Core, Modelled, hold_estimates, read_estimates, run_models};
-use super::labels::{Labelled, NeedsTruth, SessionSummary};
-use super::{Args, scored};
+use super::session::SessionSummary;
+use super::{EvaluateError, Request, scored};
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
 use crate::fusion::Regressor;
-use crate::glove::{Models, replace_model};
+use crate::glove::{Models, drop_unused_joints, replace_model};
 use crate::msg::EstimateTopics;
+use crate::observer::Observer;
 use crate::recording::{EstimateTrack, PoseQuality};
+use crate::sessions::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models, shown};
+use crate::zero::Wanted;
 
 /// What is done with every session.
 pub(super) struct Plan<'a> {
@@ -26,7 +25,8 @@ pub(super) struct Plan<'a> {
     pub(super) series: Vec<Series>,
     pub(super) n_compared: usize,
     pub(super) split: Option<Split>,
-    zero: &'a ZeroArgs,
+    zero: Wanted<'a>,
+    pub(super) observer: &'a dyn Observer,
     needs_truth: NeedsTruth,
 }
 
@@ -38,13 +38,15 @@ pub(super) struct PlannedCore {
     pub(super) sha256: String,
 }
 
-/// One row of the table.
-pub(super) struct Series {
-    pub(super) name: String,
+/// Estimates of one model or recording, corrected or not: one row of the table.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// What it is called.
+    pub name: String,
     pub(super) source: SeriesSource,
     pub(super) which: Which,
     /// How the joint angles were made worse; `None` for the rows of the table.
-    pub(super) quality: Option<PoseQuality>,
+    pub quality: Option<PoseQuality>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,52 +62,54 @@ pub(super) enum Which {
 }
 
 /// One session, ready to be scored.
-pub(super) struct Session {
-    pub(super) summary: SessionSummary,
-    /// `[series][regions]`
-    pub(super) frames: Vec<Vec<ScoredFrames>>,
+#[derive(Debug)]
+pub struct Session {
+    /// What results say of it.
+    pub summary: SessionSummary,
+    /// `[series][regions]`, in the order of [`Series`].
+    pub frames: Vec<Vec<ScoredFrames>>,
 }
 
 impl Session {
     /// Whether all of it can be scored: asked before any of it is.
-    fn check(&self) -> Result<(), Failure> {
+    fn check(&self) -> Result<(), EvaluateError> {
         let checked = self.frames.iter().flatten().try_for_each(ScoredFrames::check);
-        checked.map_err(|error| Failure(format!("{}: {error}", self.summary.bag)))
+        checked.map_err(|error| EvaluateError::in_bag(&self.summary.bag, &error))
     }
 }
 
 impl<'a> Plan<'a> {
-    /// A plan by the command line, and the models of a first worker.
+    /// A plan, and the models of a first worker.
     pub(super) fn new(
-        args: &'a Args,
         cfg: Config,
-        split: Option<Split>,
-        bags: &[PathBuf],
-    ) -> Result<(Self, Vec<Core>), Failure> {
+        request: &Request<'a>,
+        observer: &'a dyn Observer,
+    ) -> Result<(Self, Vec<Core>), EvaluateError> {
         let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
-        let recorded = (args.model.is_none() && hold_estimates(bags, &topic)).then_some(topic);
-        let mut paths: Vec<Option<&PathBuf>> = args.compare.iter().map(Some).collect();
+        let recorded = (request.model.is_none() && hold_estimates(request.bags, &topic)).then_some(topic);
+        let mut paths: Vec<Option<&Path>> = request.compare.iter().map(|path| Some(path.as_path())).collect();
         match &recorded {
-            Some(topic) => say(&format!("scoring the estimates in the bags, {topic}")),
-            None => paths.push(args.model.as_ref()),
+            Some(topic) => observer.note(&format!("scoring the estimates in the bags, {topic}")),
+            None => paths.push(request.model),
         }
         let (mut cores, mut planned, mut series) = (Vec::new(), Vec::new(), Vec::new());
         for path in paths {
             let mut cfg = cfg.clone();
-            args.backend.apply(&mut cfg);
+            cfg.models.iter_mut().for_each(|model| model.spec.backend = request.backend.unwrap_or(model.spec.backend));
             if let Some(path) = path {
-                replace_model(&mut cfg, path.clone())?;
+                replace_model(&mut cfg, path.to_path_buf())?;
             }
-            let models = load_models(&cfg)?;
+            let models = Models::load(&cfg)?;
+            models.notes(&cfg).iter().for_each(|note| observer.note(note));
             cfg.fusion.batch = models.batch_hint();
-            without_unused_joints(&mut cfg, &models.infos);
+            drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| observer.note(note));
             let name = match (path, cfg.models.as_slice()) {
                 (Some(path), _) => stem(path),
                 (None, [only]) => stem(&only.spec.path),
                 (None, _) => "models of the parameters".to_owned(),
             };
             let source = SeriesSource::Core(cores.len());
-            let is_judged = recorded.is_none() && cores.len() == args.compare.len();
+            let is_judged = recorded.is_none() && cores.len() == request.compare.len();
             if is_judged && models.infos.iter().any(|info| info.contract.has_base) {
                 series.push(Series::new(format!("{name}, base"), source, Which::Base));
             }
@@ -117,12 +121,11 @@ impl<'a> Plan<'a> {
             series.push(Series::new("recorded, base".to_owned(), SeriesSource::Recorded, Which::Base));
             series.push(Series::new("recorded".to_owned(), SeriesSource::Recorded, Which::Corrected));
         }
-        for quality in args.pose_quality.levels()? {
+        for quality in request.pose_levels.iter().copied() {
             let takes_pose =
                 |core: &&PlannedCore| core.cfg.fusion.regions.iter().any(|region| !region.joints.is_empty());
-            let Some(judged) = planned.get(args.compare.len()).filter(takes_pose) else {
-                let reason = "worse joint angles are tried on a model that takes pose; give one by --model";
-                return Err(Failure(reason.to_owned()));
+            let Some(judged) = planned.get(request.compare.len()).filter(takes_pose) else {
+                return Err(EvaluateError::NoPose);
             };
             let models = Models::load(&judged.cfg)?;
             let core = PlannedCore::new(judged.cfg.clone(), quality, &models);
@@ -131,9 +134,10 @@ impl<'a> Plan<'a> {
             cores.push(core.core(models));
             planned.push(core);
         }
-        let needs_truth = if args.truth.is_some() { NeedsTruth::All } else { NeedsTruth::None };
-        let n_compared = args.compare.len();
-        let plan = Plan { cfg, cores: planned, recorded, series, n_compared, split, zero: &args.zero, needs_truth };
+        let needs_truth = if request.needs_truth { NeedsTruth::All } else { NeedsTruth::None };
+        let n_compared = request.compare.len();
+        let (split, zero) = (request.split, request.zero);
+        let plan = Plan { cfg, cores: planned, recorded, series, n_compared, split, zero, observer, needs_truth };
         Ok((plan, cores))
     }
 
@@ -143,7 +147,7 @@ impl<'a> Plan<'a> {
     }
 
     /// The models of one more worker.
-    pub(super) fn load(&self) -> Result<Vec<Core>, Failure> {
+    pub(super) fn load(&self) -> Result<Vec<Core>, EvaluateError> {
         self.cores.iter().map(|core| Ok(core.core(Models::load(&core.cfg)?))).collect()
     }
 
@@ -153,18 +157,20 @@ impl<'a> Plan<'a> {
         bag: &Path,
         cores: Vec<Core>,
         done: &AtomicU64,
-    ) -> Result<(Session, Vec<Core>), Failure> {
-        let labelled = Labelled::read(bag, &self.cfg, self.split, self.needs_truth)?;
-        let mut summary = labelled.summary(bag, &self.cfg)?;
+    ) -> Result<(Session, Vec<Core>), EvaluateError> {
+        let labelled = Labelled::read(bag, &self.cfg, self.split, self.needs_truth, self.observer)?;
+        let mut summary = SessionSummary::new(&labelled, bag, &self.cfg)?;
         let Modelled { columns, cores, counters, zero, verdict, losses } =
-            run_models(bag, &labelled, cores, self.zero, done)?;
+            run_models(bag, &labelled, cores, self.zero, done, self.observer)?;
         // Here the models are on trial, and one that reads force at rest gets the scores of that: it is said, not refused.
         let said = verdict.unwrap_or_else(|error| Some(error.to_string()));
-        said.iter().for_each(|said| say(&format!("{}: its zero is not reliable: {said}", bag.display())));
+        if let Some(said) = said {
+            self.observer.note(&format!("{}: its zero is not reliable: {said}", bag.display()));
+        }
         (summary.losses, summary.zero) = (losses, zero);
         let recorded = match &self.recorded {
             Some(topic) => {
-                let (columns, losses) = read_estimates(bag, &self.cfg, topic)?;
+                let (columns, losses) = read_estimates(bag, &self.cfg, topic, self.observer)?;
                 summary.losses.extend(losses);
                 columns
             }

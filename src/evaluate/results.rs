@@ -5,77 +5,131 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::super::Failure;
-use super::labels::SessionSummary;
 use super::plan::{Plan, Series, SeriesSource, Session, Which};
-use super::pose_quality::PoseQualityScores;
-use super::report::{Evidence, Latencies, Stretches};
-use super::scored;
+use super::session::SessionSummary;
+use super::stretches::{Stretch, Stretches};
+use super::{EvaluateError, scored};
 use crate::eval::{
     Check, ContactReport, Evaluation, ForceCurve, GroupBy, GroupScore, Improvement, MetricError, PairedTest,
     ResultTable, Score, Scoring, Split, group_scores, paired_by_user,
 };
+use crate::recording::PoseQuality;
 
 /// Everything that was found.
 #[derive(Debug, Serialize)]
-pub(in crate::commands) struct Evaluated {
+pub struct Evaluated {
     /// Whether any session is no recording but made by a simulator.
-    pub(super) synthetic: bool,
-    pub(super) tool_version: &'static str,
-    pub(super) command: Vec<String>,
-    pub(super) scoring: Scoring,
+    pub synthetic: bool,
+    /// Of this package.
+    pub tool_version: &'static str,
+    /// The command line of this process.
+    pub command: Vec<String>,
+    /// Thresholds and bins.
+    pub scoring: Scoring,
     /// What was scored, in words.
-    pub(super) scored: &'static str,
+    pub scored: &'static str,
+    /// Where sessions are cut.
     #[serde(skip_serializing_if = "Option::is_none")]
-    split: Option<Split>,
-    pub(super) sessions: Vec<SessionSummary>,
+    pub split: Option<Split>,
+    /// In the order of the bags.
+    pub sessions: Vec<SessionSummary>,
     /// Bags that could not be scored.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) failed: Vec<FailedBag>,
-    pub(super) models: Vec<ModelScores>,
-    pub(super) table: ResultTable,
-    pub(super) free_movement_table: ResultTable,
-    pub(super) improvements: Vec<Improvement>,
-    pub(super) paired: Vec<Pairing>,
+    pub failed: Vec<FailedBag>,
+    /// Baselines first, then what is judged.
+    pub models: Vec<ModelScores>,
+    /// By glove, as the paper has it.
+    pub table: ResultTable,
+    /// The same for frames in which nothing was asked to be touched.
+    pub free_movement_table: ResultTable,
+    /// Of what is judged over each of the others.
+    pub improvements: Vec<Improvement>,
+    /// The same, tested by user.
+    pub paired: Vec<Pairing>,
     /// The judged model again, with joint angles made worse.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) pose_quality: Vec<PoseQualityScores>,
+    pub pose_quality: Vec<PoseQualityScores>,
     /// How the gates went.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) checks: Vec<Check>,
+    pub checks: Vec<Check>,
+    /// What the JSON does not hold.
     #[serde(skip)]
-    pub(super) evidence: Evidence,
+    pub evidence: Evidence,
 }
 
 /// A bag that could not be scored, and why.
 #[derive(Debug, Serialize)]
-pub(super) struct FailedBag {
-    pub(super) bag: String,
-    pub(super) error: String,
+pub struct FailedBag {
+    /// As it was given.
+    pub bag: String,
+    /// Why, in one line.
+    pub error: String,
 }
 
 /// The scores of one series.
 #[derive(Debug, Serialize)]
-pub(super) struct ModelScores {
-    pub(super) name: String,
+pub struct ModelScores {
+    /// What it is called.
+    pub name: String,
+    /// The model file, where a model made it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) path: Option<String>,
+    pub path: Option<String>,
+    /// Of that file.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) sha256: Option<String>,
-    pub(super) by: BTreeMap<&'static str, Vec<GroupScore>>,
-    pub(super) free_movement: BTreeMap<&'static str, Vec<GroupScore>>,
-    pub(super) contacts: BTreeMap<String, ContactReport>,
+    pub sha256: Option<String>,
+    /// By kind of group.
+    pub by: BTreeMap<&'static str, Vec<GroupScore>>,
+    /// The same, for free movement.
+    pub free_movement: BTreeMap<&'static str, Vec<GroupScore>>,
+    /// By glove.
+    pub contacts: BTreeMap<String, ContactReport>,
     /// By glove: detection and error over true force.
-    pub(super) curves: BTreeMap<String, ForceCurve>,
+    pub curves: BTreeMap<String, ForceCurve>,
 }
 
 /// Whether one series is better than another, by user.
 #[derive(Debug, Serialize)]
-pub(super) struct Pairing {
-    pub(super) from: String,
-    pub(super) to: String,
-    pub(super) tests: Vec<PairedTest>,
-    free_movement_tests: Vec<PairedTest>,
+pub struct Pairing {
+    /// The baseline.
+    pub from: String,
+    /// What is judged.
+    pub to: String,
+    /// One a measure.
+    pub tests: Vec<PairedTest>,
+    /// The same, for free movement.
+    pub free_movement_tests: Vec<PairedTest>,
+}
+
+/// The judged model again, with joint angles made worse by one amount.
+#[derive(Debug, Serialize)]
+pub struct PoseQualityScores {
+    /// How they were made worse.
+    #[serde(flatten)]
+    pub quality: PoseQuality,
+    /// Of the corrected force, by glove.
+    pub scores: Vec<GroupScore>,
+}
+
+/// What a report shows and the JSON doesn't hold.
+#[derive(Debug, Default)]
+pub struct Evidence {
+    /// The best, the median and the worst stretch of the series that is judged.
+    pub stretches: Vec<Stretch>,
+    /// By series and glove: latencies of onsets and of offsets, ms.
+    pub latencies: Vec<Latencies>,
+}
+
+/// Latencies of one series on one glove, ms.
+#[derive(Debug)]
+pub struct Latencies {
+    /// Index of the series.
+    pub series: usize,
+    /// The glove.
+    pub glove: String,
+    /// From the true onset to the detected one.
+    pub onset: Vec<f64>,
+    /// From the true end of a touch to the detected one.
+    pub offset: Vec<f64>,
 }
 
 const GROUPS: [GroupBy; 6] =
@@ -83,12 +137,12 @@ const GROUPS: [GroupBy; 6] =
 
 impl Evaluated {
     /// Whether some frame had a true force to be scored against.
-    pub(super) fn has_scores(&self) -> bool {
+    pub fn has_scores(&self) -> bool {
         !self.table.gloves.is_empty()
     }
 
     /// What sessions lack, and which of them.
-    pub(super) fn missing(&self) -> BTreeMap<&str, Vec<&str>> {
+    pub fn missing(&self) -> BTreeMap<&str, Vec<&str>> {
         let mut missing: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         for session in &self.sessions {
             session.missing.iter().for_each(|lack| missing.entry(lack).or_default().push(&session.name));
@@ -116,11 +170,11 @@ impl Gathered {
     }
 
     /// Takes a session.
-    pub(super) fn handle_session(&mut self, session: Session) -> Result<(), Failure> {
+    pub(super) fn handle_session(&mut self, session: Session) -> Result<(), EvaluateError> {
         let Session { summary, frames } = session;
         for (evaluation, of_regions) in self.evaluations.iter_mut().zip(&frames) {
             for frames in of_regions {
-                evaluation.handle_session(frames).map_err(|error| Failure(format!("{}: {error}", summary.bag)))?;
+                evaluation.handle_session(frames).map_err(|error| EvaluateError::in_bag(&summary.bag, &error))?;
             }
         }
         let judged = self.judged.and_then(|judged| frames.get(judged));
@@ -130,18 +184,19 @@ impl Gathered {
     }
 
     /// Takes a bag that could not be scored.
-    pub(super) fn handle_failure(&mut self, bag: &Path, failure: &Failure) {
+    pub(super) fn handle_failure(&mut self, bag: &Path, failure: &EvaluateError) {
         self.failed.push(FailedBag { bag: bag.display().to_string(), error: failure.to_string() });
     }
 
     /// Everything that was found.
-    pub(super) fn finish(self, plan: &Plan<'_>) -> Result<Evaluated, Failure> {
+    pub(super) fn finish(self, plan: &Plan<'_>) -> Result<Evaluated, EvaluateError> {
         let Gathered { evaluations, sessions, failed, stretches, .. } = self;
         if let (true, [first, rest @ ..]) = (sessions.is_empty(), failed.as_slice()) {
-            return Err(Failure(match rest.len() {
-                0 => first.error.clone(),
-                n => format!("none of {} bags could be scored; the first: {}", n + 1, first.error),
-            }));
+            let first = first.error.clone();
+            return Err(match rest.len() {
+                0 => EvaluateError::OneFailed { first },
+                n => EvaluateError::AllFailed { n: n + 1, first },
+            });
         }
         let all: Vec<(&Series, Evaluation)> = plan.series.iter().zip(evaluations).collect();
         let (degraded, series): (Vec<_>, Vec<_>) = all.into_iter().partition(|(one, _)| one.quality.is_some());
@@ -193,7 +248,7 @@ impl Gathered {
 
 type Scored<'a> = (&'a Series, Evaluation);
 
-fn pose_quality(degraded: &[Scored<'_>]) -> Result<Vec<PoseQualityScores>, Failure> {
+fn pose_quality(degraded: &[Scored<'_>]) -> Result<Vec<PoseQualityScores>, EvaluateError> {
     let scores = degraded.iter().filter_map(|(one, evaluation)| {
         let quality = one.quality?;
         Some(evaluation.scores(GroupBy::Glove).map(|scores| PoseQualityScores { quality, scores }))
@@ -201,9 +256,9 @@ fn pose_quality(degraded: &[Scored<'_>]) -> Result<Vec<PoseQualityScores>, Failu
     Ok(scores.collect::<Result<_, _>>()?)
 }
 
-fn scores<E: std::error::Error>(
-    of: impl Fn(GroupBy) -> Result<Vec<GroupScore>, E>,
-) -> Result<BTreeMap<&'static str, Vec<GroupScore>>, Failure> {
+fn scores(
+    of: impl Fn(GroupBy) -> Result<Vec<GroupScore>, MetricError>,
+) -> Result<BTreeMap<&'static str, Vec<GroupScore>>, EvaluateError> {
     GROUPS.iter().map(|by| Ok((by.name(), of(*by)?))).collect()
 }
 
@@ -212,7 +267,7 @@ type MetricResult<T> = Result<T, MetricError>;
 fn table(
     series: &[Scored<'_>],
     of: impl Fn(&Evaluation) -> MetricResult<Vec<GroupScore>>,
-) -> Result<ResultTable, Failure> {
+) -> Result<ResultTable, EvaluateError> {
     let mut rows: Vec<(&str, BTreeMap<String, Score>)> = Vec::new();
     for (one, evaluation) in series {
         let scores = of(evaluation)?;
@@ -222,12 +277,12 @@ fn table(
     Ok(ResultTable::new(rows.iter().map(|(name, scores)| (*name, scores))))
 }
 
-fn table_of_free(series: &[Scored<'_>]) -> Result<ResultTable, Failure> {
+fn table_of_free(series: &[Scored<'_>]) -> Result<ResultTable, EvaluateError> {
     table(series, |evaluation| group_scores(&evaluation.free_movement, GroupBy::Glove))
 }
 
 /// What is judged against each baseline, and the corrected force against the base of the same model.
-fn pairings(series: &[Scored<'_>], n_compared: usize) -> Result<Vec<Pairing>, Failure> {
+fn pairings(series: &[Scored<'_>], n_compared: usize) -> Result<Vec<Pairing>, EvaluateError> {
     let Some((judged, judged_as)) = series.iter().rfind(|(one, _)| one.which == Which::Corrected) else {
         return Ok(Vec::new());
     };

@@ -2,57 +2,22 @@
 
 use std::path::Path;
 
-use serde::Serialize;
-
-use super::super::sessions::{Stopped, fingerprint, session_name};
-use super::super::setup::input_topics;
-use super::super::{Failure, interrupt, say};
+use super::SessionError;
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
-use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, Timing, ZeroLoadCheck};
+use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, ZeroLoadCheck};
 use crate::fusion::ContactThresholds;
+use crate::observer::{Observer, check};
 use crate::protocol::Annotations;
-use crate::recording::{self, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, read};
+use crate::recording::{self, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, input_topics, read};
 use crate::units::{GramForce, Stamp};
-use crate::zero::ZeroFrom;
 
 /// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
 const LEAD_NS: i64 = 2_000_000_000;
 
-/// What results say of a session.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct SessionSummary {
-    pub(super) name: String,
-    pub(super) bag: String,
-    /// SHA-256 of its files.
-    pub(super) sha256: String,
-    pub(super) glove: String,
-    pub(super) user: String,
-    pub(super) synthetic: bool,
-    pub(super) frames_scored: usize,
-    pub(super) frames_without_truth: usize,
-    /// What it lacks, and what can't be said for want of it.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) missing: Vec<String>,
-    /// How well the tared truth keeps below the touch threshold where nothing touches; absent without truth.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) zero_load: Option<ZeroLoadCheck>,
-    /// Where the zero of the estimates comes from; absent where they were recorded.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) zero: Option<ZeroFrom>,
-    /// Of the estimates that are judged, by region.
-    pub(super) timing: std::collections::BTreeMap<String, Timing>,
-    /// What became of all that went into the core of the judged model; absent where estimates were recorded.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) counters: Option<serde_json::Value>,
-    pub(super) losses: Vec<String>,
-    #[serde(skip)]
-    pub(super) warnings: Vec<String>,
-}
-
 /// Which force sensors a bag must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::commands) enum NeedsTruth {
+pub enum NeedsTruth {
     /// Those of the parameters: one that was asked for by its topic.
     All,
     /// None: without one there are no scores, and the rest is told.
@@ -63,14 +28,14 @@ pub(in crate::commands) enum NeedsTruth {
 
 /// A force sensor's readings and their zero.
 #[derive(Debug, Clone)]
-pub(super) struct Truth {
+struct Truth {
     track: TruthTrack,
     tare: TareCurve,
 }
 
 /// Labels of a session, and where it is cut.
 #[derive(Debug)]
-pub(in crate::commands) struct Labelled {
+pub struct Labelled {
     notes: Notes,
     annotations: Annotations,
     cuts: Option<Cuts>,
@@ -80,14 +45,18 @@ pub(in crate::commands) struct Labelled {
 }
 
 impl Labelled {
-    /// Reads truth and annotations.
-    pub(in crate::commands) fn read(
+    /// Reads truth and annotations; doubts about the truth are noted.
+    ///
+    /// # Errors
+    /// [`SessionError`] when the bag can't be read, or lacks what is needed.
+    pub fn read(
         bag: &Path,
         cfg: &Config,
         split: Option<Split>,
         needs: NeedsTruth,
-    ) -> Result<Self, Failure> {
-        let in_bag = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", bag.display()));
+        observer: &dyn Observer,
+    ) -> Result<Self, SessionError> {
+        let in_bag = |error: &dyn std::fmt::Display| SessionError::at(bag, error);
         let mut reader = BagReader::open(&[bag.to_path_buf()])?;
         let names: Vec<&str> = cfg.truth.iter().map(|topic| topic.name.as_str()).collect();
         reader.scan(&names)?;
@@ -105,7 +74,7 @@ impl Labelled {
         let sources: Vec<_> = there.iter().map(|idx| cfg.truth_sources[*idx].clone()).collect();
         let mut labels = Labels::new(&sources);
         let mut last = Stamp(i64::MIN);
-        let listener = Listener::<Stopped> {
+        let listener = Listener::<SessionError> {
             on_tick: &mut |_, _| {},
             on_other: &mut |message| {
                 last = last.max(message.log_time);
@@ -113,7 +82,7 @@ impl Labelled {
             },
             is_wanted: &|_| false,
             pose: &mut [],
-            between: &mut |_| Ok(interrupt::check()?),
+            between: &mut |_| Ok(check(observer)?),
         };
         read(&mut reader, &mut inputs, &mut labels, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
         inputs.check_end(std::iter::empty()).map_err(|error| in_bag(&error))?;
@@ -148,7 +117,7 @@ impl Labelled {
         for (idx, track) in there.into_iter().zip(tracks) {
             let tare = track.tare(&zero_load);
             let tare = tare.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
-            track.doubts(&tare).iter().for_each(|doubt| say(&format!("{}: {doubt}", bag.display())));
+            track.doubts(&tare).iter().for_each(|doubt| observer.note(&format!("{}: {doubt}", bag.display())));
             truth[idx] = Some(Truth { track, tare });
         }
         Ok(Labelled { notes, annotations, cuts, truth, missing })
@@ -161,7 +130,7 @@ impl Labelled {
     }
 
     /// Whether taxels at a stamp are needed for what is scored.
-    pub(super) fn is_wanted(&self, stamp: Stamp, offset_ns: i64) -> bool {
+    pub fn is_wanted(&self, stamp: Stamp, offset_ns: i64) -> bool {
         let Some(cuts) = &self.cuts else { return true };
         let reach = LEAD_NS + offset_ns.abs();
         // Test parts are longer than the lead, or they hold no frame worth the name.
@@ -170,8 +139,9 @@ impl Labelled {
             .any(|ahead| cuts.part_at(stamp.offset(*ahead)) == Some(Part::Test))
     }
 
-    /// Puts a region's estimates beside its truth, if it has one.
-    pub(super) fn frames(
+    /// Puts a region's estimates beside its truth, if it has one. A frame is left out where its window, so long, reaches out
+    /// of what is scored.
+    pub fn frames(
         &self,
         column: &EstimateTrack,
         truth_idx: Option<usize>,
@@ -223,7 +193,7 @@ impl Labelled {
     }
 
     /// `[stamps]`: the true force of a force sensor, if there is one.
-    pub(in crate::commands) fn truth_at(
+    pub fn truth_at(
         &self,
         truth_idx: Option<usize>,
         stamps: &[Stamp],
@@ -234,42 +204,22 @@ impl Labelled {
     }
 
     /// What the recorder noted.
-    pub(in crate::commands) fn notes(&self) -> &Notes {
+    pub fn notes(&self) -> &Notes {
         &self.notes
     }
 
     /// What the protocol asked for.
-    pub(in crate::commands) fn annotations(&self) -> &Annotations {
+    pub fn annotations(&self) -> &Annotations {
         &self.annotations
     }
 
-    /// What results say of it, but for what was estimated.
-    pub(super) fn summary(&self, bag: &Path, cfg: &Config) -> Result<SessionSummary, Failure> {
-        let named = |noted: &Option<String>, set: &Option<String>| {
-            noted.clone().or_else(|| set.clone()).unwrap_or_else(|| "?".to_owned())
-        };
-        let mut warnings = Vec::new();
-        let zero_load = self.zero_load_check(bag, &mut warnings);
-        Ok(SessionSummary {
-            name: session_name(bag),
-            bag: bag.display().to_string(),
-            sha256: fingerprint(bag)?,
-            glove: named(&self.notes.glove, &cfg.glove),
-            user: named(&self.notes.user, &cfg.user),
-            synthetic: self.notes.synthetic,
-            frames_scored: 0,
-            frames_without_truth: 0,
-            missing: self.missing.clone(),
-            zero_load,
-            zero: None,
-            timing: std::collections::BTreeMap::new(),
-            counters: None,
-            losses: Vec::new(),
-            warnings,
-        })
+    /// What it lacks, and what can't be said for want of it.
+    pub fn missing(&self) -> &[String] {
+        &self.missing
     }
 
-    fn zero_load_check(&self, bag: &Path, warnings: &mut Vec<String>) -> Option<ZeroLoadCheck> {
+    /// How well the tared truth keeps below the touch threshold where nothing touches, with warnings; `None` without truth.
+    pub fn zero_load_check(&self, bag: &Path, warnings: &mut Vec<String>) -> Option<ZeroLoadCheck> {
         let mut check = ZeroLoadCheck::default();
         let at_rest = |stamp| self.annotations.at(stamp).is_some_and(|annotation| annotation.zero_load);
         for Truth { track, tare } in self.truth.iter().flatten() {

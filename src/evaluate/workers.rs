@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use super::super::progress::Progress;
-use super::super::{Failure, interrupt};
-use super::columns::Core;
+use super::EvaluateError;
 use super::plan::{Plan, Session};
 use crate::bag::BagReader;
+use crate::observer::check;
+use crate::sessions::Core;
 
 /// From one look at the progress to the next.
 const PROGRESS_EVERY: Duration = Duration::from_millis(100);
@@ -23,13 +23,13 @@ pub(super) fn run(
     first: Vec<Core>,
     bags: &[PathBuf],
     jobs: usize,
-    mut take: impl FnMut(usize, Result<Session, Failure>) -> Result<(), Failure>,
-) -> Result<(), Failure> {
+    mut take: impl FnMut(usize, Result<Session, EvaluateError>) -> Result<(), EvaluateError>,
+) -> Result<(), EvaluateError> {
     let (next, done) = (AtomicUsize::new(0), AtomicU64::new(0));
     let first = Mutex::new(Some(first));
     // A bag that can't be opened says so when it is its turn.
     let size = |bag: &PathBuf| BagReader::open(std::slice::from_ref(bag)).map_or(0, |reader| reader.bytes_total());
-    let mut progress = Progress::bytes("eval", bags.iter().map(size).sum());
+    let total = bags.iter().map(size).sum();
     std::thread::scope(|scope| {
         let (sender, sessions) = channel();
         for _ in 0..jobs.clamp(1, bags.len().max(1)) {
@@ -50,9 +50,9 @@ pub(super) fn run(
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
             }
-            progress.set(done.load(Ordering::Relaxed));
+            plan.observer.progress(done.load(Ordering::Relaxed), total);
             while let Some(session) = early.remove(&turn) {
-                let taken = interrupt::check().and_then(|()| take(turn, session));
+                let taken = check(plan.observer).map_err(EvaluateError::from).and_then(|()| take(turn, session));
                 if taken.is_err() {
                     next.store(bags.len(), Ordering::Relaxed); // no worker begins another bag
                     return taken;
@@ -63,7 +63,7 @@ pub(super) fn run(
     })
 }
 
-type Sent = (usize, Result<Session, Failure>);
+type Sent = (usize, Result<Session, EvaluateError>);
 
 fn work(
     plan: &Plan<'_>,

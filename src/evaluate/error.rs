@@ -1,0 +1,43 @@
+//! Why sessions can't be scored.
+
+use crate::bag::BagError;
+use crate::eval::MetricError;
+use crate::glove::SeveralModels;
+use crate::model::ModelError;
+use crate::observer::Cancelled;
+use crate::sessions::SessionError;
+
+/// Why sessions can't be scored. Each text is one line.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the texts say it
+pub enum EvaluateError {
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    #[error(transparent)]
+    Models(#[from] SeveralModels),
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    #[error("worse joint angles are tried on a model that takes pose; give one by --model")]
+    NoPose,
+    #[error("{bag}: {reason}")]
+    InBag { bag: String, reason: String },
+    #[error("{first}")]
+    OneFailed { first: String },
+    #[error("none of {n} bags could be scored; the first: {first}")]
+    AllFailed { n: usize, first: String },
+    #[error("{0}")]
+    OfCaller(Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl EvaluateError {
+    /// What is wrong with a bag.
+    pub(super) fn in_bag(bag: &str, reason: &dyn std::fmt::Display) -> Self {
+        EvaluateError::InBag { bag: bag.to_owned(), reason: reason.to_string() }
+    }
+}

@@ -1,0 +1,63 @@
+//! Recorded sessions as evaluation, export and training read them: what was asked for, the true force, tared, and the
+//! estimates of models or of the recording itself.
+
+mod error;
+mod labelled;
+mod modelled;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+pub use error::SessionError;
+pub use labelled::{Labelled, NeedsTruth};
+pub use modelled::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
+
+use crate::bag::{BagError, BagReader, Recordings, printable, recordings_at};
+use crate::observer::Observer;
+
+/// What a session is called in results: its bag, without the folder it lies in.
+pub fn session_name(bag: &Path) -> String {
+    bag.file_stem().map_or_else(|| shown(bag), |name| name.to_string_lossy().into_owned())
+}
+
+/// How a path is told in results: as it was given.
+pub fn shown(path: &Path) -> String {
+    printable(&path.display().to_string())
+}
+
+/// The recordings that paths stand for: each is one, or a folder of several, which is noted.
+///
+/// # Errors
+/// [`BagError`] when there is none.
+pub fn find_bags(paths: &[PathBuf], observer: &dyn Observer) -> Result<Vec<PathBuf>, BagError> {
+    let mut bags = Vec::new();
+    for path in paths {
+        let Recordings { paths, note } = recordings_at(path)?;
+        bags.extend(paths);
+        note.iter().for_each(|note| observer.note(note));
+    }
+    Ok(bags)
+}
+
+/// SHA-256 of the files of a bag one after the other, in hexadecimal.
+///
+/// # Errors
+/// [`SessionError`] when one can't be read.
+pub fn fingerprint(bag: &Path) -> Result<String, SessionError> {
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 20];
+    for path in BagReader::open(&[bag.to_path_buf()])?.files() {
+        let failed = |error: std::io::Error| SessionError::at(path, &error);
+        let mut file = File::open(path).map_err(failed)?;
+        loop {
+            match file.read(&mut buffer).map_err(failed)? {
+                0 => break,
+                n => hash.update(&buffer[..n]),
+            }
+        }
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
