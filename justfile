@@ -77,7 +77,7 @@ wrong-inputs out="target/wrong_inputs.md":
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
-    cargo clippy --no-default-features --features zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
+    cargo clippy --no-default-features --features cli,zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
 
 # Benchmarks: ticks and their tail, replay, training; then replay beside the same work in Python, with a profile of it
 bench repetitions="3":

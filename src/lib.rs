@@ -102,13 +102,14 @@
 //!
 //! The zero of the forces is decided in [`zero`]. The wire types are in [`msg`], bags in [`bag`], what a recording says in
 //! [`recording`] and [`sessions`], metrics in [`eval`], models in [`model`], training in `train`, the live node in `ros`.
-//! `commands` is the program `tpf`, a tenant of these. ARCHITECTURE.md has the whole map and what may use what.
+//! `commands` is the program `tpf`, a tenant of these (feature `cli`). ARCHITECTURE.md has the whole map and what may use what.
 
 pub mod bag;
 pub mod calibration;
 pub mod characterize;
 pub mod collect;
 pub mod columns;
+#[cfg(feature = "cli")]
 pub mod commands;
 pub mod config;
 pub mod eval;
@@ -122,6 +123,7 @@ pub mod leave;
 pub mod model;
 pub mod msg;
 pub mod observer;
+#[cfg(feature = "cli")]
 pub mod page;
 pub mod protocol;
 mod random;

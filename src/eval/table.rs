@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+#[cfg(feature = "cli")]
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use serde::{Deserialize, Serialize};
 
@@ -152,6 +153,7 @@ impl ResultTable {
     ///
     /// The paper sets the gloves side by side; here they are below each other, so that a terminal holds any number of
     /// them.
+    #[cfg(feature = "cli")]
     pub fn text(&self) -> String {
         let mut table = Table::new();
         table.load_style(presets::ASCII_MARKDOWN).set_content_arrangement(ContentArrangement::Disabled);
@@ -179,6 +181,7 @@ impl ResultTable {
     }
 
     /// Whether no other model has a better value, and one has a worse one.
+    #[cfg(feature = "cli")]
     fn is_best(&self, glove_idx: usize, measure: Measure, cell: &Cell) -> bool {
         let Some(value) = cell.value(measure) else { return false };
         let sign = if measure.higher_is_better() { 1.0 } else { -1.0 };
