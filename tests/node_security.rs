@@ -145,12 +145,6 @@ impl Secured {
     }
 }
 
-/// Whether a node took a session. It listens as to any sensor, best effort: on a busy machine it may not have read the last few
-/// messages when it hears that who sent them has left.
-fn nearly_all(taken: [usize; 2]) -> bool {
-    taken.iter().all(|n| (700..=800).contains(n))
-}
-
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -248,7 +242,7 @@ fn a_secured_graph_carries_what_replay_writes_and_nothing_in_the_clear() {
             return None;
         }
         drop(ear);
-        assert!(nearly_all(secured.taken(live, "run.mcap")));
+        assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
         let expected: Vec<ContactArray> =
             decoded(&secured.path().join("replayed.mcap"), "/tactile_pose_fusion/contacts");
         assert!(heard.len() + 2 >= expected.len(), "{} of {}", heard.len(), expected.len());
@@ -278,7 +272,7 @@ fn the_rules_that_ros2_security_writes_are_followed_and_what_they_cost_is_told()
             return None;
         }
         assert!(heard > 700);
-        assert!(nearly_all(secured.taken(live, "run.mcap")));
+        assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
         drop(wire.stdin());
         assert_eq!(wire.wait(), "0 0");
         Some(())
@@ -300,7 +294,7 @@ fn fast_dds_in_its_own_enclave_brings_taxels() {
         if heard == 0 || taxels <= 800 {
             return None; // only what our own player sent
         }
-        assert!(heard > 400 && taxels > 1200 && joints > 700, "{heard} estimates of {taxels} taxels, {joints} joints");
+        assert!(heard > 400 && taxels > 1200 && joints == 800, "{heard} estimates of {taxels} taxels, {joints} joints");
         Some(())
     });
 }
@@ -383,7 +377,7 @@ fn a_participant_without_security_hears_nothing_and_brings_nothing() {
             return None;
         }
         assert!(heard > 700);
-        assert!(nearly_all(secured.taken(live, "run.mcap")));
+        assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
         Some(())
     });
 }
@@ -440,7 +434,7 @@ fn without_keys_a_permissive_node_warns_and_talks_in_the_clear() {
     let run = secured.play("/glove", &vars).ok();
     assert!(run.stderr.contains("which Permissive allows: enclave /glove: nowhere/enclaves/glove is not there"));
     assert!(stranger.estimates().len() > 700);
-    assert!(nearly_all(secured.taken(live, "run.mcap")));
+    assert_eq!(secured.taken(live, "run.mcap"), [800, 800]);
     drop(wire.stdin());
     let counts = wire.wait();
     assert!(counts.split(' ').all(|count| count != "0"), "what the other test doesn't find can be found: {counts}");
