@@ -8,14 +8,14 @@ mod stages;
 mod summary;
 
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub use error::ReplayError;
 pub use stages::BusySeconds;
 pub use summary::{ModelSummary, Replayed, Summary};
 
-use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions, printable};
+use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions, shown};
 use crate::config::Config;
 use crate::fusion::{Fusion, Tick};
 use crate::glove::{Models, drop_unused_joints, hashes};
@@ -209,9 +209,4 @@ fn open(bags: &[PathBuf], observer: &dyn Observer) -> Result<BagReader, ReplayEr
 
 fn seconds(span: Option<(Stamp, Stamp)>) -> f64 {
     span.map_or(0.0, |(first, last)| last.nanos_since(first) as f64 * 1e-9)
-}
-
-/// How a path is told in results: as it was given.
-fn shown(path: &Path) -> String {
-    printable(&path.display().to_string())
 }

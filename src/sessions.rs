@@ -1,4 +1,4 @@
-//! Recorded sessions as evaluation, export and training read them: what was asked for, the true force, tared, and the
+//! Recorded sessions as evaluation and export read them: what was asked for, the true force, tared, and the
 //! estimates of models or of the recording itself.
 
 mod error;
@@ -15,17 +15,12 @@ pub use error::SessionError;
 pub use labelled::{Labelled, NeedsTruth};
 pub use modelled::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
 
-use crate::bag::{BagError, BagReader, Recordings, printable, recordings_at};
+use crate::bag::{BagError, BagReader, Recordings, recordings_at, shown};
 use crate::observer::Observer;
 
 /// What a session is called in results: its bag, without the folder it lies in.
 pub fn session_name(bag: &Path) -> String {
     bag.file_stem().map_or_else(|| shown(bag), |name| name.to_string_lossy().into_owned())
-}
-
-/// How a path is told in results: as it was given.
-pub fn shown(path: &Path) -> String {
-    printable(&path.display().to_string())
 }
 
 /// The recordings that paths stand for: each is one, or a folder of several, which is noted.

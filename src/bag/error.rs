@@ -173,6 +173,11 @@ pub fn printable(text: &str) -> String {
     text.chars().map(|character| if steers(character) { ' ' } else { character }).collect()
 }
 
+/// How a path is told in results: as it was given.
+pub fn shown(path: &Path) -> String {
+    printable(&path.display().to_string())
+}
+
 /// `text` on one line, without control characters and not too long, for what others wrote.
 pub(super) fn one_line(text: &str) -> String {
     const SHOWN: usize = 200;

@@ -4,7 +4,7 @@ mod picture;
 
 use std::path::{Path, PathBuf};
 
-use super::progress::Shown;
+use super::progress::{Said, Shown};
 use super::{Failure, Outcome, eval, interrupt, print, say};
 use crate::config::{self, Config};
 use crate::evaluate::{self, Evaluated, Request};
@@ -90,7 +90,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let replayed = folder.replayed(model);
         say(&format!("replay it with the {} model: {}", model.name(), replayed.display()));
         folder.replay(model, cfg.clone())?;
-        frames.push((model.name(), recorded(&replayed, &cfg, &Shown::bytes("demo"))?));
+        frames.push((model.name(), recorded(&replayed, &cfg, &Said)?));
     }
     say(&format!("draw force over time: {}", folder.picture().display()));
     write(&folder.picture(), picture::draw(&frames, args.glove)?.as_bytes())?;

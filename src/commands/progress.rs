@@ -64,7 +64,20 @@ impl Drop for Progress {
     }
 }
 
-/// Shows a long piece of work at the terminal, and cancels it at an interrupt.
+/// Says the notes of a piece of work, and cancels it at an interrupt.
+pub(super) struct Said;
+
+impl Observer for Said {
+    fn note(&self, text: &str) {
+        say(text);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        leave::asked()
+    }
+}
+
+/// The same, and shows how far the work is.
 pub(super) struct Shown {
     what: &'static str,
     new_bar: fn(&'static str, u64) -> Progress,
@@ -85,7 +98,7 @@ impl Shown {
 
 impl Observer for Shown {
     fn note(&self, text: &str) {
-        say(text);
+        Said.note(text);
     }
 
     fn progress(&self, done: u64, total: u64) {
@@ -94,6 +107,6 @@ impl Observer for Shown {
     }
 
     fn is_cancelled(&self) -> bool {
-        leave::asked()
+        Said.is_cancelled()
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::progress::Shown;
+use super::progress::Said;
 use super::{Failure, say};
 use crate::bag::BagReader;
 use crate::recording::RecordingError;
@@ -41,7 +41,7 @@ impl Stopped {
 
 /// The recordings that paths stand for: each is one, or a folder of several. Says what was found in a folder.
 pub(super) fn find_bags(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    Ok(sessions::find_bags(paths, &Shown::bytes(""))?)
+    Ok(sessions::find_bags(paths, &Said)?)
 }
 
 /// Opens one recording, or several that are parts of one. Says how the files of a folder are read.

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use super::{Failure, say};
+pub(super) use crate::bag::shown;
 use crate::config::{Config, DEFAULT_NODE, Origin, ParamTree, ParamValue, load_tree};
 use crate::glove::{self, Models};
 use crate::model::{BackendChoice, ModelInfo};
 pub(super) use crate::recording::input_topics;
-pub(super) use crate::sessions::shown;
 
 /// Where the parameters come from.
 #[derive(Debug, clap::Args)]

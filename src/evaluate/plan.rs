@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicU64;
 
 use super::session::SessionSummary;
 use super::{EvaluateError, Request, scored};
+use crate::bag::shown;
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
 use crate::fusion::Regressor;
@@ -12,7 +13,7 @@ use crate::glove::{Models, drop_unused_joints, replace_model};
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
 use crate::recording::{EstimateTrack, PoseQuality};
-use crate::sessions::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models, shown};
+use crate::sessions::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models};
 use crate::zero::Wanted;
 
 /// What is done with every session.

@@ -6,7 +6,7 @@ use std::fmt::{self, Write};
 use serde::Serialize;
 
 use super::stages::BusySeconds;
-use crate::bag::TopicCounters;
+use crate::bag::{TopicCounters, shown};
 use crate::fusion::{Counters, Fusion, TactileSourceIdx};
 use crate::model::{BackendInfo, ModelInfo};
 use crate::zero::ZeroFrom;
@@ -24,7 +24,7 @@ pub struct ModelSummary {
 
 impl ModelSummary {
     pub(super) fn new(name: &str, info: &ModelInfo) -> Self {
-        let (file, sha256) = (super::shown(&info.path), info.sha256.clone());
+        let (file, sha256) = (shown(&info.path), info.sha256.clone());
         ModelSummary { name: name.to_owned(), file, sha256, backend: info.backend.clone(), notes: info.notes.clone() }
     }
 }

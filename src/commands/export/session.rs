@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
 
-use super::super::progress::Shown;
+use super::super::progress::Said;
 use super::super::setup::{input_topics, load_models, without_unused_joints};
 use super::super::{Failure, interrupt, say};
 use super::Args;
@@ -56,7 +56,7 @@ impl<'a> Loader<'a> {
     /// Everything of a bag.
     pub(super) fn load(&mut self, bag: &Path) -> Result<Loaded, Failure> {
         let needs_truth = if self.args.truth.is_some() { NeedsTruth::All } else { NeedsTruth::Tared };
-        let labelled = Labelled::read(bag, self.cfg, None, needs_truth, &Shown::bytes("export"))?;
+        let labelled = Labelled::read(bag, self.cfg, None, needs_truth, &Said)?;
         let in_bag = |failure: Failure| match failure.to_string() {
             text if text.starts_with(&bag.display().to_string()) => Failure(text),
             text => Failure(format!("{}: {text}", bag.display())),
@@ -64,7 +64,7 @@ impl<'a> Loader<'a> {
         let (samples, losses, drops) = read_samples(bag, self.cfg).map_err(in_bag)?;
         let is_recorded = !self.args.models.replaces() && hold_estimates(&[bag.to_path_buf()], &self.topic);
         let (estimates, zero) = if is_recorded {
-            (read_estimates(bag, self.cfg, &self.topic, &Shown::bytes("export"))?.0, None)
+            (read_estimates(bag, self.cfg, &self.topic, &Said)?.0, None)
         } else {
             self.compute(bag, &labelled)?
         };
@@ -90,7 +90,7 @@ impl<'a> Loader<'a> {
             None => self.load_core()?,
         };
         let done = AtomicU64::new(0);
-        let modelled = run_models(bag, labelled, vec![core], self.args.zero.wanted(), &done, &Shown::bytes("export"))?;
+        let modelled = run_models(bag, labelled, vec![core], self.args.zero.wanted(), &done, &Said)?;
         let Modelled { mut columns, mut cores, zero, verdict, .. } = modelled;
         let in_bag = |error| Failure(format!("{}: {error}", bag.display()));
         verdict.map_err(in_bag)?.iter().for_each(|note| say(&format!("{}: {note}", bag.display())));
