@@ -186,7 +186,7 @@ pub fn said(mut peer: Command, folder: &Path) -> String {
     let log = log.filter(|path| path.extension().is_some_and(|extension| extension == "log"));
     let said: String = log.filter_map(|path| std::fs::read_to_string(path).ok()).collect();
     assert!(output.status.success(), "{peer:?}: {stderr}\nnode: {said}");
-    // Only the last line: the middleware may print of its own.
+    // Only the last line: the middleware may print of its own before it.
     let stdout = String::from_utf8(output.stdout).unwrap();
     stdout.lines().last().unwrap_or_default().to_owned()
 }

@@ -10,6 +10,10 @@ import threading
 import time
 import uuid
 
+# Zenoh logs to stdout, also while a session closes: what this peer answers has a stdout of its own.
+sys.stdout = os.fdopen(os.dup(1), "w", buffering=1)
+os.dup2(2, 1)
+
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import Log, Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
