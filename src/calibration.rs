@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::files;
-use crate::fusion::{Baseline, TactileSource};
+use crate::fusion::{ArtifactFit, Baseline, TactileSource};
 
 const FORMAT: &str = "tactile_pose_fusion/calibration/1";
 
@@ -30,6 +30,9 @@ pub struct Calibration {
     pub recorded: String,
     /// The baseline of each tactile source, by its name in the parameters.
     pub sources: BTreeMap<String, Baseline>,
+    /// The artifact of each region whose model tells artifacts, by its name in the parameters.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub artifacts: BTreeMap<String, ArtifactFit>,
 }
 
 /// Why a calibration file can't be used. Each text is one line that names the file.
@@ -58,7 +61,15 @@ impl Calibration {
     /// A calibration of these sources.
     pub fn new(glove: &str, user: &str, recorded: String, sources: BTreeMap<String, Baseline>) -> Self {
         let (glove, user) = (glove.to_owned(), user.to_owned());
-        Calibration { format: FORMAT.to_owned(), glove, user, models: BTreeMap::new(), recorded, sources }
+        Calibration {
+            format: FORMAT.to_owned(),
+            glove,
+            user,
+            models: BTreeMap::new(),
+            recorded,
+            sources,
+            artifacts: BTreeMap::new(),
+        }
     }
 
     /// Reads a calibration and checks that it belongs to this glove, user and set of sources.

@@ -3,6 +3,7 @@
 //! [`Fusion::handle`] takes one event, [`Fusion::poll`] gives what it made possible. An estimate is a function of the
 //! sequence of events alone; whether a live node or a bag brings them makes no difference.
 
+mod artifact;
 mod calibration;
 mod config;
 mod contact;
@@ -21,6 +22,10 @@ mod regressor;
 
 use std::collections::VecDeque;
 
+pub use artifact::{
+    ARTIFACT_BASIS, Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel, Following,
+    HISTORY_S, JointHistory,
+};
 pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_loaded};
 pub use config::{
     ContactThresholds, FrameClock, FusionConfig, JointSource, Receipts, RegionConfig, TactileSource, Timing,
@@ -135,7 +140,8 @@ impl Fusion {
             let place = Place { region: idx, model: region.model, lane: model.add_lane() };
             let contract = model.regressor.contract();
             let max_gap_ns = sources[region.source.0].cutter.max_gap_ns();
-            Region::new(place, region, &cfg.tactile_sources[region.source.0], contract, joint_idxs(region), max_gap_ns)
+            let source = &cfg.tactile_sources[region.source.0];
+            Region::new(place, region, source, contract, joint_idxs(region), max_gap_ns, cfg.following)
         });
         Ok(Fusion {
             regions: regions.collect(),
@@ -180,6 +186,21 @@ impl Fusion {
         source.cutter.handle_noise(&baseline.noise);
         source.baseline = Some(baseline);
         Ok(())
+    }
+
+    /// Takes the artifact of a region's donning, after the baseline that it was fitted above. A region whose model tells no
+    /// artifact has no use for one.
+    ///
+    /// # Errors
+    /// [`SetupError::Artifact`] when it belongs to another model; nothing has changed then.
+    pub fn handle_artifact(&mut self, region_idx: usize, fit: ArtifactFit) -> Result<(), SetupError> {
+        let region = self.cfg.regions[region_idx].name.clone();
+        self.regions[region_idx].handle_artifact(fit).map_err(|error| SetupError::Artifact { region, error })
+    }
+
+    /// What follows the artifact of a region, where its model tells one.
+    pub fn artifact(&self, region_idx: usize) -> Option<&ArtifactFilter> {
+        self.regions[region_idx].artifact()
     }
 
     /// Takes other contact thresholds for the regions, from the next estimate on.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::config::{self, Config, ConfigError, DEFAULT_NODE};
 use crate::fusion::{Fusion, RegionConfig, Regressor, SetupError};
 use crate::model::{self, ModelError, ModelInfo};
-use crate::zero::ModelHashes;
+use crate::zero::KnownModels;
 
 /// Why there is no glove to work with.
 #[derive(Debug, thiserror::Error)]
@@ -106,9 +106,10 @@ impl Models {
     }
 }
 
-/// SHA-256 of each model, by its name in the parameters.
-pub fn hashes(cfg: &Config, models: &[ModelInfo]) -> ModelHashes {
-    cfg.models.iter().zip(models).map(|(model, info)| (model.name.clone(), info.sha256.clone())).collect()
+/// What a zero must know of the models of a configuration.
+pub fn known(cfg: &Config, models: &[ModelInfo]) -> KnownModels {
+    let named = cfg.models.iter().map(|model| model.name.as_str()).zip(models);
+    KnownModels::new(named.map(|(name, info)| (name, info.sha256.as_str(), &info.contract)))
 }
 
 /// More than one model, where one was to be replaced.
@@ -138,7 +139,7 @@ pub fn replace_model(cfg: &mut Config, path: PathBuf) -> Result<(), SeveralModel
 /// Takes the joints from regions whose model has no pose input, so that the parameters of a pose-aware model also run the
 /// tactile-only one that it is compared with; a note for each.
 pub fn drop_unused_joints(cfg: &mut Config, models: &[ModelInfo]) -> Vec<String> {
-    let without_pose = |region: &&mut RegionConfig| models[region.model].contract.n_joints == 0;
+    let without_pose = |region: &&mut RegionConfig| models[region.model].contract.n_region_joints() == 0;
     let mut notes = Vec::new();
     for region in cfg.fusion.regions.iter_mut().filter(without_pose).filter(|region| !region.joints.is_empty()) {
         notes.push(format!("region {}: its model has no pose input, so its joints are not used", region.name));

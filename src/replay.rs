@@ -18,7 +18,7 @@ pub use summary::{ModelSummary, Replayed, Summary};
 use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions, shown};
 use crate::config::Config;
 use crate::fusion::{Fusion, Tick};
-use crate::glove::{Models, drop_unused_joints, hashes};
+use crate::glove::{Models, drop_unused_joints, known};
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
 use crate::recording::input_topics;
@@ -191,7 +191,7 @@ fn ready(
     if drops_unused_joints {
         drop_unused_joints(cfg, &models.infos).iter().for_each(|note| observer.note(note));
     }
-    let zero = zero::find(recording.zero, cfg, recording.bags, &hashes(cfg, &models.infos))?;
+    let zero = zero::find(recording.zero, cfg, recording.bags, &known(cfg, &models.infos))?;
     zero.notes.iter().for_each(|note| observer.note(note));
     let inference = InferenceTime::default();
     let regressors = std::mem::take(&mut models.regressors).into_iter().map(|model| inference.of(model)).collect();

@@ -5,6 +5,7 @@
 //! The same data, configuration and seed give the same bytes, on any number of threads.
 
 mod architecture;
+mod artifact;
 mod dataset;
 mod error;
 mod exact_floats;
@@ -17,7 +18,8 @@ mod reference_tests;
 mod trainer;
 
 pub use architecture::{Architecture, Kind, N_FEATURES, Parameter};
-pub use dataset::{Batch, Dataset, Session, SessionFrames, TOUCH_GF, WindowSpec, smoothed_change};
+pub use artifact::fit_artifact;
+pub use dataset::{Batch, Dataset, Session, SessionFrames, TOUCH_GF, WindowSpec, pose_range, smoothed_change};
 pub use error::{DatasetError, TrainError};
 pub use export::{GraphForm, ModelCard, onnx_model};
 pub use loss::{LossConfig, LossTerms};

@@ -3,6 +3,7 @@
 //! The node, replay, calibrate, train, eval, export and characterize all ask here, so that the same zero is used or refused
 //! everywhere, in the same words. What would be refused is used all the same where `calibration.insist` says so, and said.
 
+mod artifact;
 mod error;
 mod judge;
 mod movement;
@@ -14,17 +15,72 @@ use std::path::Path;
 use serde::Serialize;
 
 pub use crate::bag::Rest;
+pub use artifact::{ArtifactCollector, ArtifactTimes, TimedArtifact};
 pub use error::ZeroError;
 pub use judge::{LoadCheck, limits};
 pub use movement::Movement;
-pub use recorded::{Wanted, find};
+pub use recorded::{Wanted, find, find_with};
 
 use crate::calibration::{Calibration, CalibrationFileError};
 use crate::config::Config;
-use crate::fusion::{Baseline, Fusion, SetupError, TactileSourceIdx};
+use crate::fusion::{ArtifactFit, Baseline, Contract, Fusion, SetupError, TactileSourceIdx};
 
 /// SHA-256 of each model, by its name in the parameters.
 pub type ModelHashes = BTreeMap<String, String>;
+
+/// What a zero must know of the models in use.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct KnownModels {
+    /// SHA-256 of each.
+    pub hashes: ModelHashes,
+    /// `[models]`, in the order of the configuration: what pose makes of taxels, where they tell it.
+    pub artifacts: Vec<Option<TimedArtifact>>,
+}
+
+impl KnownModels {
+    /// Of models by name, hash and contract, in the order of the configuration.
+    pub fn new<'m>(models: impl IntoIterator<Item = (&'m str, &'m str, &'m Contract)>) -> Self {
+        let mut known = KnownModels::default();
+        for (name, sha256, contract) in models {
+            known.hashes.insert(name.to_owned(), sha256.to_owned());
+            known.artifacts.push(contract.artifact.clone().map(|artifact| (artifact, contract.rate_hz)));
+        }
+        known
+    }
+
+    /// `[regions]`: the artifact of each region's model.
+    fn artifacts_of_regions(&self, cfg: &Config) -> Vec<Option<TimedArtifact>> {
+        let of_region = |model: usize| self.artifacts.get(model).cloned().flatten();
+        cfg.fusion.regions.iter().map(|region| of_region(region.model)).collect()
+    }
+}
+
+/// What a calibration knows of a donning.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Donning {
+    /// `[tactile sources]`
+    pub baselines: Vec<Baseline>,
+    /// `[regions]`: gains and offsets of artifacts, where models tell artifacts and the calibration has them.
+    pub artifacts: Vec<Option<ArtifactFit>>,
+}
+
+impl Donning {
+    /// Gives a core its baselines and artifacts.
+    ///
+    /// # Errors
+    /// [`SetupError`] when they are of another number of taxels or joints.
+    pub fn install(&self, fusion: &mut Fusion) -> Result<(), SetupError> {
+        for (source_idx, baseline) in self.baselines.iter().enumerate() {
+            fusion.handle_baseline(TactileSourceIdx(source_idx), baseline.clone())?;
+        }
+        for (region_idx, artifact) in self.artifacts.iter().enumerate() {
+            if let Some(artifact) = artifact {
+                fusion.handle_artifact(region_idx, artifact.clone())?;
+            }
+        }
+        Ok(())
+    }
+}
 
 /// Where a baseline came from, for summaries and files.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -57,9 +113,9 @@ pub enum ZeroFrom {
 pub struct Zero {
     /// Where they are from.
     pub from: ZeroFrom,
-    /// `[tactile sources]`
-    pub baselines: Vec<Baseline>,
-    /// What a person should know about them.
+    /// What it knows of the donning.
+    pub donning: Donning,
+    /// What a person should know about it.
     pub notes: Vec<String>,
     /// What the model must confirm while the recording is read; `None` where the recording can't tell.
     pub check: Option<LoadCheck>,
@@ -67,25 +123,28 @@ pub struct Zero {
 
 impl Zero {
     /// A zero of which nothing is left to check.
-    pub fn new(from: ZeroFrom, baselines: Vec<Baseline>) -> Self {
-        Zero { from, baselines, notes: Vec::new(), check: None }
+    pub fn new(from: ZeroFrom, donning: Donning) -> Self {
+        Zero { from, donning, notes: Vec::new(), check: None }
     }
 
-    /// Gives a core its baselines.
+    /// Gives a core its baselines and artifacts.
     ///
     /// # Errors
-    /// [`SetupError`] when they are of another number of taxels.
+    /// [`SetupError`] when they are of another number of taxels or joints.
     pub fn install(&self, fusion: &mut Fusion) -> Result<(), SetupError> {
-        install(fusion, &self.baselines)
+        self.donning.install(fusion)
     }
 
     /// The baselines as a calibration file of this glove, user and these models.
     pub fn to_calibration(&self, cfg: &Config, models: &ModelHashes) -> Calibration {
         let names = cfg.fusion.tactile_sources.iter().map(|source| source.name.clone());
-        let sources: BTreeMap<String, Baseline> = names.zip(self.baselines.iter().cloned()).collect();
+        let sources: BTreeMap<String, Baseline> = names.zip(self.donning.baselines.iter().cloned()).collect();
         let text = |value: &Option<String>| value.clone().unwrap_or_default();
         let mut calibration = Calibration::new(&text(&cfg.glove), &text(&cfg.user), self.from.to_string(), sources);
         calibration.models.clone_from(models);
+        for (region, artifact) in cfg.fusion.regions.iter().zip(&self.donning.artifacts) {
+            calibration.artifacts.extend(artifact.clone().map(|artifact| (region.name.clone(), artifact)));
+        }
         calibration
     }
 }
@@ -102,23 +161,13 @@ impl std::fmt::Display for ZeroFrom {
     }
 }
 
-/// Gives a core a baseline for each tactile source.
-///
-/// # Errors
-/// [`SetupError`] when one is of another number of taxels.
-pub fn install(fusion: &mut Fusion, baselines: &[Baseline]) -> Result<(), SetupError> {
-    for (source_idx, baseline) in baselines.iter().enumerate() {
-        fusion.handle_baseline(TactileSourceIdx(source_idx), baseline.clone())?;
-    }
-    Ok(())
-}
-
 /// The zero of a calibration file that belongs to this glove, user, set of sources and these models.
 ///
 /// # Errors
 /// [`ZeroError::File`] when it is none, or of another glove, user or sources; [`ZeroError::OtherModel`] when it was judged
-/// with another model, unless `calibration.insist` is set.
-pub fn from_file(path: &Path, cfg: &Config, models: &ModelHashes) -> Result<Zero, ZeroError> {
+/// with another model, unless `calibration.insist` is set; [`ZeroError::ArtifactInFile`] when an artifact in it does not fit
+/// its model.
+pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero, ZeroError> {
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
     let sources = &cfg.fusion.tactile_sources;
     let mut notes = Vec::new();
@@ -129,7 +178,7 @@ pub fn from_file(path: &Path, cfg: &Config, models: &ModelHashes) -> Result<Zero
         }
         loaded => loaded?,
     };
-    for (model, hash) in models {
+    for (model, hash) in &models.hashes {
         match calibration.models.get(model) {
             Some(known) if known != hash => {
                 let error = ZeroError::OtherModel { path: path.to_path_buf(), model: model.clone() };
@@ -143,7 +192,26 @@ pub fn from_file(path: &Path, cfg: &Config, models: &ModelHashes) -> Result<Zero
         }
     }
     let baselines = sources.iter().filter_map(|source| calibration.sources.get(&source.name).cloned()).collect();
-    Ok(Zero { notes, ..Zero::new(ZeroFrom::File { file: path.display().to_string() }, baselines) })
+    let mut artifacts = Vec::new();
+    for (region, model) in cfg.fusion.regions.iter().zip(models.artifacts_of_regions(cfg)) {
+        let fit = model.as_ref().and_then(|_| calibration.artifacts.get(&region.name).cloned());
+        if let (Some((model, _)), Some(fit)) = (&model, &fit) {
+            fit.check(model).map_err(|error| {
+                let (path, region) = (path.to_path_buf(), region.name.clone());
+                ZeroError::ArtifactInFile { path, region, error }
+            })?;
+        }
+        if model.is_some() && fit.is_none() {
+            notes.push(format!(
+                "{}: does not tell the artifact of region {}, so the mean of the training donnings is taken out and not followed; calibrate again",
+                path.display(),
+                region.name
+            ));
+        }
+        artifacts.push(fit);
+    }
+    let from = ZeroFrom::File { file: path.display().to_string() };
+    Ok(Zero { notes, ..Zero::new(from, Donning { baselines, artifacts }) })
 }
 
 /// What is said of a zero that would be refused and is used, where the parameters insist.

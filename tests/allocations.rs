@@ -90,3 +90,36 @@ fn a_tick_of_five_regions_with_their_model_asks_for_no_memory_once_it_is_warm() 
     assert_eq!((used.count_total, used.bytes_total), (0, 0));
     assert!(n_estimates > 5 * 1400, "{n_estimates} estimates");
 }
+
+#[test]
+fn following_artifacts_asks_for_no_memory_once_it_is_warm() {
+    let (n_taxels, n_joints) = (4, 2);
+    let artifact = ArtifactModel {
+        n_taxels,
+        n_joints,
+        shapes: (0..n_taxels * n_joints * ARTIFACT_BASIS).map(|idx| (idx % 5) as f64).collect(),
+        gain_variance: vec![0.1; n_taxels * n_joints],
+        slip: 0.3,
+        slip_common: 0.3,
+        slip_time_s: 90.0,
+        touch: vec![1.0; n_taxels],
+        residual: vec![0.5; n_taxels],
+    };
+    let fit = ArtifactFit {
+        gains: vec![1.0; n_taxels * n_joints],
+        offset: vec![0.0; n_taxels],
+        covariance: [0.01, 0.0, 0.0, 0.01].repeat(n_taxels),
+    };
+    let joints: Vec<[String; 2]> = FINGERS.iter().map(|name| [format!("{name}_dip"), format!("{name}_pip")]).collect();
+    let regions = FINGERS.iter().zip(&joints).enumerate().map(|(idx, (name, joints))| {
+        region(name, &(4 * idx..4 * idx + 4).collect::<Vec<_>>(), &[&joints[0], &joints[1]])
+    });
+    let artifact = Some(std::sync::Arc::new(artifact));
+    let contract = Contract { artifact, has_base: false, ..contract(64, n_taxels, 0) };
+    let mut core = fusion(config(20, regions.collect()), vec![Box::new(Sum { contract })]);
+    (0..FINGERS.len()).for_each(|idx| core.handle_artifact(idx, fit.clone()).unwrap());
+    let (used, n_estimates) = measured(&mut core, second, 10);
+    assert_eq!((used.count_total, used.bytes_total), (0, 0));
+    assert!(n_estimates > 5 * 2000, "{n_estimates} estimates");
+    assert!(core.artifact(0).unwrap().change() > 0.0, "something was learned");
+}

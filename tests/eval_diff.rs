@@ -28,6 +28,8 @@ fn record(region: &str, ms: i64, force: f64) -> EstimateRecord {
         on_threshold: Some(0.0245),
         off_threshold: Some(0.02),
         mdf: None,
+        adaptation: tactile_pose_fusion::fusion::Adaptation::Off,
+        artifact_change: None,
     }
 }
 

@@ -538,3 +538,119 @@ proptest! {
         prop_assert_eq!(r.frames, r.estimates + r.warmup + r.uncalibrated + r.stale_pose + r.non_finite + r.frozen);
     }
 }
+
+/// One taxel that reads 100 for each rad of its joint, and 10 for a gF.
+fn artifact() -> std::sync::Arc<ArtifactModel> {
+    std::sync::Arc::new(ArtifactModel {
+        n_taxels: 1,
+        n_joints: 1,
+        shapes: vec![100.0, 0.0, 0.0, 0.0],
+        gain_variance: vec![0.1],
+        slip: 0.3,
+        slip_common: 0.3,
+        slip_time_s: 90.0,
+        touch: vec![10.0],
+        residual: vec![1.0],
+    })
+}
+
+/// A core of that taxel, on a network that takes no pose.
+fn core_with_artifact(following: Following) -> Fusion {
+    let contract = Contract { has_base: false, artifact: Some(artifact()), ..contract(4, 1, 0) };
+    let cfg = FusionConfig { following, ..config(1, vec![region("tip", &[0], &["dip"])]) };
+    fusion(cfg, vec![Box::new(Sum { contract })])
+}
+
+fn fit(gain: f64) -> ArtifactFit {
+    ArtifactFit { gains: vec![gain], offset: vec![0.0], covariance: vec![1e-4] }
+}
+
+/// Frames of a joint that bends, with a taxel whose gain is 1.2.
+fn bending(from: i64, n: i64) -> Vec<Sample> {
+    let angle = |k: i64| 0.5 + 0.4 * (k as f64 * 0.03).sin();
+    let frames = (from..from + n).flat_map(|k| {
+        let at_ms = 10.0 * k as f64;
+        [Sample::joints(at_ms, &[("dip", angle(k))]), Sample::tactile(at_ms, &[(120.0 * angle(k)) as f32])]
+    });
+    frames.collect()
+}
+
+fn estimates(core: &mut Fusion, samples: &[Sample]) -> Vec<Estimate> {
+    let mut estimates = Vec::new();
+    for sample in samples {
+        core.handle(sample.event());
+        while let Some(tick) = core.poll().unwrap() {
+            estimates.extend(tick.estimates.iter().copied());
+        }
+    }
+    estimates
+}
+
+#[test]
+fn an_artifact_is_taken_out_of_the_taxels_followed_frozen_or_left() {
+    let last = |following, with_fit: bool| {
+        let mut core = core_with_artifact(following);
+        if with_fit {
+            core.handle_artifact(0, fit(1.0)).unwrap();
+        }
+        *estimates(&mut core, &bending(0, 3000)).last().unwrap()
+    };
+    let off = last(Following::Off, true);
+    assert!(off.force.unwrap().0 > 20.0 && off.adaptation == Adaptation::Off && off.artifact_change.is_none());
+    let frozen = last(Following::Frozen, true);
+    assert!((4.0..20.0).contains(&frozen.force.unwrap().0), "{frozen:?}");
+    assert_eq!((frozen.adaptation, frozen.artifact_change), (Adaptation::Frozen, Some(0.0)));
+    let on = last(Following::On, true);
+    assert!(on.force.unwrap().0.abs() < 1.0, "{on:?}");
+    assert_eq!(on.adaptation, Adaptation::Learning);
+    assert!((on.artifact_change.unwrap() - 0.2).abs() < 0.02, "{on:?}");
+    let uncalibrated = last(Following::On, false);
+    assert_eq!((uncalibrated.force, uncalibrated.adaptation), (frozen.force, Adaptation::Frozen));
+}
+
+#[test]
+fn without_joint_angles_the_artifact_of_the_last_ones_is_taken_out_and_said() {
+    let mut core = core_with_artifact(Following::On);
+    core.handle_artifact(0, fit(1.2)).unwrap();
+    estimates(&mut core, &bending(0, 200));
+    let blind: Vec<Sample> = (200..300).map(|k| Sample::tactile(10.0 * k as f64, &[60.0])).collect();
+    let blind = *estimates(&mut core, &blind).last().unwrap();
+    assert!(blind.flags.contains(Flags::STALE_POSE) && blind.force.is_some(), "{blind:?}");
+    assert_eq!(blind.adaptation, Adaptation::Waiting);
+    let mut never = core_with_artifact(Following::On);
+    let blind: Vec<Sample> = (0..100).map(|k| Sample::tactile(10.0 * k as f64, &[60.0])).collect();
+    let never = *estimates(&mut never, &blind).last().unwrap();
+    assert!(never.flags.contains(Flags::STALE_POSE) && never.force.is_some_and(|force| force.0 > 59.0), "{never:?}");
+}
+
+#[test]
+fn a_new_zero_a_gap_and_another_order_of_arrival_have_a_defined_effect_on_an_artifact() {
+    let mut core = core_with_artifact(Following::On);
+    core.handle_artifact(0, fit(1.0)).unwrap();
+    estimates(&mut core, &bending(0, 2000));
+    let learned = core.artifact(0).unwrap().fit().unwrap();
+    // A gap of a minute: what was learned is kept, leaning back to the calibration.
+    estimates(&mut core, &bending(8000, 10));
+    let kept = core.artifact(0).unwrap().fit().unwrap();
+    assert!((1.05..1.25).contains(&kept.gains[0]), "{learned:?} {kept:?}");
+    // A jump of time backwards keeps it too.
+    estimates(&mut core, &bending(0, 10));
+    assert!(core.artifact(0).unwrap().fit().unwrap().gains[0] > 1.05);
+    // A new zero is one of another donning, as far as anyone knows.
+    core.handle_baseline(TactileSourceIdx(0), Baseline::from_median(vec![0.0])).unwrap();
+    assert_eq!(core.artifact(0).unwrap().fit(), None);
+    assert!(core.handle_artifact(0, ArtifactFit { offset: vec![], ..fit(1.0) }).is_err());
+
+    let forward = estimates(&mut core_with_artifact(Following::On), &bending(0, 400));
+    let mut late = bending(0, 400);
+    late.chunks_exact_mut(2).for_each(|pair| pair.swap(0, 1));
+    let late = estimates(&mut core_with_artifact(Following::On), &late);
+    assert_eq!(forward[..late.len()], late[..]);
+}
+
+#[test]
+fn an_artifact_asks_for_the_joints_of_its_region() {
+    let contract = Contract { has_base: false, artifact: Some(artifact()), ..contract(4, 1, 0) };
+    let refused = Fusion::new(config(1, vec![region("tip", &[0], &[])]), vec![Box::new(Sum { contract })]).unwrap_err();
+    assert!(refused.to_string().contains("region.tip.joints has 0 joints, its model takes 1"), "{refused}");
+}

@@ -135,13 +135,16 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
     let path = folder.path().join("model.onnx");
     for kind in [Kind::PoseAware, Kind::EarlyFusion, Kind::TactileOnly] {
         for form in [GraphForm::Fast, GraphForm::Plain] {
+            let scales = (100.0, 1000.0, 1.0);
+            let (tactile_scale, force_scale, touch_scale) = scales;
             let architecture =
-                Architecture { kind, window: 40, n_taxels: 5, n_joints: 3, tactile_scale: 100.0, force_scale: 1000.0 };
+                Architecture { kind, window: 40, n_taxels: 5, n_joints: 3, tactile_scale, force_scale, touch_scale };
             let network = Network::new(architecture, 7).unwrap();
             let card = ModelCard {
                 rate_hz: 100.0,
                 joints: ["a", "b", "c"].map(str::to_owned).to_vec(),
                 pose_range: Vec::new(),
+                artifact: None,
                 glove: "test".to_owned(),
                 trained_on: "nothing".to_owned(),
                 metrics: serde_json::json!({}),

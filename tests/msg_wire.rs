@@ -40,6 +40,8 @@ fn contact(region: &str) -> ContactState {
         pose_age: 0.015625,
         age: 0.03125,
         flags: ContactState::STALE_POSE | ContactState::FAULTY_TAXEL,
+        adaptation: ContactState::ADAPTATION_WAITING,
+        artifact_change: 0.1875,
     }
 }
 
@@ -176,6 +178,11 @@ fn constants_equal_those_of_the_texts() {
         ("FROZEN", ContactState::FROZEN),
         ("INTERLEAVED", ContactState::INTERLEAVED),
         ("WRONG_RATE", ContactState::WRONG_RATE),
+        ("ADAPTATION_OFF", ContactState::ADAPTATION_OFF.into()),
+        ("ADAPTATION_FROZEN", ContactState::ADAPTATION_FROZEN.into()),
+        ("ADAPTATION_LEARNING", ContactState::ADAPTATION_LEARNING.into()),
+        ("ADAPTATION_WAITING", ContactState::ADAPTATION_WAITING.into()),
+        ("ADAPTATION_CAPPED", ContactState::ADAPTATION_CAPPED.into()),
     ]);
     assert_eq!(constants("tactile_pose_fusion/msg/ContactState"), contact);
     let stage = ours(&[

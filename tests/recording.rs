@@ -83,7 +83,7 @@ fn rows_are_what_a_model_is_given_frame_by_frame() {
     let windows: Vec<_> = windows.try_iter().collect();
     assert!(ends.len() == windows.len() && ends.len() > 300, "{}", ends.len());
 
-    let (mut collector, mut fusion) = RowCollector::new(cfg, WINDOW, 100.0).unwrap();
+    let (mut collector, mut fusion) = RowCollector::new(cfg, WINDOW, 100.0, None).unwrap();
     feed(&mut fusion, |tick| collector.handle_tick(tick));
     let rows = collector.finish();
     assert_eq!((rows.tactile.len(), rows.pose.len()), (2 * rows.stamp.len(), 2 * rows.stamp.len()));

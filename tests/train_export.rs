@@ -11,30 +11,46 @@ use common::shared;
 use safetensors::SafeTensors;
 use serde_json::json;
 use tactile_pose_fusion::eval::Part;
-use tactile_pose_fusion::fusion::{ForceUnit, Forces, PoseRange, Windows};
+use tactile_pose_fusion::fusion::{ARTIFACT_BASIS, ArtifactModel, ForceUnit, Forces, PoseRange, Windows};
 use tactile_pose_fusion::model::{self, BackendChoice, ModelError, ModelSpec};
 use tactile_pose_fusion::train::*;
 use tactile_pose_fusion::units::{GramForce, Newton};
 use train_common::{config, dataset};
 
-const KINDS: [Kind; 3] = [Kind::PoseAware, Kind::TactileOnly, Kind::EarlyFusion];
+const KINDS: [Kind; 4] = [Kind::PoseAware, Kind::TactileOnly, Kind::EarlyFusion, Kind::Adaptive];
 const FORMS: [GraphForm; 2] = [GraphForm::Fast, GraphForm::Plain];
 
 fn card(kind: Kind) -> ModelCard {
-    let joints = if kind.uses_pose() { vec!["index_pip".to_string(), "index_dip".to_string()] } else { vec![] };
+    let joints = if kind.needs_joints() { vec!["index_pip".to_string(), "index_dip".to_string()] } else { vec![] };
     ModelCard {
         rate_hz: 100.0,
         pose_range: joints.iter().map(|_| PoseRange { min: -0.5, max: 1.5 }).collect(),
         joints,
+        artifact: (kind == Kind::Adaptive).then(artifact),
         glove: "bench".into(),
         trained_on: "two made-up sessions".into(),
         metrics: json!({"mdf_gf": 37.5, "ba": 0.98}),
     }
 }
 
+/// What bending makes of the taxels, as a model tells it.
+fn artifact() -> ArtifactModel {
+    ArtifactModel {
+        n_taxels: 3,
+        n_joints: 2,
+        shapes: (0..3 * 2 * ARTIFACT_BASIS).map(|idx| 0.1 * idx as f64).collect(),
+        gain_variance: vec![0.1; 6],
+        slip: 0.3,
+        slip_common: 0.35,
+        slip_time_s: 90.0,
+        touch: vec![2.0, 3.0, 4.0],
+        residual: vec![1.0 / 3.0; 3],
+    }
+}
+
 /// A network that training has moved, so that every fold has something to fold.
 fn trained(kind: Kind) -> (Network, Dataset) {
-    let dataset = dataset(kind, 120);
+    let dataset = dataset(kind, if kind == Kind::Adaptive { 400 } else { 120 });
     let mut trainer = Trainer::new(config(kind, 12), &dataset, 2).unwrap();
     let network = trainer.run(&AtomicBool::new(false), None, &mut |_| {}).unwrap().last;
     (network, dataset)
@@ -118,6 +134,21 @@ fn the_model_tells_its_contract() {
     ];
     assert_eq!(keys, expected);
     assert_eq!(info.metadata["trained_on"], "two made-up sessions");
+}
+
+#[test]
+fn an_adaptive_model_tells_its_artifact_and_needs_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.onnx");
+    let (network, _) = trained(Kind::Adaptive);
+    std::fs::write(&path, onnx_model(&network, &card(Kind::Adaptive), GraphForm::Fast).unwrap()).unwrap();
+    let contract = model::inspect(&path).unwrap().contract;
+    assert_eq!(contract.artifact.as_deref(), Some(&artifact()), "to the last bit");
+    assert_eq!((contract.n_joints, contract.n_region_joints()), (0, 2));
+    assert_eq!(contract.pose_range.unwrap().len(), 2);
+    let without = ModelCard { artifact: None, ..card(Kind::Adaptive) };
+    let refused = onnx_model(&network, &without, GraphForm::Fast).unwrap_err().to_string();
+    assert!(refused.contains("needs its artifact model"), "{refused}");
 }
 
 #[test]
@@ -215,6 +246,7 @@ fn from_pytorch_export(path: &Path) -> Network {
         n_joints: 4,
         tactile_scale: 1.0,
         force_scale: 1.0,
+        touch_scale: 1.0,
     };
     let mut network = Network::new(architecture, 0).unwrap();
     network.statistics.variance.fill(1.0 - 1e-5); // with the epsilon of the normalization: exactly no change

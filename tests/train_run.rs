@@ -20,8 +20,8 @@ fn split_dataset() -> Dataset {
 
 #[test]
 fn every_kind_learns_a_small_set_by_heart() {
-    for kind in [Kind::PoseAware, Kind::TactileOnly, Kind::EarlyFusion] {
-        let dataset = dataset(kind, 80);
+    for kind in [Kind::PoseAware, Kind::TactileOnly, Kind::EarlyFusion, Kind::Adaptive] {
+        let dataset = dataset(kind, if kind == Kind::Adaptive { 400 } else { 80 });
         let mut trainer = Trainer::new(config(kind, 250), &dataset, 2).unwrap();
         let mut first = None;
         let mut last = LossTerms::default();

@@ -77,6 +77,13 @@ fn contact_state(state: &Value<'_>) -> Option<ContactState> {
         pose_age: number("pose_age")?,
         age: number("age").unwrap_or(f64::NAN), // came after the others
         flags: u32::try_from(unsigned(state.field("flags")?)?).ok()?,
+        // These came after the others, too.
+        adaptation: state
+            .field("adaptation")
+            .and_then(unsigned)
+            .and_then(|value| u8::try_from(value).ok())
+            .unwrap_or(0),
+        artifact_change: number("artifact_change").unwrap_or(f64::NAN),
     })
 }
 

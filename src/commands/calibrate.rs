@@ -11,7 +11,7 @@ use super::{Failure, Outcome, print, say};
 use crate::bag::{BagReader, Input, Inputs};
 use crate::calibration::Calibration;
 use crate::fusion::Fusion;
-use crate::glove::hashes;
+use crate::glove::known;
 
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]
@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let models = load_models(&cfg)?;
     let mut zero = ZeroArgs::first(args.calibrate_first).find(&cfg, &args.bags, &models.infos)?;
-    let calibration = zero.to_calibration(&cfg, &hashes(&cfg, &models.infos));
+    let calibration = zero.to_calibration(&cfg, &known(&cfg, &models.infos).hashes);
     let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
     zero.install(&mut fusion)?;
     if let Some(mut check) = zero.check.take() {

@@ -12,7 +12,7 @@ use crate::bag::{BagReader, ContactReader};
 use crate::eval::{
     Check, Diff, DiffConfig, Difference, EstimateRecord, FieldValue, Moment, OnlyIn, RegionDiff, Verdict, diff,
 };
-use crate::fusion::{ContactEvent, Flags};
+use crate::fusion::{Adaptation, ContactEvent, Flags};
 use crate::msg::{ContactArray, ContactState, Time, WireType, WrenchStamped, from_cdr};
 use crate::units::{Newton, Stamp};
 
@@ -155,6 +155,14 @@ fn record_of(stamp: Time, state: &ContactState, wrench: Option<[f64; 6]>) -> Est
         on_threshold: value(state.on_threshold),
         off_threshold: value(state.off_threshold),
         mdf: value(state.mdf),
+        adaptation: match state.adaptation {
+            ContactState::ADAPTATION_FROZEN => Adaptation::Frozen,
+            ContactState::ADAPTATION_LEARNING => Adaptation::Learning,
+            ContactState::ADAPTATION_WAITING => Adaptation::Waiting,
+            ContactState::ADAPTATION_CAPPED => Adaptation::Capped,
+            _ => Adaptation::Off,
+        },
+        artifact_change: value(state.artifact_change),
     }
 }
 
@@ -265,6 +273,7 @@ fn value(value: &FieldValue) -> String {
         FieldValue::Nanos(nanos) => Stamp(*nanos).to_string(),
         FieldValue::State(state) => state.to_string(),
         FieldValue::Bits(bits) => Flags::from_bits(*bits).to_string(),
+        FieldValue::Share(share) => format!("{:.3} %", 100.0 * share),
         FieldValue::Text(text) => (*text).to_owned(),
         FieldValue::Missing => "none".to_owned(),
     }

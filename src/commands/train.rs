@@ -5,6 +5,7 @@ mod report;
 
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use clap::ValueEnum;
@@ -19,9 +20,10 @@ use super::{Failure, Outcome, counted, interrupt, print, say};
 use crate::config::Config;
 use crate::eval::{Part, Split};
 use crate::files;
+use crate::fusion::{ArtifactModel, PoseRange};
 use crate::train::{
     Checkpoint, Dataset, GraphForm, Kind, LossConfig, ModelCard, Progress, Schedule, Session, TrainConfig, Trainer,
-    WindowSpec, onnx_model,
+    WindowSpec, fit_artifact, onnx_model, pose_range as train_pose_range,
 };
 
 /// Frames in a window; the paper's.
@@ -29,6 +31,9 @@ const WINDOW: usize = 64;
 
 /// Frames from one window to the next where the network is judged: neighbours say nearly the same. `tpf eval` takes all.
 const EVAL_STRIDE: usize = 10;
+
+/// A light touch, gF: up to about this the adaptive network sees taxels in full.
+const LIGHT_TOUCH_GF: f64 = 10.0;
 
 /// Share of the time that picks the best step: taken from what the paper trains on, so that its test stays unseen.
 const VALIDATION_SHARE: f64 = 0.08;
@@ -47,7 +52,8 @@ pub(super) struct Args {
     /// Topic of the true force, instead of the one in the parameters
     #[arg(long, value_name = "TOPIC")]
     truth: Option<String>,
-    /// What to train: pose-aware is the paper's network, the others are what it is compared with
+    /// What to train: adaptive follows the artifact of pose while the glove is worn; pose-aware is the paper's network, the
+    /// others are what it is compared with
     #[arg(long, value_enum, default_value_t = KindArg::PoseAware)]
     kind: KindArg,
     /// Model to write
@@ -130,6 +136,7 @@ enum KindArg {
     PoseAware,
     TactileOnly,
     EarlyFusion,
+    Adaptive,
 }
 
 impl From<KindArg> for Kind {
@@ -138,6 +145,7 @@ impl From<KindArg> for Kind {
             KindArg::PoseAware => Kind::PoseAware,
             KindArg::TactileOnly => Kind::TactileOnly,
             KindArg::EarlyFusion => Kind::EarlyFusion,
+            KindArg::Adaptive => Kind::Adaptive,
         }
     }
 }
@@ -155,13 +163,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let started = Instant::now();
     let mut report = Report::new(kind, &data.dataset, data.split, &data.notes, threads);
     for (idx, lambda) in lambdas.iter().enumerate() {
-        let train_cfg = args.train_config(kind, *lambda, data.dataset.n_windows(Part::Train));
+        let mut train_cfg = args.train_config(kind, *lambda, data.dataset.n_windows(Part::Train));
+        train_cfg.touch_scale = data.touch_scale();
         if lambdas.len() > 1 {
             say(&format!("lambda {lambda}, {} of {}", idx + 1, lambdas.len()));
         }
         let checkpoint = files.checkpoint(&lambdas, *lambda);
         let mut trainer = trainer(args, train_cfg, &data.dataset, &checkpoint, threads)?;
-        let mut progress = Shown::new(trainer.steps());
+        let mut progress = Shown::new(trainer.steps(), kind);
         let outcome = trainer.run(interrupt::flag(), Some(&checkpoint), &mut |step| {
             progress.show(step);
             report.handle_step(*lambda, step);
@@ -183,7 +192,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let card = ModelCard {
         rate_hz: data.rate_hz,
         joints: cfg.fusion.regions[0].joints.clone(),
-        pose_range: if kind.uses_pose() { data.dataset.pose_range() } else { Vec::new() },
+        pose_range: data.pose_range.clone(),
+        artifact: data.artifact.as_deref().cloned(),
         glove: data.glove.clone(),
         trained_on: data.trained_on(),
         metrics: report.metrics()?,
@@ -223,6 +233,7 @@ impl Args {
                 base_weight: if self.loss.no_base_loss { 0.0 } else { self.loss.base_weight },
                 lambda: if self.loss.no_auxiliary_loss { 0.0 } else { lambda },
                 offset_gf: self.loss.offset_gf,
+                ..LossConfig::default()
             },
             ..TrainConfig::default()
         }
@@ -245,7 +256,7 @@ fn only_region(mut cfg: Config, name: Option<&str>, kind: Kind) -> Result<Config
             found.ok_or_else(|| Failure(format!("--region {name}: the parameters have {}", names())))?
         }
     };
-    if kind.uses_pose() && cfg.fusion.regions[idx].joints.is_empty() {
+    if kind.needs_joints() && cfg.fusion.regions[idx].joints.is_empty() {
         return Err(Failure(format!(
             "region.{0}.joints is empty and --kind {1} needs joint angles; name the joints, or train --kind tactile-only",
             cfg.fusion.regions[idx].name,
@@ -254,7 +265,7 @@ fn only_region(mut cfg: Config, name: Option<&str>, kind: Kind) -> Result<Config
     }
     cfg.fusion.regions = vec![cfg.fusion.regions.swap_remove(idx)];
     cfg.truth_of_region = vec![cfg.truth_of_region.swap_remove(idx)];
-    if !kind.uses_pose() {
+    if !kind.needs_joints() {
         cfg.fusion.regions[0].joints.clear();
         cfg.fusion.joint_sources.clear();
         cfg.joints.clear();
@@ -267,6 +278,7 @@ fn kind_name(kind: Kind) -> &'static str {
         Kind::PoseAware => "pose-aware",
         Kind::TactileOnly => "tactile-only",
         Kind::EarlyFusion => "early-fusion",
+        Kind::Adaptive => "adaptive",
     }
 }
 
@@ -278,6 +290,9 @@ struct Data {
     rate_hz: f64,
     glove: String,
     synthetic: bool,
+    /// Of the joints that a region needs; empty where it needs none.
+    pose_range: Vec<PoseRange>,
+    artifact: Option<Arc<ArtifactModel>>,
 }
 
 /// What the report says of a session.
@@ -295,7 +310,22 @@ impl Data {
     fn load(args: &Args, cfg: &Config, kind: Kind) -> Result<Self, Failure> {
         let bags = find_bags(&args.bags)?;
         let split = args.split.split(args.validation_share)?;
-        let loader = Loader::new(cfg, WINDOW, split)?;
+        let mut loader = Loader::new(cfg, WINDOW, split)?;
+        let (mut artifact, mut pose_range) = (None, Vec::new());
+        if kind == Kind::Adaptive {
+            // Once to learn what pose makes of the taxels, and once more by the core that takes it out.
+            let mut raw = Vec::new();
+            let mut bar = Bar::steps("artifact", bags.len() as u64);
+            for (idx, bag) in bags.iter().enumerate() {
+                raw.push(loader.load(bag)?.session);
+                bar.set(idx as u64 + 1);
+            }
+            drop(bar);
+            let found = Arc::new(fit_artifact(&raw, loader.rate_hz())?);
+            artifact = Some(Arc::clone(&found));
+            pose_range = train_pose_range(&raw);
+            loader = loader.with_artifact(found);
+        }
         let (mut sessions, mut notes): (Vec<Session>, Vec<SessionNotes>) = (Vec::new(), Vec::new());
         let mut bar = Bar::steps("read", bags.len() as u64);
         for (idx, bag) in bags.iter().enumerate() {
@@ -319,9 +349,13 @@ impl Data {
             window: WINDOW,
             stride: args.run.stride,
             eval_stride: EVAL_STRIDE,
+            outputs: 1,
             needs_pose: kind.uses_pose(),
         };
         let dataset = Dataset::new(sessions, spec)?;
+        if kind.uses_pose() {
+            pose_range = dataset.pose_range();
+        }
         say(&format!(
             "{}{}: {} windows to train on, {} to pick the best step, {} kept for the test",
             counted(notes.len() as u64, "session"),
@@ -330,7 +364,16 @@ impl Data {
             dataset.n_windows(Part::Validation),
             dataset.n_windows(Part::Test)
         ));
-        Ok(Data { dataset, notes, split, rate_hz: loader.rate_hz(), glove, synthetic })
+        Ok(Data { dataset, notes, split, rate_hz: loader.rate_hz(), glove, synthetic, pose_range, artifact })
+    }
+
+    /// What a taxel reads of a light touch, on average.
+    fn touch_scale(&self) -> f32 {
+        let of = |artifact: &Arc<ArtifactModel>| {
+            let sum: f64 = artifact.touch.iter().map(|touch| touch.abs()).sum();
+            (LIGHT_TOUCH_GF * sum / artifact.n_taxels as f64) as f32
+        };
+        self.artifact.as_ref().map_or(1.0, of)
     }
 
     /// In words, for the model's own metadata.
@@ -410,11 +453,12 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 /// The run as a person sees it: a bar, and a line with every look at the validation part.
 struct Shown {
     bar: Bar,
+    kind: Kind,
 }
 
 impl Shown {
-    fn new(steps: u64) -> Self {
-        Shown { bar: Bar::steps("train", steps) }
+    fn new(steps: u64, kind: Kind) -> Self {
+        Shown { bar: Bar::steps("train", steps), kind }
     }
 
     fn show(&mut self, progress: &Progress) {
@@ -422,13 +466,15 @@ impl Shown {
         let Some(validation) = &progress.validation else { return };
         let loss = &progress.loss;
         let percent = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.2} %", 100.0 * share));
+        let terms = match self.kind {
+            Kind::Adaptive => format!("touch {:.4}", loss.touch),
+            _ => format!("base {:.4}, artifact {:.4}", loss.base, loss.artifact),
+        };
         let mut line = format!(
-            "step {:>6}  loss {:.4} (force {:.4}, base {:.4}, artifact {:.4})  validation {:.4}, BA {}, MAE {:.1} gF",
+            "step {:>6}  loss {:.4} (force {:.4}, {terms})  validation {:.4}, BA {}, MAE {:.1} gF",
             progress.step,
             loss.total,
             loss.force,
-            loss.base,
-            loss.artifact,
             validation.loss,
             percent(validation.balanced_accuracy),
             validation.mae_gf

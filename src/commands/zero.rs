@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::{Failure, say};
 use crate::config::Config;
-use crate::glove::hashes;
+use crate::glove::known;
 use crate::model::ModelInfo;
 use crate::zero::{Wanted, Zero, find};
 
@@ -36,7 +36,7 @@ impl ZeroArgs {
 
     /// Finds the zero of a recording, and says what a person should know about it.
     pub(super) fn find(&self, cfg: &Config, bags: &[PathBuf], models: &[ModelInfo]) -> Result<Zero, Failure> {
-        let zero = find(self.wanted(), cfg, bags, &hashes(cfg, models))?;
+        let zero = find(self.wanted(), cfg, bags, &known(cfg, models))?;
         zero.notes.iter().for_each(|note| say(note));
         Ok(zero)
     }

@@ -18,7 +18,7 @@ use super::keys::{KEYS, ParamKey};
 use super::names::NodeName;
 use super::param_file::{Origin, ParamTree};
 use super::text::list;
-use crate::fusion::{ForceUnit, FusionConfig, Receipts, Timing};
+use crate::fusion::{Following, ForceUnit, FusionConfig, Receipts, Timing};
 use crate::model::{BackendChoice, ModelSpec, TensorNames};
 use crate::msg::binding::{JointFields, TaxelFields, Topic, TruthFields};
 use crate::units::{GramForce, Newton, from_millis};
@@ -160,7 +160,12 @@ impl Config {
         let regions = region::all(&reader, &region_names, &models, &tactile_sources, &joints)?;
         let calibration = calibration(&reader)?;
         let (timing, receipts) = (timing(&reader)?, Receipts::default());
-        let fusion = FusionConfig { tactile_sources, joint_sources, regions, timing, receipts, batch: 1 };
+        let following = match reader.text("adaptation")?.as_str() {
+            "none" => Following::Off,
+            "frozen" => Following::Frozen,
+            _ => Following::On,
+        };
+        let fusion = FusionConfig { tactile_sources, joint_sources, regions, timing, receipts, following, batch: 1 };
         Ok(Config {
             fusion,
             tactile,

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 pub use report::{Diff, Difference, Field, FieldDiff, FieldValue, Moment, OnlyIn, RegionDiff};
 
-use crate::fusion::{ContactEvent, Flags};
+use crate::fusion::{Adaptation, ContactEvent, Flags};
 use crate::units::{Newton, Stamp};
 use matching::{Matcher, Side};
 
@@ -46,6 +46,10 @@ pub struct EstimateRecord {
     pub off_threshold: Option<f64>,
     /// Minimal detectable force, N.
     pub mdf: Option<f64>,
+    /// What became of the artifact.
+    pub adaptation: Adaptation,
+    /// How far the artifact is from its calibration, as a share.
+    pub artifact_change: Option<f64>,
 }
 
 /// A comparison that can't be made.

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::artifact::Following;
 use super::geometry::Patch;
 use crate::units::Newton;
 
@@ -131,6 +132,8 @@ pub struct FusionConfig {
     pub timing: Timing,
     /// What the receipts of events say.
     pub receipts: Receipts,
+    /// What becomes of artifacts after the calibration, where models tell them.
+    pub following: Following,
     /// Frames run in one inference call; 1 gives each frame its own, and the same bytes live and offline.
     pub batch: usize,
 }

@@ -1,5 +1,6 @@
 //! What can be wrong with a setup, and what can fail while it runs.
 
+use super::artifact::ArtifactError;
 use super::calibration::Baseline;
 use super::config::{FusionConfig, RegionConfig, TactileSource};
 use super::regressor::{RegressError, Regressor};
@@ -32,6 +33,8 @@ pub enum SetupError {
         "baseline of tactile source {source_name} has {got} taxels, expected {expected}; calibrate this glove again"
     )]
     Baseline { source_name: String, expected: usize, got: usize },
+    #[error("artifact of region {region}: {error}; calibrate this glove again")]
+    Artifact { region: String, error: ArtifactError },
     #[error("baseline of tactile source {source_name} is not finite at taxel {taxel_idx}; calibrate this glove again")]
     BaselineNotFinite { source_name: String, taxel_idx: usize },
 }
@@ -54,11 +57,12 @@ pub(super) fn check_region(
     if contract.n_taxels != region.taxels.len() {
         return Err(SetupError::Taxels { region: name(), expected: contract.n_taxels, got: region.taxels.len() });
     }
-    if contract.n_joints == 0 && !region.joints.is_empty() {
+    if contract.n_region_joints() == 0 && !region.joints.is_empty() {
         return Err(SetupError::NoPose { region: name() });
     }
-    if contract.n_joints != region.joints.len() {
-        return Err(SetupError::Joints { region: name(), expected: contract.n_joints, got: region.joints.len() });
+    let n_joints = contract.n_region_joints();
+    if n_joints != region.joints.len() {
+        return Err(SetupError::Joints { region: name(), expected: n_joints, got: region.joints.len() });
     }
     if contract.joints.as_ref().is_some_and(|joints| *joints != region.joints) {
         let expected = contract.joints.clone().unwrap_or_default();

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::artifact::Adaptation;
 use super::contact::Contact;
 use super::event::TactileSourceIdx;
 use crate::units::{Newton, Stamp};
@@ -15,7 +16,8 @@ impl Flags {
     pub const WARMUP: Flags = Flags(1);
     /// There is no baseline to subtract: no estimate.
     pub const UNCALIBRATED: Flags = Flags(2);
-    /// The pose of some frame of the window is unknown or too old to be held: the base branch alone, or no estimate.
+    /// The pose of some frame of the window is unknown or too old to be held: the base branch alone, the artifact of the
+    /// last pose, or no estimate.
     pub const STALE_POSE: Flags = Flags(4);
     /// The tactile stream has stopped: no estimate.
     pub const STALE_TACTILE: Flags = Flags(8);
@@ -117,6 +119,11 @@ pub struct Estimate {
     pub pose_age_ns: Option<i64>,
     /// What to know before trusting it.
     pub flags: Flags,
+    /// What became of the artifact in its taxels.
+    pub adaptation: Adaptation,
+    /// How far the artifact is from its calibration: root mean square of the changes of its gains, as a share of that of the
+    /// gains; `None` where it is not taken out.
+    pub artifact_change: Option<f64>,
 }
 
 impl Estimate {

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::artifact::{Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, Following};
 use super::calibration::Baseline;
 use super::config::{RegionConfig, TactileSource};
 use super::contact::{ContactDetector, ContactEvent};
@@ -10,7 +11,7 @@ use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
 use super::joints::{JointTimelines, PoseTrust};
 use super::regressor::{Contract, PoseRange};
-use crate::units::{Newton, Stamp};
+use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
 /// What became of a region's frames. Every frame is counted in `estimates` or in exactly one of the five after it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -29,7 +30,8 @@ pub struct RegionCounters {
     pub non_finite: u64,
     /// Frames without one: the source stood still.
     pub frozen: u64,
-    /// Estimates of the base branch alone, because the pose was unknown or stale.
+    /// Estimates without the pose, because it was unknown or stale: of the base branch alone, or with the artifact of the
+    /// last pose.
     pub base_only: u64,
     /// Estimates with a pose that was held for longer than its source's rate explains.
     pub held_pose: u64,
@@ -58,6 +60,8 @@ pub(super) struct Readiness {
     pub(super) after_reset: bool,
     pub(super) pose_age_ns: Option<i64>,
     pub(super) flags: Flags,
+    pub(super) adaptation: Adaptation,
+    pub(super) artifact_change: Option<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -86,6 +90,13 @@ pub(super) struct Region {
     joints: Vec<usize>,
     pose_range: Option<Vec<PoseRange>>,
     has_base: bool,
+    artifact: Option<ArtifactFilter>,
+    adaptation: Adaptation,
+    /// When an artifact was taken out last.
+    corrected: Option<Stamp>,
+    frame_ns: f64,
+    /// Joints of the model's pose input: all of the region's, or none.
+    n_input_joints: usize,
     window: FeatureWindow,
     last: Option<LastGood>,
     last_tactile: Vec<f32>,
@@ -112,15 +123,22 @@ impl Region {
         contract: &Contract,
         joints: Vec<usize>,
         max_gap_ns: i64,
+        following: Following,
     ) -> Self {
-        let (n_taxels, n_joints) = (cfg.taxels.len(), joints.len());
+        let (n_taxels, n_joints, n_input_joints) = (cfg.taxels.len(), joints.len(), contract.n_joints);
+        let filter_of = |model: &_| ArtifactFilter::new(std::sync::Arc::clone(model), contract.rate_hz, following);
         Region {
             place,
             features: TaxelFeatures::new(cfg, source),
             joints,
             pose_range: contract.pose_range.clone(),
             has_base: contract.has_base,
-            window: FeatureWindow::new(contract.window, n_taxels, n_joints),
+            artifact: contract.artifact.as_ref().map(filter_of),
+            adaptation: Adaptation::default(),
+            corrected: None,
+            frame_ns: NANOS_PER_SEC as f64 / contract.rate_hz,
+            n_input_joints,
+            window: FeatureWindow::new(contract.window, n_taxels, n_input_joints),
             last: None,
             last_tactile: vec![0.0; n_taxels],
             tactile: vec![0.0; n_taxels],
@@ -138,7 +156,21 @@ impl Region {
     /// Takes note of a new baseline: frames that had another one subtracted are forgotten.
     pub(super) fn handle_baseline(&mut self, cfg: &RegionConfig, baseline: &Baseline) {
         self.faulty = cfg.taxels.iter().any(|&taxel_idx| baseline.faulty[taxel_idx]);
+        if let Some(artifact) = &mut self.artifact {
+            artifact.clear();
+        }
+        self.corrected = None;
         self.reset();
+    }
+
+    /// Takes the artifact of this donning, where the model tells artifacts.
+    pub(super) fn handle_artifact(&mut self, fit: ArtifactFit) -> Result<(), ArtifactError> {
+        self.artifact.as_mut().map_or(Ok(()), |artifact| artifact.handle_fit(fit))
+    }
+
+    /// The artifact of this donning as it is now.
+    pub(super) fn artifact(&self) -> Option<&ArtifactFilter> {
+        self.artifact.as_ref()
     }
 
     /// Takes a frame of the region's source, with what is wrong with its taxels, and says whether there is a window to run.
@@ -151,6 +183,7 @@ impl Region {
     ) -> Readiness {
         self.counters.frames += 1;
         self.faults = faults;
+        self.adaptation = self.artifact.as_ref().map(ArtifactFilter::idle).unwrap_or_default();
         let connected = self
             .last
             .as_ref()
@@ -169,9 +202,10 @@ impl Region {
             let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
             return self.no_estimate(Flags::NON_FINITE, pose_age_ns);
         }
+        self.correct(frame, joints);
         self.fill_up_to(frame, joints);
         let (trust, pose_age_ns) = self.read_pose(joints, frame.stamp);
-        self.window.push(&self.tactile, &self.pose, trust);
+        self.window.push(&self.tactile, &self.pose[..self.n_input_joints], trust);
         self.last = Some(LastGood { stamp: frame.stamp, epoch: frame.epoch, number: frame.number });
         self.last_tactile.copy_from_slice(&self.tactile);
         if !self.window.is_full() {
@@ -179,10 +213,11 @@ impl Region {
         }
         let mut flags = Flags::default();
         let trust = self.window.pose_trust();
-        let base_only = trust == PoseTrust::Stale;
-        if base_only {
+        let stale = trust == PoseTrust::Stale;
+        let base_only = stale && self.n_input_joints > 0;
+        if stale {
             flags.insert(Flags::STALE_POSE);
-            if !self.has_base {
+            if base_only && !self.has_base {
                 return self.no_estimate(flags, pose_age_ns);
             }
         } else {
@@ -194,7 +229,9 @@ impl Region {
             }
         }
         let after_reset = std::mem::take(&mut self.was_reset);
-        Readiness { run: true, base_only, after_reset, pose_age_ns, flags: self.with_fault(flags) }
+        let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
+        let artifact_change = self.artifact_change();
+        Readiness { run: true, base_only, after_reset, pose_age_ns, flags, adaptation, artifact_change }
     }
 
     /// The window that [`Region::handle_frame`] said to run.
@@ -225,7 +262,7 @@ impl Region {
         match force {
             Some(_) => {
                 counters.estimates += 1;
-                counters.base_only += u64::from(readiness.base_only);
+                counters.base_only += u64::from(flags.contains(Flags::STALE_POSE));
                 counters.held_pose += u64::from(flags.contains(Flags::HELD_POSE));
                 counters.pose_out_of_range += u64::from(flags.contains(Flags::POSE_OUT_OF_RANGE));
             }
@@ -241,12 +278,20 @@ impl Region {
         let contact = self.contact.handle_force(stamp, force);
         counters.onsets += u64::from(contact.event == ContactEvent::Onset);
         counters.offsets += u64::from(contact.event == ContactEvent::Offset);
-        Estimate { region: self.place.region, force, force_base, contact, pose_age_ns: readiness.pose_age_ns, flags }
+        let Readiness { pose_age_ns, adaptation, artifact_change, .. } = *readiness;
+        let region = self.place.region;
+        Estimate { region, force, force_base, contact, pose_age_ns, flags, adaptation, artifact_change }
     }
 
     fn no_estimate(&mut self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {
         let after_reset = std::mem::take(&mut self.was_reset);
-        Readiness { run: false, base_only: false, after_reset, pose_age_ns, flags: self.with_fault(flags) }
+        let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
+        let artifact_change = self.artifact_change();
+        Readiness { run: false, base_only: false, after_reset, pose_age_ns, flags, adaptation, artifact_change }
+    }
+
+    fn artifact_change(&self) -> Option<f64> {
+        self.artifact.as_ref().filter(|_| self.adaptation != Adaptation::Off).map(ArtifactFilter::change)
     }
 
     fn with_fault(&self, flags: Flags) -> Flags {
@@ -259,7 +304,26 @@ impl Region {
             self.counters.window_resets += 1;
         }
         self.window.clear();
+        if let Some(artifact) = &mut self.artifact {
+            artifact.restart();
+        }
         self.was_reset = true;
+    }
+
+    /// Takes the artifact of the region's joints out of the taxels.
+    fn correct(&mut self, frame: &Frame<'_>, joints: &JointTimelines) {
+        if self.artifact.is_none() {
+            return;
+        }
+        let (trust, _) = self.read_pose(joints, frame.stamp);
+        // Also after a gap: the glove was worn all the while.
+        let elapsed_ns = self.corrected.replace(frame.stamp).map_or(0, |last| frame.stamp.nanos_since(last));
+        let n_frames = (elapsed_ns as f64 / self.frame_ns).round().clamp(1.0, f64::from(i32::MAX)) as i32;
+        let may_learn = trust == PoseTrust::Fresh && self.faults.is_empty() && !self.faulty;
+        let pose = (trust != PoseTrust::Stale).then_some(self.pose.as_slice());
+        if let Some(artifact) = &mut self.artifact {
+            self.adaptation = artifact.correct(&mut self.tactile, pose, n_frames, may_learn);
+        }
     }
 
     /// Interpolates the frames that are missing since the last good one.
@@ -274,7 +338,7 @@ impl Region {
                 *between = (f64::from(before) + (f64::from(after) - f64::from(before)) * part) as f32;
             }
             let (trust, _) = self.read_pose(joints, last.stamp.offset((span_ns as f64 * part) as i64));
-            self.window.push(&self.between, &self.pose, trust);
+            self.window.push(&self.between, &self.pose[..self.n_input_joints], trust);
             self.counters.filled_frames += 1;
         }
     }

@@ -1,7 +1,9 @@
 //! What the fusion core asks of a force model: a contract that is known before the first window, and one batched run.
 
 use std::fmt::Debug;
+use std::sync::Arc;
 
+use super::artifact::ArtifactModel;
 use crate::units::{GramForce, Newton};
 
 /// The unit of a model's forces.
@@ -47,12 +49,22 @@ pub struct Contract {
     pub unit: ForceUnit,
     /// Whether the model also gives the force of its tactile branch alone, unmoved by pose.
     pub has_base: bool,
-    /// Joint names in the order of the pose input, where the model tells them.
+    /// What pose makes of the taxels, where the model tells it: it is taken out of them before they reach the model. The
+    /// joints of a region are its joints, then, also for a model without a pose input.
+    pub artifact: Option<Arc<ArtifactModel>>,
+    /// Joint names in the order of the region's joints, where the model tells them.
     pub joints: Option<Vec<String>>,
-    /// Per joint, in the order of the pose input, where the model tells it.
+    /// Per joint, in the order of the region's joints, where the model tells it.
     pub pose_range: Option<Vec<PoseRange>>,
     /// Minimum detectable force as measured when the model was trained, where the model tells it.
     pub mdf: Option<Newton>,
+}
+
+impl Contract {
+    /// Joint angles that a region needs: those of the pose input, and those that make the artifact.
+    pub fn n_region_joints(&self) -> usize {
+        self.artifact.as_ref().map_or(self.n_joints, |artifact| artifact.n_joints)
+    }
 }
 
 /// Windows in the model's own layout, one below the other.

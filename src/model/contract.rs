@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::error::{ModelError, one_line};
 use super::info::{Batch, Dim, Origin, TensorInfo, unit_name};
@@ -95,6 +96,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
         None => 0,
     };
     check_size(path, &tensors, window, n_taxels.max(n_joints))?;
+    check_artifact(path, metadata, n_taxels)?;
     check_joints(path, metadata, &tensors, n_joints)?;
     for (name, output) in tensors.outputs().iter().filter_map(|name| Some((name, named(&outputs, name)?))) {
         check_output(path, name, &output)?;
@@ -120,6 +122,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
         rate_hz,
         unit,
         has_base: tensors.base.is_some(),
+        artifact: metadata.artifact.clone().map(Arc::new),
         joints: metadata.joints.clone(),
         pose_range: metadata.pose_range.clone(),
         mdf: metadata.mdf,
@@ -238,7 +241,31 @@ fn check_size(path: &Path, tensors: &Tensors, window: usize, width: usize) -> Re
     }
 }
 
+/// The artifact is one of the model's taxels and of joints that are named.
+fn check_artifact(path: &Path, metadata: &Metadata, n_taxels: usize) -> Result<(), ModelError> {
+    let Some(artifact) = &metadata.artifact else { return Ok(()) };
+    let conflict = |first: String, second: String| {
+        let (path, remedy) = (path.to_path_buf(), "export it with metadata of its own".into());
+        Err(ModelError::Conflict { path, first, second, remedy })
+    };
+    if artifact.n_taxels != n_taxels {
+        let first = format!("metadata artifact is of {} taxels", artifact.n_taxels);
+        return conflict(first, format!("the model takes {n_taxels}"));
+    }
+    match &metadata.joints {
+        Some(joints) if joints.len() == artifact.n_joints => Ok(()),
+        joints => conflict(
+            format!("metadata artifact is of {} joints", artifact.n_joints),
+            format!("metadata joints names {}", joints.as_ref().map_or(0, Vec::len)),
+        ),
+    }
+}
+
 fn check_joints(path: &Path, metadata: &Metadata, tensors: &Tensors, n_joints: usize) -> Result<(), ModelError> {
+    let n_joints = match &metadata.artifact {
+        Some(artifact) if tensors.pose.is_none() => artifact.n_joints,
+        _ => n_joints,
+    };
     let counted = [
         ("joints names", metadata.joints.as_ref().map(Vec::len)),
         ("pose_range holds", metadata.pose_range.as_ref().map(Vec::len)),

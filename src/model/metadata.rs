@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::error::{ModelError, one_line};
 use super::onnx::StringStringEntryProto;
-use crate::fusion::{ForceUnit, PoseRange};
+use crate::fusion::{ArtifactModel, ForceUnit, PoseRange};
 use crate::units::{GramForce, Newton};
 
 /// The version of the contract that this build keeps, as `tpf.contract` tells it.
@@ -31,6 +31,8 @@ pub struct Metadata {
     pub joints: Option<Vec<String>>,
     /// `pose_range`: per joint, of the training data.
     pub pose_range: Option<Vec<PoseRange>>,
+    /// `artifact`: what pose makes of the taxels.
+    pub artifact: Option<ArtifactModel>,
     /// `metrics.mdf_gf`: minimum detectable force, as measured at training.
     pub mdf: Option<Newton>,
     /// Every entry as it stands in the file, our keys and others.
@@ -70,6 +72,7 @@ impl Metadata {
             "taxels" => self.n_taxels = Some(count(value)?),
             "joints" => self.joints = Some(joint_names(value)?),
             "pose_range" => self.pose_range = Some(pose_range(value)?),
+            "artifact" => self.artifact = Some(artifact(value)?),
             "metrics" => self.mdf = mdf(value)?,
             // glove, trained_on, tool_version are free text; foreign keys are none of our business.
             _ => {}
@@ -119,6 +122,13 @@ fn pose_range(value: &str) -> Result<Vec<PoseRange>, String> {
         return Err(expected());
     }
     Ok(ranges)
+}
+
+fn artifact(value: &str) -> Result<ArtifactModel, String> {
+    let expected = |error: String| format!("an artifact model as `tpf train` writes it ({})", one_line(&error));
+    let artifact: ArtifactModel = serde_json::from_str(value).map_err(|error| expected(error.to_string()))?;
+    artifact.check().map_err(|error| expected(error.to_string()))?;
+    Ok(artifact)
 }
 
 /// The MDF among the metrics. A `null` is a curve that never crossed 90 %: no MDF.
@@ -198,6 +208,13 @@ mod tests {
             ("pose_range", "[[1, 0]]", "[min, max] in rad"),
             ("pose_range", "[[1]]", "[min, max] in rad"),
             ("pose_range", "[]", "[min, max] in rad"),
+            ("artifact", "{}", "an artifact model as `tpf train` writes it"),
+            ("artifact", "[1", "an artifact model as `tpf train` writes it"),
+            (
+                "artifact",
+                r#"{"n_taxels":1,"n_joints":1,"shapes":[1,2,3],"gain_variance":[1],"slip":0.3,"slip_common":0.3,"slip_time_s":90,"touch":[1],"residual":[1]}"#,
+                "3 numbers in shapes, expected 4",
+            ),
             ("metrics", "[1]", "a JSON object"),
             ("metrics", r#"{"mdf_gf": -3}"#, "mdf_gf is a positive number"),
             ("metrics", r#"{"mdf_gf": "5"}"#, "mdf_gf is a positive number"),

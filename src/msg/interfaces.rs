@@ -52,6 +52,10 @@ pub struct ContactState {
     pub age: f64,
     /// Bits from [`WARMUP`](Self::WARMUP) on, or-ed.
     pub flags: u32,
+    /// One of [`ADAPTATION_OFF`](Self::ADAPTATION_OFF) and those after it.
+    pub adaptation: u8,
+    /// How far the artifact is from its calibration, as a share of its gains; NaN where it is not taken out.
+    pub artifact_change: f64,
 }
 
 impl ContactState {
@@ -61,6 +65,17 @@ impl ContactState {
     pub const ONSET: u8 = 1;
     /// `event`: contact became false in this frame.
     pub const OFFSET: u8 = 2;
+
+    /// `adaptation`: the model tells no artifact, or it is left in the taxels.
+    pub const ADAPTATION_OFF: u8 = 0;
+    /// `adaptation`: the artifact of the calibration is taken out, or without one that of the training donnings.
+    pub const ADAPTATION_FROZEN: u8 = 1;
+    /// `adaptation`: the artifact is taken out, and how it changes is followed.
+    pub const ADAPTATION_LEARNING: u8 = 2;
+    /// `adaptation`: the same, and this frame teaches nothing for sure.
+    pub const ADAPTATION_WAITING: u8 = 3;
+    /// `adaptation`: the same, and the artifact is as far from its calibration as it may go.
+    pub const ADAPTATION_CAPPED: u8 = 4;
 
     /// `flags`: the window of the model is not full yet.
     pub const WARMUP: u32 = 1;

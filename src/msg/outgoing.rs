@@ -4,7 +4,7 @@ mod gathering;
 
 use self::gathering::Gathering;
 use super::{ContactArray, ContactState, Header, Time, Vector3, Wrench, WrenchStamped, to_cdr_into};
-use crate::fusion::{ContactEvent, Contract, Estimate, FusionConfig, RegionConfig, Tick};
+use crate::fusion::{Adaptation, ContactEvent, Contract, Estimate, FusionConfig, RegionConfig, Tick};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
 /// Which of a node's topics a message is for.
@@ -170,6 +170,14 @@ impl Outgoing {
         state.pose_age = estimate.pose_age_ns.map_or(f64::NAN, |age_ns| age_ns as f64 * 1e-9);
         state.age = tick.age_ns.map_or(f64::NAN, |age_ns| age_ns as f64 * 1e-9);
         state.flags = estimate.flags.bits();
+        state.adaptation = match estimate.adaptation {
+            Adaptation::Off => ContactState::ADAPTATION_OFF,
+            Adaptation::Frozen => ContactState::ADAPTATION_FROZEN,
+            Adaptation::Learning => ContactState::ADAPTATION_LEARNING,
+            Adaptation::Waiting => ContactState::ADAPTATION_WAITING,
+            Adaptation::Capped => ContactState::ADAPTATION_CAPPED,
+        };
+        state.artifact_change = estimate.artifact_change.unwrap_or(f64::NAN);
     }
 
     /// The wrench of an estimate at `stamp`; `None` where there is no force, because a wrench has no way to say so.
@@ -190,6 +198,7 @@ fn silence(state: &mut ContactState) {
     state.pose_age = f64::NAN;
     state.age = f64::NAN;
     state.flags = ContactState::STALE_TACTILE;
+    (state.adaptation, state.artifact_change) = (ContactState::ADAPTATION_OFF, f64::NAN);
 }
 
 fn or_nan(force: Option<Newton>) -> f64 {

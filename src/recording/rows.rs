@@ -1,10 +1,12 @@
 //! Model input frame by frame, taken from the windows that the fusion core asks a model to run.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use crate::fusion::{
-    Contract, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError, SharedWindows, Tick,
+    ArtifactModel, Contract, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError,
+    SharedWindows, Tick,
 };
 use crate::units::Stamp;
 
@@ -65,17 +67,23 @@ impl Regressor for Tap {
 }
 
 impl RowCollector {
-    /// A collector for the only region of a configuration, and the core that feeds it, which still needs its baseline.
+    /// A collector for the only region of a configuration, and the core that feeds it, which still needs its baseline. With
+    /// an artifact the taxels of rows are without it, and rows have no pose.
     ///
     /// # Errors
     /// [`SetupError`] when the region doesn't fit its sources.
-    pub fn new(mut cfg: FusionConfig, window: usize, rate_hz: f64) -> Result<(Self, Fusion), SetupError> {
+    pub fn new(
+        mut cfg: FusionConfig,
+        window: usize,
+        rate_hz: f64,
+        artifact: Option<Arc<ArtifactModel>>,
+    ) -> Result<(Self, Fusion), SetupError> {
         cfg.batch = 1;
         cfg.regions.truncate(1);
         let (n_taxels, n_joints) = match cfg.regions.first_mut() {
             Some(region) => {
                 region.model = 0;
-                (region.taxels.len(), region.joints.len())
+                (region.taxels.len(), if artifact.is_some() { 0 } else { region.joints.len() })
             }
             None => (0, 0),
         };
@@ -86,6 +94,7 @@ impl RowCollector {
             rate_hz,
             unit: ForceUnit::GramForce,
             has_base: false,
+            artifact,
             joints: None,
             pose_range: None,
             mdf: None,

@@ -89,13 +89,21 @@ async fn conclude(
     cfg: crate::config::Config,
     purpose: Purpose,
 ) -> CalibrateResult {
+    // A tare keeps the gains that are known: in a few seconds the hand may not have moved.
+    let mut before = Vec::new();
+    if purpose == Purpose::Tare {
+        let (reply, artifacts) = oneshot::channel();
+        if shared.commands.send(Command::Artifacts(reply)).is_ok() {
+            before = artifacts.await.unwrap_or_default();
+        }
+    }
     let judging = tokio::task::spawn_blocking(move || {
         let judge = loading::fusion(&cfg).map(|(fusion, _)| fusion);
-        (judge.map(|judge| calibrator.finish(judge)), cfg)
+        (judge.map(|judge| calibrator.finish(judge, &before)), cfg)
     });
     let failed = |message: String| CalibrateResult { message, ..CalibrateResult::default() };
-    let (baselines, mut result, cfg) = match judging.await {
-        Ok((Ok((Some(baselines), result)), cfg)) => (baselines, result, cfg),
+    let (donning, mut result, cfg) = match judging.await {
+        Ok((Ok((Some(donning), result)), cfg)) => (donning, result, cfg),
         Ok((Ok((None, result)), _)) => return result,
         Ok((Err(reason), _)) => return failed(reason),
         Err(error) => return failed(error.to_string()),
@@ -103,7 +111,7 @@ async fn conclude(
     let what = if purpose == Purpose::Tare { "tared" } else { "calibrated" };
     let from = format!("{what} live from {} frames", result.frames);
     let (reply, installed) = oneshot::channel();
-    let told = shared.commands.send(Command::Baselines(baselines.clone(), from.clone(), reply));
+    let told = shared.commands.send(Command::Calibrated(Box::new(donning.clone()), from.clone(), reply));
     let gone = || Err("the thread that estimates has ended; restart the node".to_owned());
     let installed = if told.is_ok() { installed.await.unwrap_or_else(|_| gone()) } else { gone() };
     if let Err(message) = installed {
@@ -112,7 +120,7 @@ async fn conclude(
     let noted = std::mem::take(&mut result.message);
     result.message = if noted.is_empty() { from.clone() } else { format!("{from}; {noted}") };
     if purpose == Purpose::Calibrate {
-        let zero = Zero::new(ZeroFrom::Live { frames: result.frames }, baselines);
+        let zero = Zero::new(ZeroFrom::Live { frames: result.frames }, donning);
         let mut calibration = zero.to_calibration(&cfg, &shared.hashes.borrow());
         calibration.recorded = from;
         match &cfg.calibration.file {

@@ -5,12 +5,15 @@ use std::time::Duration;
 
 use crate::config::Config;
 use crate::fusion::{
-    Baseline, BaselineBuilder, CalibrationLimits, Event, Fusion, JointSample, JointSourceIdx, TactileBlock,
-    TactileSourceIdx,
+    ArtifactFit, Baseline, BaselineBuilder, CalibrationLimits, Event, Fusion, JointSample, JointSourceIdx,
+    TactileBlock, TactileSourceIdx,
 };
 use crate::msg::{CalibrateFeedback, CalibrateResult, Duration as WireDuration};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp, nanos};
-use crate::zero::{self, LoadCheck, Movement, Rest, ZeroFrom};
+use crate::zero::{self, ArtifactCollector, ArtifactTimes, Donning, LoadCheck, Movement, Rest, ZeroError, ZeroFrom};
+
+/// All of a calibration is at rest.
+const EVER: Rest = Rest { from: Stamp(i64::MIN), to: Stamp(i64::MAX) };
 
 /// An event that owns what it holds, so that it can be kept.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,10 +144,11 @@ impl Calibrator {
         }
     }
 
-    /// Ends it: the baselines that are to be used, or none where the result says why not.
+    /// Ends it: what is to be used, or nothing where the result says why not.
     ///
-    /// `judge` is a core of the same configuration that nothing was shown yet.
-    pub fn finish(self, judge: Fusion) -> (Option<Vec<Baseline>>, CalibrateResult) {
+    /// `judge` is a core of the same configuration that nothing was shown yet; `before` the artifacts that were known, one a
+    /// region, or none.
+    pub fn finish(self, judge: Fusion, before: &[Option<ArtifactFit>]) -> (Option<Donning>, CalibrateResult) {
         let (joints, joint_span) = self.movement.spans();
         let mut result = CalibrateResult {
             frames: self.frames,
@@ -154,14 +158,15 @@ impl Calibrator {
             source_taxels: self.source_taxels(),
             ..CalibrateResult::default()
         };
-        match self.judged(judge) {
-            Ok((baselines, noted)) => {
+        match self.judged(judge, before) {
+            Ok((donning, noted)) => {
+                let baselines = &donning.baselines;
                 result.success = true;
                 result.message = noted;
                 result.noise = baselines.iter().flat_map(|baseline| baseline.noise.iter().copied()).collect();
                 let faulty = baselines.iter().flat_map(|baseline| &baseline.faulty).zip(0_u32..);
                 result.faulty_taxels = faulty.filter(|(faulty, _)| **faulty).map(|(_, idx)| idx).collect();
-                (Some(baselines), result)
+                (Some(donning), result)
             }
             Err(reason) => {
                 result.noise = self.noise();
@@ -171,8 +176,8 @@ impl Calibrator {
         }
     }
 
-    /// The baselines, and what is to be said about them.
-    fn judged(&self, judge: Fusion) -> Result<(Vec<Baseline>, String), String> {
+    /// What was found, and what is to be said about it.
+    fn judged(&self, judge: Fusion, before: &[Option<ArtifactFit>]) -> Result<(Donning, String), String> {
         let limits = zero::limits(&self.cfg.calibration);
         let limits = CalibrationLimits { min_s: limits.min_s.min(self.duration.as_secs_f64() / 2.0), ..limits };
         if self.purpose == Purpose::Calibrate {
@@ -183,21 +188,44 @@ impl Calibrator {
         };
         let sources = &self.cfg.fusion.tactile_sources;
         let baselines: Vec<Baseline> = self.builders.iter().zip(sources).map(of_source).collect::<Result<_, _>>()?;
-        let noted = self.check_load(judge, &baselines, limits).map_err(|error| error.to_string())?;
-        Ok((baselines, noted.join("; ")))
+        let artifacts = self.artifacts(&judge, &baselines, limits, before).map_err(|error| error.to_string())?;
+        let donning = Donning { baselines, artifacts };
+        let noted = self.check_load(judge, &donning, limits).map_err(|error| error.to_string())?;
+        Ok((donning, noted.join("; ")))
+    }
+
+    /// The artifacts of what was collected, where models tell artifacts.
+    fn artifacts(
+        &self,
+        judge: &Fusion,
+        baselines: &[Baseline],
+        limits: CalibrationLimits,
+        before: &[Option<ArtifactFit>],
+    ) -> Result<Vec<Option<ArtifactFit>>, ZeroError> {
+        let of_region = |idx: usize| {
+            let contract = judge.contract(idx);
+            contract.artifact.clone().map(|artifact| (artifact, contract.rate_hz))
+        };
+        let artifacts: Vec<_> = (0..self.cfg.fusion.regions.len()).map(of_region).collect();
+        let rest = vec![vec![EVER]; baselines.len()];
+        let times = ArtifactTimes { most: self.duration, least_s: limits.min_s };
+        let mut collector = ArtifactCollector::new(&self.cfg.fusion, &artifacts, baselines, &rest, times)?;
+        for sample in self.samples.iter().take_while(|_| artifacts.iter().any(Option::is_some)) {
+            collector.handle(sample.event())?;
+        }
+        collector.finish(before)
     }
 
     /// Has the models read what was collected.
     fn check_load(
         &self,
         mut judge: Fusion,
-        baselines: &[Baseline],
+        donning: &Donning,
         limits: CalibrationLimits,
     ) -> Result<Vec<String>, Box<dyn std::error::Error>> {
-        zero::install(&mut judge, baselines)?;
-        let all = Rest { from: Stamp(i64::MIN), to: Stamp(i64::MAX) };
+        donning.install(&mut judge)?;
         let mut check =
-            LoadCheck::new(ZeroFrom::Live { frames: self.frames }, vec![vec![all]; baselines.len()], limits);
+            LoadCheck::new(ZeroFrom::Live { frames: self.frames }, vec![vec![EVER]; donning.baselines.len()], limits);
         for sample in &self.samples {
             judge.handle(sample.event());
             while let Some(tick) = judge.poll()? {

@@ -22,11 +22,11 @@ use super::outbox::{Origin, OutIdx, Outbox};
 use super::watchdog::{Silence, Watchdog};
 use super::watched::Watched;
 use crate::config::Config;
-use crate::fusion::{Baseline, ContactThresholds, Contract, Event, Fusion, Tick};
+use crate::fusion::{ArtifactFilter, ArtifactFit, ContactThresholds, Contract, Event, Fusion, Tick};
 use crate::msg::binding::SampleBinding;
 use crate::msg::{Outgoing, Slot, to_cdr};
 use crate::units::{Stamp, nanos};
-use crate::zero;
+use crate::zero::Donning;
 
 /// What is recorded, in the order in which it was handled.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,8 +61,10 @@ pub(super) enum Command {
     Active(bool),
     /// Contact thresholds, one a region.
     Thresholds(Vec<ContactThresholds>),
-    /// A baseline for each tactile source, and where they are from; answers whether they are in use.
-    Baselines(Vec<Baseline>, String, oneshot::Sender<Result<(), String>>),
+    /// What a calibration found, and where it is from; answers whether it is in use.
+    Calibrated(Box<Donning>, String, oneshot::Sender<Result<(), String>>),
+    /// Answers the artifacts that are in use, one a region.
+    Artifacts(oneshot::Sender<Vec<Option<ArtifactFit>>>),
     /// Send a copy of each sample there, until that end is dropped.
     Tap(mpsc::UnboundedSender<Sample>),
     /// The end.
@@ -191,6 +193,12 @@ impl Engine {
     }
 }
 
+/// The artifacts of a core as they are now, one a region.
+fn artifacts(fusion: &Fusion) -> Vec<Option<ArtifactFit>> {
+    let of_region = |idx| fusion.artifact(idx).and_then(ArtifactFilter::fit);
+    (0..fusion.config().regions.len()).map(of_region).collect()
+}
+
 impl Running {
     fn handle_command(&mut self, command: Command) {
         match command {
@@ -214,17 +222,20 @@ impl Running {
                     region.contact = thresholds;
                 }
             }
-            Command::Baselines(baselines, from, reply) => {
-                let _ = reply.send(self.install(&baselines, from)); // who asked may be gone
+            Command::Calibrated(donning, from, reply) => {
+                let _ = reply.send(self.install(&donning, from)); // who asked may be gone
+            }
+            Command::Artifacts(reply) => {
+                let _ = reply.send(self.core.as_ref().map(|core| artifacts(&core.fusion)).unwrap_or_default());
             }
             Command::Tap(tap) => self.tap = Some(tap),
             Command::Stop => {}
         }
     }
 
-    fn install(&mut self, baselines: &[Baseline], from: String) -> Result<(), String> {
+    fn install(&mut self, donning: &Donning, from: String) -> Result<(), String> {
         let core = self.core.as_mut().ok_or("the node is not configured any more; configure it and calibrate again")?;
-        zero::install(&mut core.fusion, baselines).map_err(|error| error.to_string())?;
+        donning.install(&mut core.fusion).map_err(|error| error.to_string())?;
         core.calibration = Some(from);
         Ok(())
     }

@@ -7,7 +7,7 @@ use super::engine::Core;
 use crate::config::Config;
 use crate::fusion::{Fusion, FusionConfig, Receipts};
 use crate::model::{self, ModelInfo};
-use crate::zero::{self, ModelHashes};
+use crate::zero::{self, KnownModels, ModelHashes};
 
 /// A core, and what is to be said about it.
 pub(super) struct Loaded {
@@ -33,17 +33,17 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
         notes.push((Severity::Info, format!("model {}: {path}{runs}", model.name)));
         notes.extend(info.notes.iter().map(|note| (Severity::Info, format!("model {}: {note}", model.name))));
     }
-    let hashes: ModelHashes =
-        cfg.models.iter().zip(&infos).map(|(model, info)| (model.name.clone(), info.sha256.clone())).collect();
+    let named = cfg.models.iter().map(|model| model.name.as_str()).zip(&infos);
+    let known = KnownModels::new(named.map(|(name, info)| (name, info.sha256.as_str(), &info.contract)));
     let mut installed = None;
     let uncalibrated = "until then no force is published: call ~/calibrate or ~/tare";
     match (calibration, &cfg.calibration.file) {
-        (Some(path), _) => installed = Some(install(&mut fusion, cfg, path, &hashes)?),
+        (Some(path), _) => installed = Some(install(&mut fusion, cfg, path, &known)?),
         (None, None) => notes.push((Severity::Warn, format!("calibration.file is not set; {uncalibrated}"))),
         (None, Some(path)) if !path.exists() => {
             notes.push((Severity::Warn, format!("{}: no calibration there yet; {uncalibrated}", path.display())));
         }
-        (None, Some(path)) => match install(&mut fusion, cfg, path, &hashes) {
+        (None, Some(path)) => match install(&mut fusion, cfg, path, &known) {
             Ok(found) => installed = Some(found),
             Err(reason) => notes.push((Severity::Error, format!("{reason}; {uncalibrated}"))),
         },
@@ -60,7 +60,7 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
         .zip(&infos)
         .map(|(model, info)| (model.name.clone(), format!("{} in {}", model.spec.path.display(), runs(info))));
     let core = Core { models: models.collect(), calibration: from, fusion };
-    Ok(Loaded { core, hashes, notes })
+    Ok(Loaded { core, hashes: known.hashes, notes })
 }
 
 /// A core that nothing was shown yet, without a baseline.
@@ -85,9 +85,9 @@ fn install(
     fusion: &mut Fusion,
     cfg: &Config,
     path: &Path,
-    hashes: &ModelHashes,
+    known: &KnownModels,
 ) -> Result<(String, Vec<String>), String> {
-    let zero = zero::from_file(path, cfg, hashes).map_err(|error| error.to_string())?;
+    let zero = zero::from_file(path, cfg, known).map_err(|error| error.to_string())?;
     zero.install(fusion).map_err(|error| error.to_string())?;
     Ok((path.display().to_string(), zero.notes))
 }

@@ -8,8 +8,8 @@ use super::{Labelled, NeedsTruth, SessionError, session_name};
 use crate::bag::{BagReader, ContactReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames};
-use crate::fusion::{Fusion, Regressor};
-use crate::glove::hashes;
+use crate::fusion::{Following, Fusion, Regressor};
+use crate::glove::known;
 use crate::model::ModelInfo;
 use crate::msg::{ContactArray, EstimateTopics, WireType};
 use crate::observer::{Observer, check};
@@ -71,15 +71,28 @@ pub fn run_models(
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
-    let zero = zero::find(zero, cfg, &bags, &hashes(cfg, infos)).map_err(|error| in_bag(&error))?;
+    let wanted = zero;
+    let zero = zero::find(wanted, cfg, &bags, &known(cfg, infos)).map_err(|error| in_bag(&error))?;
     zero.notes.iter().for_each(|note| observer.note(note));
     let offset_ns = cfg.fusion.tactile_sources.iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
     let mut columns: Vec<Vec<EstimateTrack>> =
         cores.iter().map(|core| vec![EstimateTrack::default(); core.cfg.fusion.regions.len()]).collect();
     let (mut fusions, mut kept) = (Vec::new(), Vec::new());
-    for core in cores {
+    let mut follows = false;
+    for (idx, core) in cores.into_iter().enumerate() {
         let mut fusion = Fusion::new(core.cfg.fusion.clone(), core.regressors)?;
-        zero.install(&mut fusion)?;
+        // The baseline is that of the glove, the artifact that of the model.
+        let tells_artifact = core.infos.iter().any(|info| info.contract.artifact.is_some());
+        match tells_artifact && idx > 0 {
+            true => {
+                let degrader =
+                    Some(PoseDegrader::new(core.quality, &core.cfg.fusion.joint_sources, &session_name(bag)));
+                let found = zero::find_with(wanted, &core.cfg, &bags, &known(&core.cfg, &core.infos), degrader);
+                found.map_err(|error| in_bag(&error))?.install(&mut fusion)?;
+            }
+            false => zero.install(&mut fusion)?,
+        }
+        follows |= tells_artifact && core.cfg.fusion.following == Following::On;
         fusions.push(fusion);
         kept.push((core.cfg, core.infos, core.quality));
     }
@@ -98,7 +111,8 @@ pub fn run_models(
             }
         },
         on_other: &mut |_| Ok(()),
-        is_wanted: &|stamp| labelled.is_wanted(stamp, offset_ns),
+        // What is followed depends on all that was worn before.
+        is_wanted: &|stamp| follows || labelled.is_wanted(stamp, offset_ns),
         pose: &mut pose,
         between: &mut |bytes| {
             done.fetch_add(bytes.saturating_sub(told), Ordering::Relaxed);

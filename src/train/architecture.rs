@@ -16,6 +16,13 @@ pub(super) const DILATIONS: [usize; 3] = [1, 2, 4];
 /// Taps of every convolution.
 pub(super) const TAPS: usize = 3;
 
+/// Channels and dilations of the causal network: the last frame sees as many frames as a window has, but for one.
+pub(super) const CAUSAL_CHANNELS: usize = 32;
+pub(super) const CAUSAL_DILATIONS: [usize; 5] = [1, 2, 4, 8, 16];
+
+/// Frames that the causal network needs for one force.
+pub(super) const CAUSAL_FRAMES: usize = 63;
+
 /// Hidden widths of the decoders. The paper gives two fully connected layers with a ReLU between, not their width.
 const BASE_HIDDEN: usize = 32;
 const FUSION_HIDDEN: usize = 64;
@@ -30,11 +37,18 @@ pub enum Kind {
     TactileOnly,
     /// One decoder over the concatenated features, which the paper found worse: kept for comparison.
     EarlyFusion,
+    /// A causal convolutional network over taxels that an artifact model was taken out of, with an output for touch.
+    Adaptive,
 }
 
 impl Kind {
     /// Whether the network takes joint angles.
     pub fn uses_pose(self) -> bool {
+        matches!(self, Kind::PoseAware | Kind::EarlyFusion)
+    }
+
+    /// Whether it is of use only with joint angles, in the network or before it.
+    pub fn needs_joints(self) -> bool {
         self != Kind::TactileOnly
     }
 }
@@ -54,6 +68,13 @@ pub struct Architecture {
     pub tactile_scale: f32,
     /// Multiplies what the force decoders give, in gF: they work on numbers about 1.
     pub force_scale: f32,
+    /// What a taxel reads of a light touch, for the causal network: it sees taxels in this unit too, up to 1 at most.
+    #[serde(default = "one")]
+    pub touch_scale: f32,
+}
+
+fn one() -> f32 {
+    1.0
 }
 
 /// A tensor of weights: its name, and its place in [`Network::values`](super::Network::values).
@@ -111,8 +132,12 @@ impl Architecture {
         if [self.window, self.n_taxels, self.n_joints].iter().any(|size| *size > 1 << 16) {
             return refuse("window, taxels and joints must be at most 65536");
         }
-        if ![self.tactile_scale, self.force_scale].iter().all(|scale| scale.is_finite() && *scale > 0.0) {
-            return refuse("tactile_scale and force_scale must be positive");
+        let scales = [self.tactile_scale, self.force_scale, self.touch_scale];
+        if !scales.iter().all(|scale| scale.is_finite() && *scale > 0.0) {
+            return refuse("tactile_scale, force_scale and touch_scale must be positive");
+        }
+        if self.kind == Kind::Adaptive && self.window < CAUSAL_FRAMES {
+            return refuse("an adaptive network needs a window of 63 frames or more");
         }
         Ok(())
     }
@@ -120,6 +145,15 @@ impl Architecture {
     /// The parameters in their order in [`Network::values`](super::Network::values).
     pub fn parameters(&self) -> Vec<Parameter> {
         let mut list = Layout::default();
+        if self.kind == Kind::Adaptive {
+            for (idx, _) in CAUSAL_DILATIONS.into_iter().enumerate() {
+                let n_in = if idx == 0 { 2 * self.n_taxels } else { CAUSAL_CHANNELS };
+                list.push(&format!("causal.conv{idx}"), &[CAUSAL_CHANNELS, n_in, TAPS]);
+            }
+            list.push_decoder("base", CAUSAL_CHANNELS, BASE_HIDDEN, 1);
+            list.push_decoder("touch", CAUSAL_CHANNELS, BASE_HIDDEN, 1);
+            return list.0;
+        }
         list.push("tactile.conv0", &[N_FEATURES, self.n_taxels, TAPS]);
         list.push_norm("tactile.norm", N_FEATURES);
         for idx in 1..=DILATIONS.len() {
@@ -142,7 +176,7 @@ impl Architecture {
             }
         }
         match self.kind {
-            Kind::TactileOnly => {}
+            Kind::TactileOnly | Kind::Adaptive => {}
             Kind::EarlyFusion => list.push_decoder("fused", 2 * N_FEATURES, FUSION_HIDDEN, 1),
             Kind::PoseAware => {
                 list.push_decoder("residual", 3 * N_FEATURES, FUSION_HIDDEN, 1);

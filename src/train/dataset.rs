@@ -30,13 +30,20 @@ pub struct WindowSpec {
     pub stride: usize,
     /// Frames from one window to the next where models are judged.
     pub eval_stride: usize,
+    /// Frames at the end of a window whose true force is learned.
+    #[serde(default = "one")]
+    pub outputs: usize,
     /// Whether the network takes joint angles.
     pub needs_pose: bool,
 }
 
+fn one() -> usize {
+    1
+}
+
 impl Default for WindowSpec {
     fn default() -> Self {
-        WindowSpec { window: 64, stride: 1, eval_stride: 1, needs_pose: true }
+        WindowSpec { window: 64, stride: 1, eval_stride: 1, outputs: 1, needs_pose: true }
     }
 }
 
@@ -70,6 +77,7 @@ impl Dataset {
         positive("window", spec.window)?;
         positive("stride", spec.stride)?;
         positive("eval_stride", spec.eval_stride)?;
+        positive("outputs", spec.outputs)?;
         check_widths(&sessions, spec.needs_pose)?;
 
         let mut parts = [Vec::new(), Vec::new(), Vec::new()];
@@ -88,6 +96,15 @@ impl Dataset {
         let dataset = Dataset { spec, sessions, parts, train_frames };
         dataset.check_windows()?;
         Ok(dataset)
+    }
+
+    /// The same sessions in longer windows, in each of which the last frames are all learned.
+    ///
+    /// # Errors
+    /// [`DatasetError`] when no stretch is long enough.
+    pub fn with_outputs(&self, outputs: usize) -> Result<Self, DatasetError> {
+        let window = self.spec.window + outputs - 1;
+        Dataset::new(self.sessions.clone(), WindowSpec { window, stride: outputs.div_ceil(2), outputs, ..self.spec })
     }
 
     /// How the windows were cut.
@@ -144,17 +161,7 @@ impl Dataset {
 
     /// Per joint, the span of the angles in the training part, rad.
     pub fn pose_range(&self) -> Vec<PoseRange> {
-        let mut ranges = vec![PoseRange { min: f64::INFINITY, max: f64::NEG_INFINITY }; self.n_joints()];
-        for (session, train) in self.sessions.iter().zip(&self.train_frames) {
-            let frames = session.frames().pose.chunks_exact(self.n_joints().max(1));
-            for frame in frames.zip(train).filter_map(|(frame, train)| train.then_some(frame)) {
-                for (range, angle) in ranges.iter_mut().zip(frame) {
-                    range.min = range.min.min(f64::from(*angle));
-                    range.max = range.max.max(f64::from(*angle));
-                }
-            }
-        }
-        ranges
+        pose_range(&self.sessions)
     }
 
     /// Puts windows of a part together. `smoothing_frames` is the width of the Gaussian of the auxiliary target.
@@ -206,6 +213,21 @@ impl Dataset {
         };
         Err(DatasetError::OneClass { class, threshold_gf: TOUCH_GF })
     }
+}
+
+/// Per joint, the span of the angles in the training part of sessions, rad.
+pub fn pose_range(sessions: &[Session]) -> Vec<PoseRange> {
+    let n_joints = sessions.first().map_or(0, Session::n_joints);
+    let mut ranges = vec![PoseRange { min: f64::INFINITY, max: f64::NEG_INFINITY }; n_joints];
+    for SessionFrames { pose, part, .. } in sessions.iter().map(Session::frames) {
+        let frames = pose.chunks_exact(n_joints.max(1)).zip(part).filter(|(_, part)| **part == Part::Train);
+        for (joint, angle) in frames.flat_map(|(frame, _)| frame.iter().enumerate()) {
+            let range = &mut ranges[joint];
+            range.min = range.min.min(f64::from(*angle));
+            range.max = range.max.max(f64::from(*angle));
+        }
+    }
+    ranges
 }
 
 fn check_widths(sessions: &[Session], needs_pose: bool) -> Result<(), DatasetError> {

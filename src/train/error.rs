@@ -132,6 +132,9 @@ pub enum TrainError {
     /// The data.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    #[error("no artifact model can be fitted: {what}")]
+    #[allow(missing_docs)] // the text says it
+    Artifact { what: String },
     /// The loss or a gradient is no number any more.
     #[error("the loss became {loss} at step {step}; lower the learning rate, and look for outliers in the recordings")]
     Diverged {

@@ -7,10 +7,11 @@ use serde_json::Value;
 use super::architecture::{Architecture, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, TAPS};
 use super::error::TrainError;
 use super::network::{NORM_EPSILON, Network};
-use crate::fusion::{ForceUnit, PoseRange};
+use crate::fusion::{ArtifactModel, ForceUnit, PoseRange};
 use crate::model::onnx::{Graph, Message, ModelProto};
 use crate::model::unit_name;
 
+mod causal;
 mod graph;
 mod pose;
 
@@ -36,6 +37,8 @@ pub struct ModelCard {
     pub joints: Vec<String>,
     /// Per joint, the span of the training data, rad; may be empty when unknown.
     pub pose_range: Vec<PoseRange>,
+    /// What pose makes of the taxels, for an adaptive network.
+    pub artifact: Option<ArtifactModel>,
     /// The glove that it is for.
     pub glove: String,
     /// What it was trained on, in words.
@@ -69,7 +72,12 @@ fn check_card(network: &Network, card: &ModelCard) -> Result<(), TrainError> {
     if !card.metrics.is_object() {
         return refuse("metrics must be a JSON object".to_string());
     }
-    if !kind.uses_pose() {
+    let n_joints = match (&card.artifact, kind) {
+        (Some(artifact), Kind::Adaptive) => artifact.n_joints,
+        (None, Kind::Adaptive) => return refuse("an adaptive network needs its artifact model".to_string()),
+        _ => n_joints,
+    };
+    if !kind.needs_joints() {
         return Ok(());
     }
     let distinct: std::collections::BTreeSet<&String> = card.joints.iter().collect();
@@ -91,12 +99,15 @@ fn metadata(network: &Network, card: &ModelCard) -> Vec<(&'static str, String)> 
         ("window", window.to_string()),
         ("taxels", n_taxels.to_string()),
     ];
-    if kind.uses_pose() {
+    if kind.needs_joints() {
         entries.push(("joints", Value::from(card.joints.clone()).to_string()));
         if !card.pose_range.is_empty() {
             let ranges = card.pose_range.iter().map(|range| Value::from(vec![range.min, range.max]));
             entries.push(("pose_range", Value::Array(ranges.collect()).to_string()));
         }
+    }
+    if let Some(artifact) = card.artifact.as_ref().filter(|_| kind == Kind::Adaptive) {
+        entries.push(("artifact", serde_json::to_string(artifact).unwrap_or_default()));
     }
     entries.push(("glove", card.glove.clone()));
     entries.push(("trained_on", card.trained_on.clone()));
@@ -115,9 +126,12 @@ struct Writer<'a> {
 impl Writer<'_> {
     fn write(&mut self) -> Result<(), TrainError> {
         let scale = self.network.architecture.force_scale;
+        if self.network.architecture.kind == Kind::Adaptive {
+            return self.causal();
+        }
         let touch = self.tactile_branch()?;
         match self.network.architecture.kind {
-            Kind::TactileOnly => self.decoder("base", &touch, scale, "force")?,
+            Kind::TactileOnly | Kind::Adaptive => self.decoder("base", &touch, scale, "force")?,
             Kind::EarlyFusion => {
                 let pose = self.pose_branch()?;
                 let fused = self.graph.concat("fused", &[&touch, &pose], 1);

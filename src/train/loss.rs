@@ -1,9 +1,10 @@
 //! The paper's losses (Sec. V, Training Objective).
 
+use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 
-use super::dataset::Batch;
+use super::dataset::{Batch, TOUCH_GF};
 use super::error::TrainError;
 use super::network::{Output, values};
 
@@ -15,6 +16,8 @@ pub struct LossConfig {
     pub base_weight: f32,
     /// The paper's lambda, weight of the zero-load tactile term; it depends on the glove, and 0 leaves it out.
     pub lambda: f32,
+    /// Weight of the cross-entropy of touch; 0 leaves it out. Only the causal network has an output for touch.
+    pub touch_weight: f32,
     /// What the denominator of the relative losses adds to the true force, gF. The paper's is 1, without a unit; read as
     /// 1 N it is 102 gF, read as 1 gF the network won't risk to report light touches (docs/validation).
     pub offset_gf: f32,
@@ -23,7 +26,7 @@ pub struct LossConfig {
 impl Default for LossConfig {
     fn default() -> Self {
         // The paper selects lambda by sweeping; with taxels scaled to about 1 both kinds of term are about 1 at the start.
-        LossConfig { base_weight: 1.0, lambda: 1.0, offset_gf: 102.0 }
+        LossConfig { base_weight: 1.0, lambda: 1.0, touch_weight: 0.3, offset_gf: 102.0 }
     }
 }
 
@@ -37,7 +40,9 @@ impl LossConfig {
             let got = self.offset_gf.to_string();
             return Err(TrainError::Setting { key: "offset_gf", got, expected: "a positive number" });
         }
-        for (key, weight) in [("base_weight", self.base_weight), ("lambda", self.lambda)] {
+        for (key, weight) in
+            [("base_weight", self.base_weight), ("lambda", self.lambda), ("touch_weight", self.touch_weight)]
+        {
             if !weight.is_finite() || weight < 0.0 {
                 return Err(TrainError::Setting { key, got: weight.to_string(), expected: "0 or a positive number" });
             }
@@ -55,6 +60,9 @@ pub struct LossTerms {
     pub base: f32,
     /// MAE of the decoded zero-load change, in units of the tactile scale; 0 where it is left out.
     pub artifact: f32,
+    /// Cross-entropy of touch; 0 where the network has no such output.
+    #[serde(default)]
+    pub touch: f32,
     /// Their weighted sum.
     pub total: f32,
 }
@@ -65,6 +73,7 @@ impl LossTerms {
         self.force += part.force;
         self.base += part.base;
         self.artifact += part.artifact;
+        self.touch += part.touch;
         self.total += part.total;
     }
 }
@@ -72,8 +81,8 @@ impl LossTerms {
 /// What the terms of a batch are measured by: all of its parts together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measure {
-    /// Windows of the batch.
-    pub(super) windows: usize,
+    /// True forces of the batch: one a window, or more where a window gives several forces.
+    pub(super) truths: usize,
     /// Those of them that are free of load.
     pub(super) zero_load: usize,
     /// The network's scale of taxels, in which the auxiliary decoder works.
@@ -88,12 +97,16 @@ pub(super) fn share(
     measure: Measure,
     device: &Device,
 ) -> (Tensor<1>, LossTerms) {
-    let truth = Tensor::<2>::from_data(TensorData::new(part.truth_gf.clone(), [part.n, 1]), device);
-    let force = relative_error(output.force, truth.clone(), cfg.offset_gf).sum() / measure.windows as f32;
+    let column = |values: Vec<f32>| {
+        let n = values.len();
+        Tensor::<2>::from_data(TensorData::new(values, [n, 1]), device)
+    };
+    let truth = column(part.truth_gf.clone());
+    let force = relative_error(output.force, truth.clone(), cfg.offset_gf).sum() / measure.truths as f32;
     let mut terms = LossTerms { force: scalar(&force), ..LossTerms::default() };
     let mut total = force;
     if let Some(base) = output.base.filter(|_| cfg.base_weight > 0.0) {
-        let base = relative_error(base, truth, cfg.offset_gf).sum() / measure.windows as f32;
+        let base = relative_error(base, truth, cfg.offset_gf).sum() / measure.truths as f32;
         terms.base = scalar(&base);
         total = total + base * cfg.base_weight;
     }
@@ -108,8 +121,27 @@ pub(super) fn share(
         terms.artifact = scalar(&artifact);
         total = total + artifact * cfg.lambda;
     }
+    if let Some(odds) = output.touch.filter(|_| cfg.touch_weight > 0.0) {
+        let target = column(part.truth_gf.iter().map(|truth| f32::from(u8::from(*truth >= TOUCH_GF))).collect());
+        let weight = column(part.truth_gf.iter().map(|truth| touch_weight(*truth)).collect());
+        // -log p of what is true, in a form that no large number overflows.
+        let entropy = relu(odds.clone()) - odds.clone() * target + (odds.abs().neg().exp() + 1.0).log();
+        let touch = (entropy * weight).sum() / measure.truths as f32;
+        terms.touch = scalar(&touch);
+        total = total + touch * cfg.touch_weight;
+    }
     terms.total = scalar(&total);
     (total, terms)
+}
+
+/// How much a frame counts in the cross-entropy of touch: light touches are what it is for, and a truth between nothing and
+/// touch says neither.
+fn touch_weight(truth_gf: f32) -> f32 {
+    match truth_gf {
+        faint if (0.2 * TOUCH_GF..TOUCH_GF).contains(&faint) => 0.0,
+        light if (TOUCH_GF..8.0 * TOUCH_GF).contains(&light) => 3.0,
+        _ => 1.0,
+    }
 }
 
 /// |F^ - F| / (offset + F) of each window. A truth below zero is what taring left, so it counts as no load.

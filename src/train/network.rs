@@ -12,6 +12,7 @@ use super::error::TrainError;
 use super::random::{Random, Stream};
 use crate::fusion::{Forces, Windows};
 
+mod causal;
 mod conv;
 mod flex;
 pub(super) mod lstm;
@@ -174,10 +175,12 @@ pub(super) struct Input {
 
 /// What a pass gives.
 pub(super) struct Output {
-    /// `[N, 1]`, gF.
+    /// `[N, 1]`, gF; of the causal network `[outputs * N, 1]`, time first.
     pub(super) force: Tensor<2>,
     /// `[N, 1]`, gF: the tactile branch alone.
     pub(super) base: Option<Tensor<2>>,
+    /// `[N, 1]`: log of the odds that there is touch.
+    pub(super) touch: Option<Tensor<2>>,
     /// `[L, N, T]`: the zero-load tactile change that the pose explains, in units of the tactile scale.
     pub(super) artifact: Option<Tensor<3>>,
     /// Mean and unbiased variance of the batch, when it was normalized by itself.
@@ -207,7 +210,8 @@ impl Weights<'_> {
     /// Windows turned time first. `tactile`: `[N, L, T]`, `pose`: `[N, L, P]`, both row-major.
     pub(super) fn input(&self, n: usize, tactile: Vec<f32>, pose: Vec<f32>) -> Input {
         let Architecture { window, n_taxels, n_joints, tactile_scale, kind, .. } = *self.architecture;
-        let mut tactile = time_first(&tactile, [n, window, n_taxels]);
+        let frames = if kind == Kind::Adaptive { tactile.len() / (n * n_taxels).max(1) } else { window };
+        let mut tactile = time_first(&tactile, [n, frames, n_taxels]);
         tactile.iter_mut().for_each(|value| *value /= tactile_scale);
         let pose = kind.uses_pose().then(|| {
             let pose = time_first(&pose, [n, window, n_joints]);
@@ -219,6 +223,9 @@ impl Weights<'_> {
     /// The paper's pass: base force from touch, residual from pose and touch, force as their difference.
     pub(super) fn forward(&self, input: Input, normalize: Normalize<'_>) -> Output {
         let scale = self.architecture.force_scale;
+        if self.architecture.kind == Kind::Adaptive {
+            return self.causal(input);
+        }
         let (touch, statistics) = self.tactile_features(input.n, input.tactile, normalize);
         let hidden = input.pose.map(|pose| self.pose_hidden(pose));
         let last = |hidden: &Tensor<3>| {
@@ -234,15 +241,21 @@ impl Weights<'_> {
                 let [frames, n, width] = hidden.dims();
                 let artifact = self.decode("auxiliary", hidden.reshape([frames * n, width]));
                 let artifact = artifact.reshape([frames, n, self.architecture.n_taxels]);
-                Output { force: base.clone() - residual, base: Some(base), artifact: Some(artifact), statistics }
+                Output {
+                    force: base.clone() - residual,
+                    base: Some(base),
+                    touch: None,
+                    artifact: Some(artifact),
+                    statistics,
+                }
             }
             (Kind::EarlyFusion, Some(hidden)) => {
                 let force = self.decode("fused", Tensor::cat(vec![touch, last(&hidden)], 1)) * scale;
-                Output { force, base: None, artifact: None, statistics }
+                Output { force, base: None, touch: None, artifact: None, statistics }
             }
             (_, _) => {
                 let force = self.decode("base", touch) * scale;
-                Output { force, base: None, artifact: None, statistics }
+                Output { force, base: None, touch: None, artifact: None, statistics }
             }
         }
     }

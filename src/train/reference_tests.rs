@@ -54,6 +54,7 @@ fn reference() -> Reference {
         n_joints: JOINTS,
         tactile_scale: TACTILE_SCALE,
         force_scale: 100.0,
+        touch_scale: 1.0,
     };
     let mut network = Network::new(architecture, 0).unwrap();
     let mut lcg = Lcg(7);
@@ -112,9 +113,11 @@ fn assert_summary(what: &str, got: &[f32], expected: &Value, probe: &[f32], tole
 }
 
 fn given(reference: &Reference) -> Given {
-    let cfg =
-        TrainConfig { loss: LossConfig { base_weight: 1.0, lambda: LAMBDA, offset_gf: 1.0 }, ..TrainConfig::default() };
-    let measure = Measure { windows: N, zero_load: 2, tactile_scale: TACTILE_SCALE };
+    let cfg = TrainConfig {
+        loss: LossConfig { base_weight: 1.0, lambda: LAMBDA, offset_gf: 1.0, ..LossConfig::default() },
+        ..TrainConfig::default()
+    };
+    let measure = Measure { truths: N, zero_load: 2, tactile_scale: TACTILE_SCALE };
     run_shard(&reference.network, &reference.batch, &cfg, measure, &Device::flex().autodiff())
 }
 
@@ -212,10 +215,10 @@ fn terms_that_are_left_out_have_no_gradient() {
     let reference = reference();
     let without = |loss: LossConfig| {
         let cfg = TrainConfig { loss, ..TrainConfig::default() };
-        let measure = Measure { windows: N, zero_load: 2, tactile_scale: TACTILE_SCALE };
+        let measure = Measure { truths: N, zero_load: 2, tactile_scale: TACTILE_SCALE };
         run_shard(&reference.network, &reference.batch, &cfg, measure, &Device::flex().autodiff())
     };
-    let no_artifact = without(LossConfig { base_weight: 1.0, lambda: 0.0, offset_gf: 1.0 });
+    let no_artifact = without(LossConfig { base_weight: 1.0, lambda: 0.0, offset_gf: 1.0, ..LossConfig::default() });
     assert_eq!(no_artifact.loss.artifact, 0.0);
     assert!((no_artifact.loss.total - no_artifact.loss.force - no_artifact.loss.base).abs() < 1e-5);
     for parameter in reference.network.architecture.parameters() {
@@ -224,8 +227,8 @@ fn terms_that_are_left_out_have_no_gradient() {
         let unused = parameter.name.starts_with("auxiliary") || parameter.name == "pose.lstm1.backward.weight_hh";
         assert_eq!(moves, !unused, "{}", parameter.name);
     }
-    let no_base = without(LossConfig { base_weight: 0.0, lambda: LAMBDA, offset_gf: 1.0 });
+    let no_base = without(LossConfig { base_weight: 0.0, lambda: LAMBDA, offset_gf: 1.0, ..LossConfig::default() });
     assert_eq!(no_base.loss.base, 0.0);
-    let half = without(LossConfig { base_weight: 0.5, lambda: 0.0, offset_gf: 1.0 });
+    let half = without(LossConfig { base_weight: 0.5, lambda: 0.0, offset_gf: 1.0, ..LossConfig::default() });
     assert!((half.loss.total - half.loss.force - 0.5 * half.loss.base).abs() < 1e-5);
 }

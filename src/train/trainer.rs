@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use burn::tensor::Device;
 
-use super::architecture::Architecture;
+use super::architecture::{Architecture, Kind};
 use super::dataset::Dataset;
 use super::error::TrainError;
 use super::loss::LossTerms;
@@ -30,6 +30,9 @@ pub use config::{Schedule, TrainConfig};
 #[cfg(test)]
 pub(super) use step::{Given, run_shard, track};
 pub use validation::{Validation, validate};
+
+/// Frames of a training window of the causal network whose force is learned: most of what they are computed from, they share.
+const OUTPUTS: usize = 64;
 
 /// What is known after a step.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +77,8 @@ pub struct Outcome {
 pub struct Trainer<'a> {
     cfg: TrainConfig,
     dataset: &'a Dataset,
+    /// What is trained on, where that is not `dataset`: windows that give several forces each.
+    long: Option<Dataset>,
     fingerprint: String,
     threads: usize,
     network: Network,
@@ -97,6 +102,11 @@ impl<'a> Trainer<'a> {
             n_joints: if cfg.kind.uses_pose() { dataset.n_joints() } else { 0 },
             tactile_scale: cfg.tactile_scale.unwrap_or_else(|| dataset.tactile_scale()),
             force_scale: cfg.force_scale,
+            touch_scale: cfg.touch_scale,
+        };
+        let long = match cfg.kind {
+            Kind::Adaptive => Some(dataset.with_outputs(OUTPUTS)?),
+            _ => None,
         };
         if cfg.kind.uses_pose() != dataset.spec().needs_pose {
             let what = "the dataset's needs_pose must be what the kind of network needs".to_string();
@@ -112,6 +122,7 @@ impl<'a> Trainer<'a> {
             best: None,
             cfg,
             dataset,
+            long,
             network,
             adam,
         })
@@ -199,7 +210,8 @@ impl<'a> Trainer<'a> {
 
     /// One step.
     fn step(&mut self) -> Result<Progress, TrainError> {
-        let n_windows = self.dataset.n_windows(Part::Train);
+        let dataset = self.long.as_ref().unwrap_or(self.dataset);
+        let n_windows = dataset.n_windows(Part::Train);
         let batch_len = self.cfg.batch.min(n_windows);
         let steps_per_epoch = (n_windows / batch_len) as u64;
         let order = self.order.of(self.cfg.seed, self.step / steps_per_epoch, n_windows);
@@ -207,7 +219,7 @@ impl<'a> Trainer<'a> {
         let windows = &order[start..start + batch_len];
 
         let device = Device::flex().autodiff();
-        let mut given = step::run(&self.network, self.dataset, windows, &self.cfg, self.threads, &device);
+        let mut given = step::run(&self.network, dataset, windows, &self.cfg, self.threads, &device);
         let gradient_norm = step::norm(&given.gradient);
         if !given.loss.total.is_finite() || !gradient_norm.is_finite() {
             return Err(TrainError::Diverged { step: self.step + 1, loss: given.loss.total });

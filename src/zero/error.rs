@@ -24,6 +24,18 @@ pub enum ZeroError {
         "the first {seconds} s are asked for as zero load and the recording has {got_s:.1} s; name a time at its begin in which nothing touches the glove"
     )]
     PastTheEnd { seconds: f64, got_s: f64 },
+    #[error(transparent)]
+    Setup(#[from] crate::fusion::SetupError),
+    #[error(transparent)]
+    Fusion(#[from] crate::fusion::FusionError),
+    #[error(
+        "region {region}: {got_s:.2} s at zero load came with joint angles, at least {need_s} s needed to find the artifact of this donning (calibration.min_s); check that the stamps of taxels and joints are of one clock, and move the hand in the air for longer"
+    )]
+    ArtifactTooShort { region: String, got_s: f64, need_s: f64 },
+    #[error("region {region}: {error}; calibrate again")]
+    Artifact { region: String, error: crate::fusion::ArtifactError },
+    #[error("{path}: region {region}: {error}; calibrate again")]
+    ArtifactInFile { path: PathBuf, region: String, error: crate::fusion::ArtifactError },
     #[error("region {region}: {error}")]
     Loaded { region: String, error: CalibrationError },
     #[error(

@@ -2,10 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{LoadCheck, ModelHashes, Zero, ZeroError, ZeroFrom, from_file, limits};
-use crate::bag::{BagReader, Baselines, Inputs, Rest, ZeroLoad, annotated_rest, collect_baselines};
+use super::{
+    ArtifactCollector, ArtifactTimes, Donning, KnownModels, LoadCheck, Zero, ZeroError, ZeroFrom, forgiven, from_file,
+    limits,
+};
+use crate::bag::{BagReader, Baselines, Input, Inputs, Rest, ZeroLoad, annotated_rest, collect_baselines};
 use crate::config::Config;
-use crate::recording::input_topics;
+use crate::fusion::Event;
+use crate::recording::{PoseDegrader, input_topics};
 
 /// How much of the seconds that are asked for must be there: frames may be missing, but not the end of what was meant.
 const SHORTEST: f64 = 0.5;
@@ -27,13 +31,27 @@ pub enum Wanted<'a> {
 /// # Errors
 /// [`ZeroError`] when the recording can't be read, what is at zero load in it is too short or has a dead taxel, or a file
 /// is refused.
-pub fn find(wanted: Wanted<'_>, cfg: &Config, bags: &[PathBuf], models: &ModelHashes) -> Result<Zero, ZeroError> {
+pub fn find(wanted: Wanted<'_>, cfg: &Config, bags: &[PathBuf], models: &KnownModels) -> Result<Zero, ZeroError> {
+    find_with(wanted, cfg, bags, models, None)
+}
+
+/// The same, with joint angles made worse on purpose.
+///
+/// # Errors
+/// As [`find`].
+pub fn find_with(
+    wanted: Wanted<'_>,
+    cfg: &Config,
+    bags: &[PathBuf],
+    models: &KnownModels,
+    pose: Option<PoseDegrader>,
+) -> Result<Zero, ZeroError> {
     let is_annotated =
         || Ok::<_, ZeroError>(Inputs::new(input_topics(cfg), &mut BagReader::open(bags)?)?.has_annotations());
     match (wanted, &cfg.calibration.file) {
         (Wanted::File(file), _) => of_file(file, cfg, bags, models, is_annotated()?),
         (Wanted::First(seconds), _) => {
-            let zero = from_bag(cfg, bags, ZeroLoad::First(seconds))?;
+            let zero = from_bag(cfg, bags, ZeroLoad::First(seconds), models, pose)?;
             match &zero.from {
                 ZeroFrom::First { seconds: got } if got.iter().all(|got_s| *got_s < SHORTEST * seconds) => {
                     let got_s = got.iter().copied().fold(0.0, f64::max);
@@ -42,11 +60,11 @@ pub fn find(wanted: Wanted<'_>, cfg: &Config, bags: &[PathBuf], models: &ModelHa
                 _ => Ok(zero),
             }
         }
-        (Wanted::Any, _) if is_annotated()? => from_bag(cfg, bags, ZeroLoad::Annotated),
+        (Wanted::Any, _) if is_annotated()? => from_bag(cfg, bags, ZeroLoad::Annotated, models, pose),
         (Wanted::Any, Some(file)) => of_file(file, cfg, bags, models, false),
         (Wanted::Any, None) => {
             let seconds = cfg.calibration.duration.as_secs_f64();
-            let mut zero = from_bag(cfg, bags, ZeroLoad::First(seconds))?;
+            let mut zero = from_bag(cfg, bags, ZeroLoad::First(seconds), models, pose)?;
             zero.notes.push(format!(
                 "no stage annotations on {} and no calibration file: taking the first {seconds} s as zero load",
                 cfg.stage_topic
@@ -61,7 +79,7 @@ fn of_file(
     file: &Path,
     cfg: &Config,
     bags: &[PathBuf],
-    models: &ModelHashes,
+    models: &KnownModels,
     is_annotated: bool,
 ) -> Result<Zero, ZeroError> {
     let mut zero = from_file(file, cfg, models)?;
@@ -74,7 +92,13 @@ fn of_file(
     Ok(zero)
 }
 
-fn from_bag(cfg: &Config, bags: &[PathBuf], zero_load: ZeroLoad) -> Result<Zero, ZeroError> {
+fn from_bag(
+    cfg: &Config,
+    bags: &[PathBuf],
+    zero_load: ZeroLoad,
+    models: &KnownModels,
+    pose: Option<PoseDegrader>,
+) -> Result<Zero, ZeroError> {
     let mut reader = BagReader::open(bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
     let limits = limits(&cfg.calibration);
@@ -84,8 +108,50 @@ fn from_bag(cfg: &Config, bags: &[PathBuf], zero_load: ZeroLoad) -> Result<Zero,
         ZeroLoad::Annotated => ZeroFrom::Annotations { seconds },
         ZeroLoad::First(_) => ZeroFrom::First { seconds },
     };
+    let mut donning = Donning { baselines, artifacts: Vec::new() };
+    let notes = fit_artifacts(&mut donning, cfg, bags, models, &rest, pose)?;
     let check = Some(check(&from, cfg, rest));
-    Ok(Zero { check, ..Zero::new(from, baselines) })
+    let notes = notes.into_iter().collect();
+    Ok(Zero { check, notes, ..Zero::new(from, donning) })
+}
+
+/// Finds the artifacts of the first seconds at rest, where models tell artifacts; what is to be said of it.
+fn fit_artifacts(
+    donning: &mut Donning,
+    cfg: &Config,
+    bags: &[PathBuf],
+    models: &KnownModels,
+    rest: &[Vec<Rest>],
+    mut pose: Option<PoseDegrader>,
+) -> Result<Option<String>, ZeroError> {
+    let artifacts = models.artifacts_of_regions(cfg);
+    if artifacts.iter().all(Option::is_none) {
+        return Ok(None);
+    }
+    let times = ArtifactTimes { most: cfg.calibration.duration, least_s: cfg.calibration.min_duration.as_secs_f64() };
+    let mut collector = ArtifactCollector::new(&cfg.fusion, &artifacts, &donning.baselines, rest, times)?;
+    let mut reader = BagReader::open(bags)?;
+    let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    'bag: while let Some(message) = reader.next_message()? {
+        for part in inputs.parts(message.channel)? {
+            let Input::Event(event) = inputs.decode(&message, part) else { continue };
+            let event = match (event, &mut pose) {
+                (Event::Joints(sample), Some(degrader)) => degrader.handle(sample).map(Event::Joints),
+                (event, _) => Some(event),
+            };
+            if let Some(event) = event {
+                collector.handle(event)?;
+            }
+            if !collector.wants_more() {
+                break 'bag;
+            }
+        }
+    }
+    match collector.finish(&[]) {
+        Ok(artifacts) => donning.artifacts = artifacts,
+        Err(error) => return forgiven(cfg, error),
+    }
+    Ok(None)
 }
 
 fn check(from: &ZeroFrom, cfg: &Config, rest: Vec<Vec<Rest>>) -> LoadCheck {

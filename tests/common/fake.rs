@@ -29,6 +29,7 @@ pub fn contract(window: usize, n_taxels: usize, n_joints: usize) -> Contract {
         unit: ForceUnit::Newton,
         has_base: true,
         joints: None,
+        artifact: None,
         pose_range: None,
         mdf: None,
     }
@@ -96,6 +97,7 @@ pub fn config(n_taxels: usize, regions: Vec<RegionConfig>) -> FusionConfig {
         regions,
         timing: timing(),
         receipts: Receipts::Unknown,
+        following: Following::default(),
         batch: 1,
     }
 }

@@ -61,6 +61,8 @@ class ContactState(IdlStruct, typename="tactile_pose_fusion.msg.dds_.ContactStat
     pose_age: float64
     age: float64
     flags: uint32
+    adaptation: uint8
+    artifact_change: float64
 
 
 @dataclass

@@ -43,7 +43,9 @@ pub fn split_session(name: &str, parts: &[(Part, usize)]) -> Session {
 
 /// Everything is trained on, nothing kept apart.
 pub fn all_of_it(kind: Kind) -> WindowSpec {
-    WindowSpec { window: WINDOW, needs_pose: kind.uses_pose(), ..WindowSpec::default() }
+    // The causal network needs as many frames as it sees.
+    let window = if kind == Kind::Adaptive { 64 } else { WINDOW };
+    WindowSpec { window, needs_pose: kind.uses_pose(), ..WindowSpec::default() }
 }
 
 pub fn dataset(kind: Kind, n: usize) -> Dataset {

@@ -11,7 +11,7 @@ use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{Args, verdict};
 use crate::config::{Config, ParamTree};
 use crate::fusion::Fusion;
-use crate::glove::hashes;
+use crate::glove::known;
 use crate::ros::definitions::Definitions;
 use crate::ros::{
     Calibrator, Delivery, Heard, HeardTopic, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings,
@@ -115,15 +115,15 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
             silent.topic()
         )));
     }
-    let (baselines, result) = calibrator.finish(judge);
-    let Some(baselines) = baselines else {
+    let (donning, result) = calibrator.finish(judge, &[]);
+    let Some(donning) = donning else {
         return Err(Failure(format!("not calibrated: {}", result.message)));
     };
     if !result.message.is_empty() {
         say(&result.message);
     }
-    let taken = Zero::new(ZeroFrom::Live { frames: result.frames }, baselines);
-    let calibration = taken.to_calibration(&cfg, &hashes(&cfg, &models.infos));
+    let taken = Zero::new(ZeroFrom::Live { frames: result.frames }, donning);
+    let calibration = taken.to_calibration(&cfg, &known(&cfg, &models.infos).hashes);
     calibration.save(&args.output)?;
     let mut told = format!("{}: zero from {}\n", shown(&args.output), taken.from);
     told += &verdict(&calibration);

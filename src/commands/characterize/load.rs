@@ -128,7 +128,7 @@ impl Loader<'_> {
         let (mut collectors, mut cores) = (Vec::new(), Vec::new());
         for region in &self.cfg.fusion.regions {
             let rate_hz = self.rate_hz(region, scan);
-            let (rows, mut fusion) = RowCollector::new(self.core_of(region), window(self.cfg, rate_hz), rate_hz)?;
+            let (rows, mut fusion) = RowCollector::new(self.core_of(region), window(self.cfg, rate_hz), rate_hz, None)?;
             zero.install(&mut fusion)?;
             collectors.push(rows);
             cores.push(fusion);

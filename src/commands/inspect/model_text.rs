@@ -31,15 +31,21 @@ pub(super) fn text(model: &ModelInfo) -> String {
     line("taxels", &contract.n_taxels.to_string());
     line(
         "joints",
-        &match (&contract.joints, contract.n_joints) {
+        &match (&contract.joints, contract.n_region_joints()) {
             (_, 0) => "none: a model without pose".to_owned(),
             (Some(joints), n) => format!("{n}: {}", joints.join(", ")),
             (None, n) => format!("{n}, which the model doesn't name"),
         },
     );
+    if contract.artifact.is_some() {
+        line("artifact", "told: what these joints make of the taxels is taken out of them, and followed");
+    }
     line("rate", &format!("{} Hz, {}", number(contract.rate_hz), origin(model.rate_from)));
     line("unit", &format!("{}, {}", unit_name(contract.unit), origin(model.unit_from)));
     let base = match (contract.has_base, contract.n_joints) {
+        (false, 0) if contract.artifact.is_some() => {
+            "not given: where pose is missing, the artifact of the last angles is used"
+        }
         (true, _) => "given: force of the tactile branch alone, used where pose is missing",
         (false, 0) => "not needed without pose",
         (false, _) => "not given: no estimate where pose is missing",

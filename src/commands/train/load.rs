@@ -1,17 +1,19 @@
 //! From bags to sessions that can be trained on: every column by the core that also runs live.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::super::sessions::{Stopped, session_name};
 use super::super::setup::input_topics;
-use super::super::zero::ZeroArgs;
 use super::super::{Failure, interrupt, say};
 use crate::bag::{BagReader, Inputs};
 use crate::config::Config;
 use crate::eval::Split;
+use crate::fusion::{ArtifactModel, Following, FusionConfig};
 use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, aligned, read};
 use crate::train::{Session, SessionFrames};
 use crate::units::Stamp;
+use crate::zero::{self, KnownModels, Wanted};
 
 /// Frames a second where neither parameters nor a model say it; the paper's.
 const DEFAULT_RATE_HZ: f64 = 100.0;
@@ -27,6 +29,7 @@ pub(super) struct Loader<'c> {
     window: usize,
     split: Split,
     rate_hz: f64,
+    artifact: Option<Arc<ArtifactModel>>,
 }
 
 /// A session, and what was noted about it.
@@ -49,7 +52,12 @@ impl<'c> Loader<'c> {
             )));
         };
         let rate_hz = cfg.models[region.model].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
-        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz })
+        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None })
+    }
+
+    /// The same, of taxels that this artifact was taken out of, followed as while the glove is worn.
+    pub(super) fn with_artifact(self, artifact: Arc<ArtifactModel>) -> Self {
+        Loader { artifact: Some(artifact), ..self }
     }
 
     /// Model frames a second.
@@ -71,8 +79,16 @@ impl<'c> Loader<'c> {
                 self.cfg.stage_topic
             ))));
         }
-        let zero = ZeroArgs::first(None).find(self.cfg, &bags, &[]).map_err(in_bag)?;
-        let (mut rows, fusion) = RowCollector::new(self.cfg.fusion.clone(), self.window, self.rate_hz)?;
+        let known = KnownModels {
+            artifacts: self.cfg.models.iter().map(|_| self.artifact.clone().map(|of| (of, self.rate_hz))).collect(),
+            ..KnownModels::default()
+        };
+        let zero = zero::find(Wanted::Any, self.cfg, &bags, &known).map_err(|error| in_bag(error.into()))?;
+        zero.notes.iter().for_each(|note| say(note));
+        // What is trained on is followed, whatever the parameters of a node say.
+        let fusion = FusionConfig { following: Following::On, ..self.cfg.fusion.clone() };
+        let artifact = self.artifact.clone();
+        let (mut rows, fusion) = RowCollector::new(fusion, self.window, self.rate_hz, artifact)?;
         let mut cores = [fusion];
         zero.install(&mut cores[0])?;
         let mut labels = Labels::new(&self.cfg.truth_sources[self.truth_idx..=self.truth_idx]);
@@ -106,7 +122,8 @@ impl<'c> Loader<'c> {
     /// Puts rows and labels together.
     fn session(&self, name: String, labels: &Labels, rows: Rows) -> Result<LoadedSession, Failure> {
         let region = &self.cfg.fusion.regions[self.region_idx];
-        let (n_taxels, n_joints) = (region.taxels.len(), region.joints.len());
+        let n_joints = if self.artifact.is_some() { 0 } else { region.joints.len() };
+        let n_taxels = region.taxels.len();
         let track = &labels.truth[0];
         let end = track.span().map_or(Stamp(i64::MIN), |(_, last)| last);
         let tare = track

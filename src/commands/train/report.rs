@@ -110,6 +110,7 @@ impl Report {
                 force: mean(|loss| loss.force),
                 base: mean(|loss| loss.base),
                 artifact: mean(|loss| loss.artifact),
+                touch: mean(|loss| loss.touch),
                 total: mean(|loss| loss.total),
             };
             run.curve.push(Point { step: progress.step, learning_rate: progress.learning_rate, loss });

@@ -307,6 +307,14 @@ pub static KEYS: &[ParamKey] = &[
         .range(CONTACT_FRAMES)
         .unit("frames")
         .at_run_time(),
+    // Artifacts.
+    ParamKey::new(
+        "adaptation",
+        Kind::Str,
+        Str("follow"),
+        "Of models that tell what pose makes of the taxels: follow how that changes while the glove is worn; frozen: keep the calibration; none: leave it in the taxels",
+    )
+    .range(OneOf(&["follow", "frozen", "none"])),
     // Time.
     ParamKey::new(
         "timing.max_gap_ms",

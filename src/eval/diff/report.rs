@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::EstimateRecord;
-use crate::fusion::ContactEvent;
+use crate::fusion::{Adaptation, ContactEvent};
 use crate::units::Newton;
 
 /// A point of a series: stamps repeat where time jumps back, so it takes the epoch too.
@@ -36,11 +36,13 @@ pub enum Field {
     OnThreshold,
     OffThreshold,
     Mdf,
+    Adaptation,
+    ArtifactChange,
 }
 
 impl Field {
     /// All, in the order of `EstimateRecord`.
-    pub const ALL: [Field; 14] = [
+    pub const ALL: [Field; 16] = [
         Field::Force,
         Field::ForceBase,
         Field::Artifact,
@@ -55,6 +57,8 @@ impl Field {
         Field::OnThreshold,
         Field::OffThreshold,
         Field::Mdf,
+        Field::Adaptation,
+        Field::ArtifactChange,
     ];
 
     /// Its name, as in `EstimateRecord`.
@@ -74,6 +78,8 @@ impl Field {
             Field::OnThreshold => "on_threshold",
             Field::OffThreshold => "off_threshold",
             Field::Mdf => "mdf",
+            Field::Adaptation => "adaptation",
+            Field::ArtifactChange => "artifact_change",
         }
     }
 
@@ -97,6 +103,14 @@ impl Field {
             Field::OnThreshold => FieldValue::force(record.on_threshold),
             Field::OffThreshold => FieldValue::force(record.off_threshold),
             Field::Mdf => FieldValue::force(record.mdf),
+            Field::Adaptation => FieldValue::Text(match record.adaptation {
+                Adaptation::Off => "off",
+                Adaptation::Frozen => "frozen",
+                Adaptation::Learning => "learning",
+                Adaptation::Waiting => "waiting",
+                Adaptation::Capped => "capped",
+            }),
+            Field::ArtifactChange => record.artifact_change.map_or(FieldValue::Missing, FieldValue::Share),
         }
     }
 }
@@ -115,6 +129,8 @@ pub enum FieldValue {
     State(bool),
     /// Flags as on the wire.
     Bits(u32),
+    /// A share; not NaN.
+    Share(f64),
     /// A word.
     Text(&'static str),
     /// No value.

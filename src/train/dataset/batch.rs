@@ -11,7 +11,7 @@ pub struct Batch {
     pub tactile: Vec<f32>,
     /// `[N, L, P]`, rad; empty for a network without pose.
     pub pose: Vec<f32>,
-    /// `[N]`, gF, at the last frame.
+    /// `[outputs, N]`, gF, at the last frames: of one of them `[N]`.
     pub truth_gf: Vec<f32>,
     /// `[N]`: whether every frame of the window is free of load.
     pub zero_load: Vec<bool>,
@@ -76,7 +76,6 @@ pub(super) fn assemble(dataset: &Dataset, windows: &[WindowIdx], smoothing_frame
         let tactile = &frames.tactile[range.start * n_taxels..range.end * n_taxels];
         batch.tactile.extend_from_slice(tactile);
         batch.pose.extend_from_slice(&frames.pose[range.start * n_joints..range.end * n_joints]);
-        batch.truth_gf.push(frames.truth_gf[idx.end as usize]);
         let zero_load = frames.zero_load[range].iter().all(|zero_load| *zero_load);
         batch.zero_load.push(zero_load);
         if let (true, Some(sigma)) = (zero_load, smoothing_frames) {
@@ -86,6 +85,10 @@ pub(super) fn assemble(dataset: &Dataset, windows: &[WindowIdx], smoothing_frame
                 batch.artifact[start..start + n_taxels].copy_from_slice(row);
             }
         }
+    }
+    for back in (0..dataset.spec.outputs).rev() {
+        let truth = |idx: &WindowIdx| dataset.session(idx).frames().truth_gf[idx.end as usize - back];
+        batch.truth_gf.extend(windows.iter().map(truth));
     }
     batch
 }

@@ -77,7 +77,7 @@ impl Graph {
             ValueInfoProto::float32(name, dims.to_vec())
         };
         let made = |name: &str| self.nodes.iter().any(|node| node.output.iter().any(|output| output == name));
-        let outputs = ["force", "force_base", "force_residual"].into_iter().filter(|name| made(name));
+        let outputs = ["force", "force_base", "force_residual", "touch"].into_iter().filter(|name| made(name));
         let dims = vec![DimensionProto::named("N"), DimensionProto::fixed(1)];
         let output = outputs.map(|name| ValueInfoProto::float32(name, dims.clone())).collect();
         let mut inputs = vec![input("tactile", n_taxels)];

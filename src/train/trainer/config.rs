@@ -66,6 +66,8 @@ pub struct TrainConfig {
     pub force_scale: f32,
     /// See [`Architecture::tactile_scale`](super::super::Architecture::tactile_scale); by default that of the data.
     pub tactile_scale: Option<f32>,
+    /// What a taxel reads of a light touch, for the causal network.
+    pub touch_scale: f32,
     /// Steps from one look at the validation part to the next.
     pub validate_every: u64,
     /// Steps from one checkpoint to the next.
@@ -86,6 +88,7 @@ impl Default for TrainConfig {
             smoothing_frames: 2.0,
             force_scale: 100.0,
             tactile_scale: None,
+            touch_scale: 1.0,
             validate_every: 250,
             checkpoint_every: 250,
         }

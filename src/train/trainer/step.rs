@@ -35,7 +35,7 @@ pub(super) fn run(
         .map(|windows| dataset.batch(Part::Train, windows, smoothing))
         .collect();
     let measure = Measure {
-        windows: windows.len(),
+        truths: windows.len() * dataset.spec().outputs,
         zero_load: shards.iter().flat_map(|shard| &shard.zero_load).filter(|zero_load| **zero_load).count(),
         tactile_scale: network.architecture.tactile_scale,
     };

@@ -1,0 +1,126 @@
+//! Pose-related artifacts: what a region's taxels read because joints bend, and how it is taken out of them.
+//!
+//! Above their zero the taxels of a region read
+//!
+//! ```text
+//! y_i = sum_j g_ij h_ij(angle j and its history) + o_i + k_i f + noise
+//! ```
+//!
+//! Training knows the shapes `h`, how a light touch spreads over the taxels `k`, and how gains vary ([`ArtifactModel`]). The
+//! calibration of a donning finds its gains `g` and offsets `o` ([`ArtifactFitter`]). Gains wander while the glove is worn: an
+//! [`ArtifactFilter`] follows them, together with the touch `f`, so that a touch is not learned as a change of gains.
+
+mod filter;
+mod fit;
+mod history;
+
+use serde::{Deserialize, Serialize};
+
+pub use filter::{Adaptation, ArtifactFilter, Following};
+pub use fit::{ArtifactFit, ArtifactFitter};
+pub use history::JointHistory;
+
+/// Functions of a joint angle that a shape is a sum of: the angle, its square, and how far its means over the two spans of
+/// [`HISTORY_S`] lie from it.
+pub const ARTIFACT_BASIS: usize = 4;
+
+/// Time constants of the means over a joint's past, s: skin and foam that settle within a movement, and over a grasp.
+pub const HISTORY_S: [f64; 2] = [0.35, 2.5];
+
+/// The most gains that are followed: the cost of a step grows with their square.
+const MAX_GAINS: usize = 400;
+
+/// What training knows of the artifact of a region.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArtifactModel {
+    /// Taxels of the region.
+    pub n_taxels: usize,
+    /// Joints of the region.
+    pub n_joints: usize,
+    /// `[taxels, joints, ARTIFACT_BASIS]`, taxel units: the shapes of a donning whose gains are 1.
+    pub shapes: Vec<f64>,
+    /// `[taxels, joints]`: variance of the gains over donnings; their mean is 1.
+    pub gain_variance: Vec<f64>,
+    /// Standard deviation of a gain over minutes of one donning, as a share of the gain.
+    pub slip: f64,
+    /// How much of that change all taxels of a joint share, 0 to 1.
+    pub slip_common: f64,
+    /// Time constant of that change, s.
+    pub slip_time_s: f64,
+    /// `[taxels]`, taxel units for each gF: how a light touch spreads.
+    pub touch: Vec<f64>,
+    /// `[taxels]`, taxel units squared: variance of what shapes and gains don't explain without load.
+    pub residual: Vec<f64>,
+}
+
+/// An artifact model, a fit of it or a state that can't be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ArtifactError(pub(super) String);
+
+impl ArtifactModel {
+    /// Number of gains.
+    pub fn n_gains(&self) -> usize {
+        self.n_taxels * self.n_joints
+    }
+
+    /// Checks that all parts have their sizes and are numbers that can be worked with.
+    ///
+    /// # Errors
+    /// [`ArtifactError`], whose text says what was expected.
+    pub fn check(&self) -> Result<(), ArtifactError> {
+        let refuse = |text: String| Err(ArtifactError(text));
+        let (n, joints) = (self.n_taxels, self.n_joints);
+        let n_gains = n.checked_mul(joints).filter(|n_gains| (1..=MAX_GAINS).contains(n_gains));
+        let Some(n_gains) = n_gains else {
+            return refuse(format!("{n} taxels and {joints} joints, expected 1 to {MAX_GAINS} pairs of them"));
+        };
+        for (name, values, expected) in [
+            ("shapes", &self.shapes, n_gains * ARTIFACT_BASIS),
+            ("gain_variance", &self.gain_variance, n_gains),
+            ("touch", &self.touch, n),
+            ("residual", &self.residual, n),
+        ] {
+            if values.len() != expected {
+                return refuse(format!("{} numbers in {name}, expected {expected}", values.len()));
+            }
+            if values.iter().any(|value| !value.is_finite() || value.abs() > 1e12) {
+                return refuse(format!("a number in {name} that is not finite, or beyond 1e12"));
+            }
+        }
+        for (name, values) in [("gain_variance", &self.gain_variance), ("residual", &self.residual)] {
+            if values.iter().any(|value| *value <= 0.0) {
+                return refuse(format!("a variance in {name} that is not positive"));
+            }
+        }
+        if self.touch.iter().all(|touch| *touch == 0.0) {
+            return refuse("touch is 0 for every taxel".to_owned());
+        }
+        let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
+        if !within(self.slip, 0.0, 10.0) || !within(self.slip_common, 0.0, 1.0) || !within(self.slip_time_s, 0.1, 1e6) {
+            return refuse(format!(
+                "slip {}, slip_common {}, slip_time_s {}, expected 0 to 10, 0 to 1 and 0.1 to 1000000",
+                self.slip, self.slip_common, self.slip_time_s
+            ));
+        }
+        Ok(())
+    }
+
+    /// Writes the shapes for basis functions of the joints.
+    ///
+    /// # Shapes
+    /// `basis`: `[joints, ARTIFACT_BASIS]`; `out`: `[taxels, joints]`.
+    fn write_shapes(&self, basis: &[f64], out: &mut [f64]) {
+        let of_taxel = self.n_joints * ARTIFACT_BASIS;
+        for (out, shapes) in out.chunks_exact_mut(self.n_joints).zip(self.shapes.chunks_exact(of_taxel)) {
+            let pairs = shapes.chunks_exact(ARTIFACT_BASIS).zip(basis.chunks_exact(ARTIFACT_BASIS));
+            for (out, (shape, basis)) in out.iter_mut().zip(pairs) {
+                *out = shape.iter().zip(basis).map(|(weight, value)| weight * value).sum();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,469 @@
+//! Gains of a donning followed while the glove is worn, and touch with them, by one Kalman filter.
+//!
+//! State: how far each gain is from the calibration, and what each taxel reads of a touch. Several frames are averaged to one
+//! measurement of all taxels. What goes with changes of pose can only be a gain; a level that stays while the pose changes is
+//! touch. A touch that begins or ends is an innovation along the pattern of touches that the state did not expect: it widens
+//! the touches alone. A touch that is no larger than its own uncertainty is taken for none.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::history::JointHistory;
+use super::{ArtifactError, ArtifactFit, ArtifactModel};
+
+/// Time of one measurement, s.
+const BLOCK_S: f64 = 0.05;
+
+/// How fast a held touch changes, gF^2/s.
+const TOUCH_WALK: f64 = 3.0;
+
+/// Share of a touch by which it may read differently on each taxel than the pattern says, as a standard deviation: for as long
+/// as it lasts, and from one measurement to the next.
+const PATTERN_DEVIATION: f64 = 0.5;
+const PATTERN_NOISE: f64 = 0.4;
+
+/// An innovation along the pattern of touch of more deviations than this is a touch that begins or ends.
+const ONSET_DEVIATIONS: f64 = 2.5;
+
+/// A touch below this, gF, or below so many deviations of it, most likely is none; with this variance, gF^2, that is taken
+/// for a measurement.
+const FAINT_TOUCH: f64 = 1.5;
+const FAINT_DEVIATIONS: f64 = 2.0;
+const FAINT_VARIANCE: f64 = 100.0;
+
+/// Variance of the touch at the start of frames, gF^2: after a calibration, in which there was none, and after a gap.
+const CALIBRATED_VARIANCE: f64 = 1.0;
+const UNKNOWN_VARIANCE: f64 = 100.0;
+
+/// Share of the residual that is left in the mean of a block.
+const RESIDUAL_SHARE: f64 = 0.6;
+
+/// How far a gain may go from its calibration, in standard deviations of its slip.
+const MAX_DEVIATIONS: f64 = 3.0;
+
+/// Share of the slip that may have come since the calibration, at its end: part of its variance.
+const SLIP_AT_START: f64 = 0.3;
+
+/// Keeps the variance of a gain that slip leaves alone above zero.
+const LEAST_VARIANCE: f64 = 1e-4;
+
+/// What becomes of the gains after the calibration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Following {
+    /// Taxels are left as they are: nothing is taken out of them.
+    Off,
+    /// The gains of the calibration are kept.
+    Frozen,
+    /// Gains are followed.
+    #[default]
+    On,
+}
+
+/// What a filter is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Adaptation {
+    /// There is no artifact model, or nothing is taken out.
+    #[default]
+    Off,
+    /// The gains of the calibration, or of the training donnings where there is none, are used and not followed.
+    Frozen,
+    /// Gains are followed.
+    Learning,
+    /// Gains are followed, and this frame can't teach them: joint angles are missing, taxels are at fault, or a touch hides
+    /// the artifact.
+    Waiting,
+    /// A gain is as far from the calibration as it may go.
+    Capped,
+}
+
+/// Takes the artifact out of the taxels of a region, frame by frame.
+#[derive(Debug, Clone)]
+pub struct ArtifactFilter {
+    model: Arc<ArtifactModel>,
+    following: Following,
+    fit: Option<ArtifactFit>,
+    history: JointHistory,
+    /// `[taxels, joints]` of the last frame with angles.
+    shapes: Vec<f64>,
+    /// `[gains, taxels]`: change of each gain since the calibration, and what each taxel reads of a touch.
+    state: DVector<f64>,
+    covariance: DMatrix<f64>,
+    /// Covariance of the slip after long.
+    slip: DMatrix<f64>,
+    /// Frames of a block, and the frames and sums of the one that is being collected.
+    block_frames: usize,
+    n_block: usize,
+    block_tactile: Vec<f64>,
+    block_shapes: Vec<f64>,
+    frame_s: f64,
+    /// Frames since the last measurement, and since the last angles.
+    n_since: i32,
+    n_without_pose: i32,
+    is_capped: bool,
+    /// Whether a touch was larger than its uncertainty at the last measurement.
+    sees_touch: bool,
+    innovation: Vec<f64>,
+    noise: Vec<f64>,
+    scratch: DVector<f64>,
+}
+
+impl ArtifactFilter {
+    /// A filter without a calibration: it uses the mean gains of the training donnings.
+    pub fn new(model: Arc<ArtifactModel>, rate_hz: f64, following: Following) -> Self {
+        let (n, n_gains) = (model.n_taxels, model.n_gains());
+        ArtifactFilter {
+            history: JointHistory::new(model.n_joints, rate_hz),
+            shapes: vec![0.0; n_gains],
+            state: DVector::zeros(n_gains + n),
+            covariance: DMatrix::zeros(n_gains + n, n_gains + n),
+            slip: DMatrix::zeros(n_gains, n_gains),
+            block_frames: (BLOCK_S * rate_hz).round().max(1.0) as usize,
+            n_block: 0,
+            block_tactile: vec![0.0; n],
+            block_shapes: vec![0.0; n_gains],
+            frame_s: 1.0 / rate_hz,
+            n_since: 0,
+            n_without_pose: 0,
+            is_capped: false,
+            sees_touch: false,
+            innovation: vec![0.0; n],
+            noise: vec![0.0; n],
+            scratch: DVector::zeros(n_gains + n),
+            fit: None,
+            following,
+            model,
+        }
+    }
+
+    /// What it was made for.
+    pub fn model(&self) -> &ArtifactModel {
+        &self.model
+    }
+
+    /// Forgets the calibration: frames before it had another zero.
+    pub fn clear(&mut self) {
+        self.fit = None;
+        self.state.fill(0.0);
+        self.is_capped = false;
+        self.restart();
+    }
+
+    /// Starts from the calibration of a donning.
+    ///
+    /// # Errors
+    /// [`ArtifactError`] when it belongs to another model; nothing has changed then.
+    pub fn handle_fit(&mut self, fit: ArtifactFit) -> Result<(), ArtifactError> {
+        fit.check(&self.model)?;
+        self.clear();
+        self.begin(&fit);
+        self.fit = Some(fit);
+        Ok(())
+    }
+
+    /// The state at the end of a calibration.
+    fn begin(&mut self, fit: &ArtifactFit) {
+        self.state.fill(0.0);
+        let (n, joints) = (self.model.n_taxels, self.model.n_joints);
+        let slip = self.model.slip.powi(2);
+        for (first, other, joint) in
+            (0..n).flat_map(|first| (0..n).flat_map(move |other| (0..joints).map(move |joint| (first, other, joint))))
+        {
+            let share = if first == other { 1.0 } else { self.model.slip_common };
+            let (row, column) = (first * joints + joint, other * joints + joint);
+            self.slip[(row, column)] = slip * share * fit.gains[row] * fit.gains[column];
+        }
+        (0..n * joints).for_each(|gain| self.slip[(gain, gain)] += LEAST_VARIANCE);
+        self.covariance.fill(0.0);
+        let n_gains = self.model.n_gains();
+        self.covariance.view_mut((0, 0), (n_gains, n_gains)).copy_from(&self.slip);
+        self.covariance *= SLIP_AT_START;
+        for (idx, value) in fit.covariance.iter().enumerate() {
+            let (taxel, column, row) = (idx / (joints * joints), idx / joints % joints, idx % joints);
+            self.covariance[(taxel * joints + row, taxel * joints + column)] += value;
+        }
+        self.widen_touch(CALIBRATED_VARIANCE);
+    }
+
+    /// The calibration with the gains as they are now, to be taken up again in the same donning.
+    pub fn fit(&self) -> Option<ArtifactFit> {
+        let mut fit = self.fit.clone()?;
+        let joints = self.model.n_joints;
+        fit.gains.iter_mut().zip(&self.state).for_each(|(gain, change)| *gain += change);
+        for (idx, value) in fit.covariance.iter_mut().enumerate() {
+            let (taxel, column, row) = (idx / (joints * joints), idx / joints % joints, idx % joints);
+            *value = self.covariance[(taxel * joints + row, taxel * joints + column)];
+        }
+        Some(fit)
+    }
+
+    /// What it is doing while there are no frames to correct.
+    pub fn idle(&self) -> Adaptation {
+        match (self.following, &self.fit) {
+            (Following::Off, _) => Adaptation::Off,
+            (Following::On, Some(_)) => Adaptation::Waiting,
+            (Following::On, None) | (Following::Frozen, _) => Adaptation::Frozen,
+        }
+    }
+
+    /// Says that frames were lost: nobody knows how long joints were where they are now, nor what is touched.
+    pub fn restart(&mut self) {
+        self.history.clear();
+        self.drop_block();
+        (self.n_since, self.n_without_pose) = (0, 0);
+        for touch in self.model.n_gains()..self.state.len() {
+            self.state[touch] = 0.0;
+            self.covariance.row_mut(touch).fill(0.0);
+            self.covariance.column_mut(touch).fill(0.0);
+        }
+        self.widen_touch(UNKNOWN_VARIANCE);
+        self.sees_touch = false;
+    }
+
+    /// Takes the artifact out of a frame, `n_frames` after the last one, and learns from it.
+    ///
+    /// Without trusted angles the artifact of the last ones is taken out, and nothing is learned; nor is it where
+    /// `may_learn` is false. What is taken out rests on frames before this one.
+    ///
+    /// # Shapes
+    /// `tactile`: `[taxels]`, above the baseline, finite; `pose`: `[joints]`, rad, of this frame where it is known.
+    pub fn correct(&mut self, tactile: &mut [f32], pose: Option<&[f32]>, n_frames: i32, may_learn: bool) -> Adaptation {
+        if self.following == Following::Off {
+            return Adaptation::Off;
+        }
+        let pose = pose.filter(|pose| JointHistory::takes(pose));
+        self.n_without_pose = self.n_without_pose.saturating_add(n_frames);
+        if let Some(pose) = pose {
+            self.history.advance(pose, std::mem::take(&mut self.n_without_pose));
+            self.model.write_shapes(self.history.basis(), &mut self.shapes);
+        }
+        self.n_since = self.n_since.saturating_add(n_frames);
+        if !self.history.has_begun() {
+            return self.idle();
+        }
+        let learns = may_learn && pose.is_some() && self.fit.is_some() && self.following == Following::On;
+        if learns {
+            self.block_tactile.iter_mut().zip(&*tactile).for_each(|(sum, value)| *sum += f64::from(*value));
+            self.block_shapes.iter_mut().zip(&self.shapes).for_each(|(sum, shape)| *sum += shape);
+            self.n_block += 1;
+        } else {
+            self.drop_block();
+        }
+        let joints = self.model.n_joints;
+        for (taxel, value) in tactile.iter_mut().enumerate() {
+            *value = (f64::from(*value) - self.artifact(taxel, &self.shapes[taxel * joints..])) as f32;
+        }
+        if self.n_block == self.block_frames {
+            self.measure();
+        }
+        match learns && !self.sees_touch {
+            false => self.idle(),
+            true if self.is_capped => Adaptation::Capped,
+            true => Adaptation::Learning,
+        }
+    }
+
+    /// The touch that the filter sees, gF: what taxels read of it, along the pattern of touches.
+    pub fn touch_gf(&self) -> f64 {
+        let touches = self.state.iter().skip(self.model.n_gains());
+        let along: f64 = self.model.touch.iter().zip(touches).map(|(pattern, touch)| pattern * touch).sum();
+        along / self.pattern_square()
+    }
+
+    /// How far the gains are from the calibration: root mean square of their changes, as a share of that of the gains.
+    pub fn change(&self) -> f64 {
+        let Some(fit) = &self.fit else { return 0.0 };
+        let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>();
+        let changes = squares(&mut self.state.iter().copied().take(self.model.n_gains()));
+        let gains = squares(&mut fit.gains.iter().copied());
+        if gains > 0.0 { (changes / gains).sqrt() } else { 0.0 }
+    }
+
+    /// Artifact of a taxel for its shapes, the first ones of `shapes`.
+    fn artifact(&self, taxel: usize, shapes: &[f64]) -> f64 {
+        let joints = self.model.n_joints;
+        let first = taxel * joints;
+        let Some(fit) = &self.fit else { return shapes[..joints].iter().sum() };
+        let gain = |joint: usize| fit.gains[first + joint] + self.state[first + joint];
+        fit.offset[taxel] + shapes[..joints].iter().enumerate().map(|(joint, shape)| gain(joint) * shape).sum::<f64>()
+    }
+
+    fn drop_block(&mut self) {
+        self.n_block = 0;
+        self.block_tactile.fill(0.0);
+        self.block_shapes.fill(0.0);
+    }
+
+    fn pattern_square(&self) -> f64 {
+        self.model.touch.iter().map(|pattern| pattern * pattern).sum()
+    }
+
+    /// Adds to the variance of touch: so much, gF^2, along the pattern, and a share of it on each taxel by itself.
+    fn widen_touch(&mut self, variance: f64) {
+        let first = self.model.n_gains();
+        for (column, of_column) in self.model.touch.iter().enumerate() {
+            for (row, of_row) in self.model.touch.iter().enumerate() {
+                let own = if row == column { 1.0 + PATTERN_DEVIATION * PATTERN_DEVIATION } else { 1.0 };
+                self.covariance[(first + row, first + column)] += variance * of_row * of_column * own;
+            }
+        }
+    }
+
+    /// One step of the filter, by the mean of a block.
+    fn measure(&mut self) {
+        let (joints, first) = (self.model.n_joints, self.model.n_gains());
+        let n_block = self.n_block as f64;
+        self.block_shapes.iter_mut().for_each(|sum| *sum /= n_block);
+        self.predict(f64::from(self.n_since) * self.frame_s);
+        self.n_since = 0;
+        for taxel in 0..self.model.n_taxels {
+            let expected = self.artifact(taxel, &self.block_shapes[taxel * joints..]);
+            let touch = self.state[first + taxel];
+            self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch;
+            self.noise[taxel] = RESIDUAL_SHARE * self.model.residual[taxel] + (PATTERN_NOISE * touch).powi(2);
+        }
+        self.open_for_touch();
+        for taxel in 0..self.model.n_taxels {
+            self.take(taxel);
+        }
+        self.doubt_faint_touch();
+        self.cap();
+        self.symmetrize();
+        self.drop_block();
+        self.begin_again_if_broken();
+    }
+
+    /// Readings beyond what numbers can hold leave no state to go on from: it begins again at the calibration.
+    fn begin_again_if_broken(&mut self) {
+        let variances = (0..self.state.len()).map(|idx| self.covariance[(idx, idx)]);
+        let is_sound =
+            variances.zip(&self.state).all(|(variance, value)| variance >= 0.0 && (value + variance).is_finite());
+        if !is_sound && let Some(fit) = self.fit.take() {
+            self.begin(&fit);
+            self.fit = Some(fit);
+        }
+    }
+
+    /// Lets time pass: gains lean back to the calibration and may have slipped, touch may have changed.
+    fn predict(&mut self, elapsed_s: f64) {
+        let first = self.model.n_gains();
+        let left = (-elapsed_s / self.model.slip_time_s).exp();
+        for column in 0..first {
+            for row in 0..first {
+                let kept = self.covariance[(row, column)] * left * left;
+                self.covariance[(row, column)] = kept + self.slip[(row, column)] * (1.0 - left * left);
+            }
+            for touch in first..self.state.len() {
+                self.covariance[(touch, column)] *= left;
+                self.covariance[(column, touch)] *= left;
+            }
+            self.state[column] *= left;
+        }
+        self.widen_touch(TOUCH_WALK * elapsed_s);
+    }
+
+    /// Widens touch where the taxels together say that one began or ended.
+    fn open_for_touch(&mut self) {
+        let (joints, first) = (self.model.n_joints, self.model.n_gains());
+        let square = self.pattern_square();
+        let along = |values: &[f64]| self.model.touch.iter().zip(values).map(|(k, value)| k * value).sum::<f64>();
+        let change = along(&self.innovation) / square;
+        // The variance of that: of the state, seen along the pattern, and of the measurement.
+        for (taxel, pattern) in self.model.touch.iter().enumerate() {
+            for gain in taxel * joints..(taxel + 1) * joints {
+                self.scratch[gain] = pattern * self.block_shapes[gain];
+            }
+            self.scratch[first + taxel] = *pattern;
+        }
+        let noise = self.model.touch.iter().zip(&self.noise).map(|(k, noise)| k * k * noise).sum::<f64>();
+        let deviation = (self.variance_along_scratch(0) + noise).max(0.0).sqrt() / square;
+        if change.abs() > ONSET_DEVIATIONS * deviation {
+            self.widen_touch(4.0 * change * change);
+        }
+    }
+
+    /// Variance of the state from `first` on, along `scratch`.
+    fn variance_along_scratch(&self, first: usize) -> f64 {
+        let mut variance = 0.0;
+        for (column, right) in self.scratch.iter().enumerate().skip(first) {
+            let rows = self.covariance.column(column);
+            let seen = rows.iter().zip(&self.scratch).skip(first).map(|(value, left)| value * left);
+            variance += right * seen.sum::<f64>();
+        }
+        variance
+    }
+
+    /// Updates the state by the measurement of one taxel. Noise of taxels is independent, so one after the other is the same
+    /// as all at once.
+    fn take(&mut self, taxel: usize) {
+        let (joints, first) = (self.model.n_joints, self.model.n_gains());
+        let gains = taxel * joints..(taxel + 1) * joints;
+        for row in 0..self.state.len() {
+            let of_gains = gains.clone().map(|gain| self.covariance[(row, gain)] * self.block_shapes[gain]);
+            self.scratch[row] = of_gains.sum::<f64>() + self.covariance[(row, first + taxel)];
+        }
+        let seen = gains.map(|gain| self.block_shapes[gain] * self.scratch[gain]).sum::<f64>();
+        let variance = seen + self.scratch[first + taxel] + self.noise[taxel];
+        if variance.is_nan() || variance < self.noise[taxel] {
+            return; // rounding, of readings beyond all reason
+        }
+        let innovation = self.innovation[taxel];
+        self.update(innovation, variance);
+        // What the next taxels did not expect is less by what was learned here.
+        let step = innovation / variance;
+        for other in taxel + 1..self.model.n_taxels {
+            let gains = other * joints..(other + 1) * joints;
+            let learned: f64 = gains.map(|gain| self.block_shapes[gain] * self.scratch[gain]).sum();
+            self.innovation[other] -= step * (learned + self.scratch[first + other]);
+        }
+    }
+
+    /// A touch that is no larger than its uncertainty most likely is none, to either side alike: were it only below, what the
+    /// noise adds would stay and what it takes would not.
+    fn doubt_faint_touch(&mut self) {
+        let first = self.model.n_gains();
+        for (taxel, pattern) in self.model.touch.iter().enumerate() {
+            self.scratch[first + taxel] = *pattern;
+        }
+        let deviation = self.variance_along_scratch(first).max(0.0).sqrt() / self.pattern_square();
+        self.sees_touch = self.touch_gf() >= FAINT_TOUCH.max(FAINT_DEVIATIONS * deviation);
+        if self.sees_touch {
+            return;
+        }
+        for taxel in 0..self.model.n_taxels {
+            let touch = first + taxel;
+            self.scratch.copy_from(&self.covariance.column(touch));
+            let noise = FAINT_VARIANCE * self.model.n_taxels as f64 * self.model.touch[taxel].powi(2);
+            self.update(-self.state[touch], self.covariance[(touch, touch)] + noise);
+        }
+    }
+
+    /// The update by one number: `scratch` is its covariance with the state, `variance` that of the innovation.
+    fn update(&mut self, innovation: f64, variance: f64) {
+        self.state.axpy(innovation / variance, &self.scratch, 1.0);
+        for (column, right) in self.scratch.iter().enumerate() {
+            let share = right / variance;
+            let column = self.covariance.column_mut(column);
+            column.into_iter().zip(&self.scratch).for_each(|(value, left)| *value -= left * share);
+        }
+    }
+
+    fn cap(&mut self) {
+        self.is_capped = false;
+        for gain in 0..self.model.n_gains() {
+            let limit = MAX_DEVIATIONS * self.slip[(gain, gain)].sqrt();
+            self.is_capped |= self.state[gain].abs() > limit;
+            self.state[gain] = self.state[gain].clamp(-limit, limit);
+        }
+    }
+
+    fn symmetrize(&mut self) {
+        for column in 0..self.covariance.ncols() {
+            for row in 0..column {
+                let mean = 0.5 * (self.covariance[(row, column)] + self.covariance[(column, row)]);
+                self.covariance[(row, column)] = mean;
+                self.covariance[(column, row)] = mean;
+            }
+        }
+    }
+}

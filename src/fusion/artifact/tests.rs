@@ -1,0 +1,266 @@
+//! Made-up taxels with a known artifact: what is followed, and what must not be.
+
+use std::sync::Arc;
+
+use super::*;
+
+const TAXELS: usize = 6;
+const JOINTS: usize = 4;
+const HZ: f64 = 100.0;
+
+/// Numbers between -1 and 1 that look random.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as f64 / f64::from(1u32 << 30) - 1.0
+    }
+}
+
+fn model() -> Arc<ArtifactModel> {
+    let mut noise = Noise(5);
+    let model = ArtifactModel {
+        n_taxels: TAXELS,
+        n_joints: JOINTS,
+        shapes: (0..TAXELS * JOINTS)
+            .flat_map(|_| [60.0, 25.0, -20.0, -8.0].map(|size| size * (1.0 + 0.8 * noise.next())))
+            .collect(),
+        gain_variance: vec![0.1; TAXELS * JOINTS],
+        slip: 0.35,
+        slip_common: 0.5,
+        slip_time_s: 90.0,
+        touch: (0..TAXELS).map(|taxel| 6.0 + taxel as f64).collect(),
+        residual: vec![60.0; TAXELS],
+    };
+    model.check().unwrap();
+    Arc::new(model)
+}
+
+/// A finger that moves, with gains that slip, noise, and a touch of so many gF.
+struct Finger {
+    model: Arc<ArtifactModel>,
+    history: JointHistory,
+    gains: Vec<f64>,
+    noise: Noise,
+    frame: usize,
+}
+
+impl Finger {
+    fn new(seed: u64) -> Self {
+        let mut noise = Noise(seed);
+        let gains = (0..TAXELS * JOINTS).map(|_| 1.0 + 0.4 * noise.next()).collect();
+        Finger { model: model(), history: JointHistory::new(JOINTS, HZ), gains, noise, frame: 0 }
+    }
+
+    /// A frame, its angles, and the artifact in it.
+    fn frame(&mut self, touch_gf: f64) -> ([f32; TAXELS], [f32; JOINTS], [f64; TAXELS]) {
+        let at_s = self.frame as f64 / HZ;
+        self.frame += 1;
+        let pose: [f32; JOINTS] = std::array::from_fn(|joint| {
+            let period_s = 3.1 + 1.7 * joint as f64;
+            (0.6 + 0.6 * (std::f64::consts::TAU * at_s / period_s + joint as f64).sin()) as f32
+        });
+        self.history.advance(&pose, 1);
+        let mut shapes = [0.0; TAXELS * JOINTS];
+        self.model.write_shapes(self.history.basis(), &mut shapes);
+        // Slip: all gains of a joint wander together, and each by itself.
+        let slow = |period_s: f64, phase: f64| (std::f64::consts::TAU * at_s / period_s + phase).sin();
+        let artifact: [f64; TAXELS] = std::array::from_fn(|taxel| {
+            let of_joint = |joint: usize| {
+                let gain = taxel * JOINTS + joint;
+                let slip = 0.3 * slow(210.0, joint as f64) + 0.2 * slow(160.0, gain as f64);
+                self.gains[gain] * (1.0 + slip) * shapes[gain]
+            };
+            (0..JOINTS).map(of_joint).sum::<f64>() - 40.0
+        });
+        let tactile = std::array::from_fn(|taxel| {
+            (artifact[taxel] + self.model.touch[taxel] * touch_gf + 5.0 * self.noise.next()) as f32
+        });
+        (tactile, pose, artifact)
+    }
+
+    /// A filter that was calibrated in the first ten seconds.
+    fn calibrated(&mut self, following: Following) -> ArtifactFilter {
+        let mut fitter = ArtifactFitter::new(self.model.clone(), HZ);
+        for _ in 0..1000 {
+            let (tactile, pose, _) = self.frame(0.0);
+            fitter.handle_frame(&tactile, &pose, 1, true);
+        }
+        let mut filter = ArtifactFilter::new(self.model.clone(), HZ, following);
+        filter.handle_fit(fitter.finish(None).unwrap()).unwrap();
+        filter
+    }
+
+    /// What corrected taxels say of touch, gF, over so many seconds: its mean and its deviation.
+    fn feel(&mut self, filter: &mut ArtifactFilter, seconds: f64, touch_gf: impl Fn(f64) -> f64) -> (f64, f64) {
+        let n = (seconds * HZ) as usize;
+        let (mut sum, mut squares) = (0.0, 0.0);
+        let square: f64 = self.model.touch.iter().map(|touch| touch * touch).sum();
+        for k in 0..n {
+            let (mut tactile, pose, _) = self.frame(touch_gf(k as f64 / HZ));
+            filter.correct(&mut tactile, Some(&pose), 1, true);
+            let along = tactile.iter().zip(&self.model.touch).map(|(value, touch)| f64::from(*value) * touch);
+            let felt = along.sum::<f64>() / square;
+            sum += felt;
+            squares += felt * felt;
+        }
+        let mean = sum / n as f64;
+        (mean, (squares / n as f64 - mean * mean).max(0.0).sqrt())
+    }
+}
+
+#[test]
+fn slipping_gains_are_followed_and_frozen_ones_are_not() {
+    for seed in 0..5 {
+        let [followed, frozen] = [Following::On, Following::Frozen].map(|following| {
+            let mut finger = Finger::new(seed);
+            let mut filter = finger.calibrated(following);
+            finger.feel(&mut filter, 60.0, |_| 0.0);
+            finger.feel(&mut filter, 60.0, |_| 0.0).1
+        });
+        assert!(followed < 0.8 && frozen > 3.0 * followed, "seed {seed}: {followed} gF followed, {frozen} gF frozen");
+    }
+}
+
+#[test]
+fn a_held_touch_is_not_learned_away() {
+    const SEEDS: u64 = 8;
+    for (touch_gf, on_average, at_least) in
+        [(5.0, 0.8, 0.6), (10.0, 0.95, 0.85), (20.0, 0.95, 0.9), (100.0, 0.95, 0.95)]
+    {
+        let mut kept = 0.0;
+        for seed in 0..SEEDS {
+            let mut finger = Finger::new(seed);
+            let mut filter = finger.calibrated(Following::On);
+            finger.feel(&mut filter, 30.0, |_| 0.0);
+            let early = finger.feel(&mut filter, 2.0, |_| touch_gf).0;
+            finger.feel(&mut filter, 56.0, |_| touch_gf);
+            let late = finger.feel(&mut filter, 2.0, |_| touch_gf).0;
+            assert!(late > at_least * early, "seed {seed}, {touch_gf} gF: {early} after 1 s, {late} after a minute");
+            kept += late / early / SEEDS as f64;
+            let released = finger.feel(&mut filter, 2.0, |_| 0.0);
+            assert!(released.0.abs() < 1.5, "seed {seed}, {touch_gf} gF: {released:?} when it is over");
+        }
+        assert!(kept > on_average, "{touch_gf} gF: {kept} kept on average");
+    }
+}
+
+#[test]
+fn a_slow_ramp_is_touch() {
+    for seed in 0..5 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 20.0, |_| 0.0);
+        finger.feel(&mut filter, 20.0, |at_s| at_s * 0.5); // half a gF a second
+        let felt = finger.feel(&mut filter, 2.0, |_| 10.0).0;
+        assert!(felt > 7.0, "seed {seed}: {felt} of 10 gF");
+    }
+}
+
+#[test]
+fn minutes_of_grasp_teach_nothing_wrong() {
+    for seed in 0..3 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 600.0, |at_s| 120.0 + 60.0 * (at_s / 2.0).sin());
+        finger.feel(&mut filter, 5.0, |_| 0.0);
+        let air = finger.feel(&mut filter, 5.0, |_| 0.0);
+        assert!(air.0.abs() < 3.0 && air.1 < 3.0, "seed {seed}: {air:?} gF in the air");
+    }
+}
+
+#[test]
+fn what_can_not_teach_is_not_learned_and_said() {
+    let mut finger = Finger::new(1);
+    let mut filter = finger.calibrated(Following::On);
+    let start = filter.clone();
+    let (tactile, pose, _) = finger.frame(0.0);
+    let mut corrected = tactile;
+    for _ in 0..100 {
+        corrected = tactile;
+        assert_eq!(filter.correct(&mut corrected, Some(&pose), 1, false), Adaptation::Waiting);
+    }
+    assert_eq!(filter.fit(), start.fit());
+    let mut without_pose = tactile;
+    assert_eq!(filter.correct(&mut without_pose, None, 1, true), Adaptation::Waiting);
+    assert_eq!(without_pose, corrected, "the artifact of the last angles is taken out");
+    assert_eq!(filter.fit(), start.fit());
+    let mut new = ArtifactFilter::new(finger.model.clone(), HZ, Following::On);
+    let mut values = tactile;
+    assert_eq!(new.correct(&mut values, None, 1, true), Adaptation::Frozen);
+    assert_eq!(values, tactile, "nobody knows any angle");
+    assert_eq!(new.correct(&mut values, Some(&pose), 1, true), Adaptation::Frozen, "there is no calibration");
+    let mut off = ArtifactFilter::new(finger.model.clone(), HZ, Following::Off);
+    let mut values = tactile;
+    assert_eq!(off.correct(&mut values, Some(&pose), 1, true), Adaptation::Off);
+    assert_eq!(values, tactile);
+}
+
+#[test]
+fn a_state_that_was_kept_is_taken_up_again() {
+    let mut finger = Finger::new(2);
+    let mut filter = finger.calibrated(Following::On);
+    finger.feel(&mut filter, 100.0, |_| 0.0);
+    let kept = filter.fit().unwrap();
+    let mut again = ArtifactFilter::new(finger.model.clone(), HZ, Following::On);
+    again.handle_fit(kept).unwrap();
+    let felt = finger.feel(&mut again, 3.0, |_| 0.0);
+    assert!(felt.0.abs() < 1.0 && felt.1 < 1.5, "{felt:?}");
+}
+
+#[test]
+fn a_start_in_contact_is_touch() {
+    for seed in 0..5 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        filter.restart();
+        let felt = finger.feel(&mut filter, 10.0, |_| 15.0).0;
+        assert!(felt > 13.0, "seed {seed}: {felt} of 15 gF");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_with_the_reason() {
+    let good = model();
+    type Change = fn(&mut ArtifactModel);
+    let changes: [(Change, &str); 6] = [
+        (|model| model.n_joints = 0, "0 joints"),
+        (|model| model.n_taxels = 4000, "expected 1 to 400"),
+        (|model| model.shapes.truncate(95), "95 numbers in shapes, expected 96"),
+        (|model| model.residual[2] = 0.0, "a variance in residual that is not positive"),
+        (|model| model.touch.fill(0.0), "touch is 0 for every taxel"),
+        (|model| model.slip_time_s = f64::NAN, "slip_time_s NaN"),
+    ];
+    for (change, expected) in changes {
+        let mut model = (*good).clone();
+        change(&mut model);
+        let refused = model.check().unwrap_err().to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+    let fit = ArtifactFit { gains: vec![1.0; 3], offset: vec![0.0; TAXELS], covariance: vec![] };
+    let refused = ArtifactFilter::new(good, HZ, Following::On).handle_fit(fit).unwrap_err();
+    assert_eq!(refused.to_string(), "3 numbers in gains, expected 24");
+}
+
+#[test]
+fn readings_beyond_all_reason_break_nothing_that_comes_after() {
+    for size in [1e3_f32, 1e9, 1e20, 1e38] {
+        let mut finger = Finger::new(3);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 20.0, |_| 0.0);
+        for k in 0..500 {
+            let (mut tactile, mut pose, _) = finger.frame(0.0);
+            tactile
+                .iter_mut()
+                .enumerate()
+                .for_each(|(idx, value)| *value = if (k + idx) % 3 == 0 { size } else { -size });
+            pose[k % JOINTS] = if k % 7 == 0 { size } else { pose[k % JOINTS] };
+            filter.correct(&mut tactile, Some(&pose), 1, true);
+        }
+        finger.feel(&mut filter, 120.0, |_| 0.0);
+        let felt = finger.feel(&mut filter, 20.0, |_| 0.0);
+        assert!(felt.0.abs() < 3.0 && felt.1 < 3.0, "{size}: {felt:?}");
+        assert!(filter.fit().unwrap().gains.iter().all(|gain| gain.is_finite()));
+    }
+}

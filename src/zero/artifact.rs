@@ -1,0 +1,152 @@
+//! The artifacts of a donning, from the frames of its calibration.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::ZeroError;
+use crate::bag::Rest;
+use crate::fusion::{
+    ArtifactFit, ArtifactFitter, ArtifactModel, Baseline, Event, Fusion, FusionConfig, FusionError, SetupError,
+    TactileSourceIdx,
+};
+use crate::recording::{RowCollector, Rows};
+use crate::units::Stamp;
+
+/// Frames that must follow one another: those between are interpolated where fewer are missing.
+const WINDOW: usize = 16;
+
+/// An artifact model, and the frames a second that it was made for.
+pub type TimedArtifact = (Arc<ArtifactModel>, f64);
+
+/// What a calibration is long enough for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArtifactTimes {
+    /// Frames at zero load that are fitted at most: those of this time.
+    pub most: Duration,
+    /// Frames at zero load, with joint angles, that are needed at least, s.
+    pub least_s: f64,
+}
+
+/// Collects, region by region, what its artifact is fitted to.
+#[derive(Debug)]
+pub struct ArtifactCollector {
+    times: ArtifactTimes,
+    regions: Vec<Option<Collecting>>,
+}
+
+#[derive(Debug)]
+struct Collecting {
+    name: String,
+    model: Arc<ArtifactModel>,
+    rate_hz: f64,
+    rest: Vec<Rest>,
+    rows: RowCollector,
+    core: Fusion,
+    n_at_rest: usize,
+    is_done: bool,
+}
+
+impl ArtifactCollector {
+    /// A collector for the regions whose models tell artifacts.
+    ///
+    /// # Shapes
+    /// `artifacts`: `[regions]`; `baselines` and `rest`: `[tactile sources]`.
+    ///
+    /// # Errors
+    /// [`SetupError`] when a region doesn't fit its sources, or a baseline its source.
+    pub fn new(
+        cfg: &FusionConfig,
+        artifacts: &[Option<TimedArtifact>],
+        baselines: &[Baseline],
+        rest: &[Vec<Rest>],
+        times: ArtifactTimes,
+    ) -> Result<Self, SetupError> {
+        let collecting = |region_idx: usize, (model, rate_hz): &TimedArtifact| {
+            let region = cfg.regions[region_idx].clone();
+            let (name, rest) = (region.name.clone(), rest[region.source.0].clone());
+            let only = FusionConfig { regions: vec![region], ..cfg.clone() };
+            let (rows, mut core) = RowCollector::new(only, WINDOW, *rate_hz, None)?;
+            for (source, baseline) in baselines.iter().enumerate() {
+                core.handle_baseline(TactileSourceIdx(source), baseline.clone())?;
+            }
+            let (model, rate_hz) = (Arc::clone(model), *rate_hz);
+            Ok(Collecting { name, model, rate_hz, rest, rows, core, n_at_rest: 0, is_done: false })
+        };
+        let all = artifacts.iter().enumerate();
+        let regions =
+            all.map(|(idx, artifact)| artifact.as_ref().map(|artifact| collecting(idx, artifact)).transpose());
+        Ok(ArtifactCollector { times, regions: regions.collect::<Result<_, SetupError>>()? })
+    }
+
+    /// Whether more events are of use.
+    pub fn wants_more(&self) -> bool {
+        self.regions.iter().flatten().any(|region| !region.is_done)
+    }
+
+    /// Takes a sample.
+    ///
+    /// # Errors
+    /// [`FusionError`], which none of the cores in here gives.
+    pub fn handle(&mut self, event: Event<'_>) -> Result<(), FusionError> {
+        for region in self.regions.iter_mut().flatten().filter(|region| !region.is_done) {
+            region.core.handle(event);
+            region.poll(self.times)?;
+        }
+        Ok(())
+    }
+
+    /// The artifacts, starting from those that were known before, and what is to be said of regions that have none.
+    ///
+    /// # Shapes
+    /// `before` and the result: `[regions]`.
+    ///
+    /// # Errors
+    /// [`ZeroError::ArtifactTooShort`], [`ZeroError::Artifact`].
+    pub fn finish(mut self, before: &[Option<ArtifactFit>]) -> Result<Vec<Option<ArtifactFit>>, ZeroError> {
+        let mut fits = Vec::with_capacity(self.regions.len());
+        for (idx, region) in self.regions.iter_mut().enumerate() {
+            let Some(mut region) = region.take() else {
+                fits.push(None);
+                continue;
+            };
+            region.core.handle_end();
+            region.poll(self.times)?;
+            fits.push(Some(region.fit(self.times, before.get(idx).and_then(Option::as_ref))?));
+        }
+        Ok(fits)
+    }
+}
+
+impl Collecting {
+    fn poll(&mut self, times: ArtifactTimes) -> Result<(), FusionError> {
+        let enough = (times.most.as_secs_f64() * self.rate_hz) as usize;
+        while let Some(tick) = self.core.poll()? {
+            self.rows.handle_tick(tick);
+            self.n_at_rest += usize::from(is_at_rest(&self.rest, tick.stamp) && tick.estimates[0].force.is_some());
+            let is_over = self.rest.last().is_none_or(|last| tick.stamp > last.to);
+            self.is_done |= self.n_at_rest >= enough || is_over;
+        }
+        Ok(())
+    }
+
+    fn fit(self, times: ArtifactTimes, before: Option<&ArtifactFit>) -> Result<ArtifactFit, ZeroError> {
+        let Rows { stamp, tactile, pose, stretch } = self.rows.finish();
+        let mut fitter = ArtifactFitter::new(Arc::clone(&self.model), self.rate_hz);
+        let rows = tactile.chunks_exact(self.model.n_taxels).zip(pose.chunks_exact(self.model.n_joints));
+        let mut last = None;
+        for ((tactile, pose), (stamp, stretch)) in rows.zip(stamp.iter().zip(stretch)) {
+            let follows = last.replace(stretch) == Some(stretch);
+            fitter.handle_frame(tactile, pose, i32::from(follows), is_at_rest(&self.rest, *stamp));
+        }
+        let got_s = fitter.n_frames() as f64 / self.rate_hz;
+        if got_s < times.least_s {
+            return Err(ZeroError::ArtifactTooShort { region: self.name, got_s, need_s: times.least_s });
+        }
+        fitter.finish(before).map_err(|error| ZeroError::Artifact { region: self.name, error })
+    }
+}
+
+fn is_at_rest(rest: &[Rest], stamp: Stamp) -> bool {
+    let begun = rest.partition_point(|rest| rest.from <= stamp);
+    begun.checked_sub(1).is_some_and(|idx| stamp <= rest[idx].to)
+}

@@ -1,0 +1,168 @@
+//! A model that tells what pose makes of the taxels, from training to the contacts of a replay, through the command line.
+//! SYNTHETIC data.
+#![cfg(feature = "train")]
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use common::bags::{decoded, messages};
+use common::tpf::{Run, tpf};
+use tactile_pose_fusion::msg::{ContactArray, ContactState};
+
+const PARAMS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
+const CONTACTS: &str = "/tactile_pose_fusion/contacts";
+
+/// A folder with three sessions of two users, and a model trained on the first two. Made once for all tests of this program.
+fn trained() -> &'static Path {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    FOLDER
+        .get_or_init(|| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path();
+            let simulate =
+                ["simulate", "--glove", "3", "--users", "3", "--sessions", "1", "--minutes", "5", "--seed", "5"];
+            tpf(path, &[&simulate[..], &["-o", "bags"]].concat()).ok();
+            let bags = [bag(path, 1), bag(path, 2)].map(|bag| bag.to_str().unwrap().to_owned());
+            let train =
+                ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "model.onnx"];
+            let run = tpf(path, &[&train[..], &["--steps", "400", "--batch", "16", "--seed", "1"]].concat()).ok();
+            assert!(run.stderr.contains("touch 0."), "{run:?}");
+            folder
+        })
+        .path()
+}
+
+fn bag(folder: &Path, user: usize) -> PathBuf {
+    folder.join(format!("bags/glove3_user0{user}_session1"))
+}
+
+/// Replays the session of the third user, who no model knows, into a new folder.
+fn replay(more: &[&str]) -> (tempfile::TempDir, Run) {
+    let (bags, out) = (trained(), tempfile::tempdir().unwrap());
+    let (bag, model) = (bag(bags, 3), bags.join("model.onnx"));
+    let replay = ["replay", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", model.to_str().unwrap()];
+    let run = tpf(out.path(), &[&replay[..], &["-o", "out.mcap"], more].concat());
+    (out, run)
+}
+
+fn states(folder: &Path) -> Vec<ContactState> {
+    let arrays = decoded::<ContactArray>(&folder.join("out.mcap"), CONTACTS);
+    arrays.into_iter().flat_map(|array| array.contacts).collect()
+}
+
+fn share(states: &[ContactState], adaptation: u8) -> f64 {
+    states.iter().filter(|state| state.adaptation == adaptation).count() as f64 / states.len() as f64
+}
+
+#[test]
+fn an_adaptive_model_finds_touch_on_a_user_it_does_not_know_and_best_when_it_follows() {
+    let folder = trained();
+    let balanced_accuracy = |more: &[&str]| {
+        let bag = bag(folder, 3);
+        let eval =
+            ["eval", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", "model.onnx", "--whole", "--json"];
+        find(&tpf(folder, &[&eval[..], more].concat()).ok().json(), "ba").unwrap()
+    };
+    let (followed, left) = (balanced_accuracy(&[]), balanced_accuracy(&["-p", "adaptation:=none"]));
+    assert!(followed > 0.95 && 1.0 - followed < 0.6 * (1.0 - left), "{followed} followed, {left} where it is left");
+}
+
+/// The first number of that name.
+fn find(value: &serde_json::Value, name: &str) -> Option<f64> {
+    match value {
+        serde_json::Value::Object(map) => map
+            .get(name)
+            .and_then(serde_json::Value::as_f64)
+            .or_else(|| map.values().find_map(|value| find(value, name))),
+        serde_json::Value::Array(values) => values.iter().find_map(|value| find(value, name)),
+        _ => None,
+    }
+}
+
+#[test]
+fn contacts_say_what_became_of_the_artifact_and_replay_is_the_same_twice() {
+    let (followed, run) = replay(&[]);
+    run.ok();
+    let on = states(followed.path());
+    assert!(share(&on, ContactState::ADAPTATION_LEARNING) > 0.2, "{}", share(&on, ContactState::ADAPTATION_LEARNING));
+    assert!(share(&on, ContactState::ADAPTATION_WAITING) > 0.05);
+    assert!(on.last().unwrap().artifact_change > 0.01);
+    let (again, run) = replay(&[]);
+    run.ok();
+    assert_eq!(messages(&followed.path().join("out.mcap")), messages(&again.path().join("out.mcap")));
+
+    let (frozen, run) = replay(&["-p", "adaptation:=frozen"]);
+    run.ok();
+    let frozen = states(frozen.path());
+    assert_eq!(share(&frozen, ContactState::ADAPTATION_FROZEN), 1.0);
+    assert!(frozen.iter().all(|state| state.artifact_change == 0.0));
+    let (off, run) = replay(&["-p", "adaptation:=none"]);
+    run.ok();
+    let off = states(off.path());
+    assert_eq!(share(&off, ContactState::ADAPTATION_OFF), 1.0);
+    assert!(off.iter().all(|state| state.artifact_change.is_nan()));
+}
+
+#[test]
+fn a_calibration_file_keeps_the_artifact_and_is_refused_where_it_does_not_fit() {
+    let folder = trained();
+    let (bag, model, out) = (bag(folder, 3), folder.join("model.onnx"), tempfile::tempdir().unwrap());
+    let calibrate = ["calibrate", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", model.to_str().unwrap()];
+    tpf(out.path(), &[&calibrate[..], &["-o", "calibration.yaml"]].concat()).ok();
+    let file = out.path().join("calibration.yaml");
+    let text = fs::read_to_string(&file).unwrap();
+    assert!(text.contains("artifacts:") && text.contains("gains:"), "{text}");
+
+    let with = |text: &str| {
+        let path = out.path().join("other.yaml");
+        fs::write(&path, text).unwrap();
+        replay(&["--calibration", path.to_str().unwrap()])
+    };
+    let (kept, run) = with(&text);
+    run.ok();
+    assert!(share(&states(kept.path()), ContactState::ADAPTATION_LEARNING) > 0.2);
+    let (without, run) = with(text.split("artifacts:").next().unwrap());
+    let run = run.ok();
+    assert!(run.stderr.contains("does not tell the artifact of region index"), "{run:?}");
+    assert_eq!(share(&states(without.path()), ContactState::ADAPTATION_FROZEN), 1.0);
+    let (_, run) = with(&text.replace("    offset:", "    offset:\n    - 1.0"));
+    assert!(run.failure().contains("7 numbers in offset, expected 6; calibrate again"), "{run:?}");
+}
+
+#[test]
+fn a_recording_that_is_too_short_at_rest_is_refused_with_what_is_needed() {
+    let (_, run) = replay(&["-p", "calibration.min_s:=500.0", "-p", "calibration.duration_s:=600.0"]);
+    assert!(run.failure().contains("at least 500 s needed"), "{run:?}");
+}
+
+#[test]
+fn the_model_is_inspected_as_what_it_is_and_runs_alike_in_both_runtimes() {
+    let folder = trained();
+    let told = tpf(folder, &["inspect", "model.onnx"]).ok().stdout;
+    assert!(told.contains("4: index_dip") && told.contains("told: what these joints make of the taxels"), "{told}");
+    let with = |backend: &str| replay(&["-p", &format!("model.fingertip.backend:={backend}")]);
+    let (rten, run) = with("rten");
+    run.ok();
+    let (ort, run) = with("onnxruntime");
+    if run.code != 0 && run.failure().contains("ONNX Runtime") {
+        return common::without_onnx_runtime(&run.stderr);
+    }
+    run.ok();
+    let (ort, rten) = (states(ort.path()), states(rten.path()));
+    let alike =
+        ort.iter().zip(&rten).all(|(a, b)| (a.force - b.force).abs() <= 1e-4 || (a.force.is_nan() && b.force.is_nan()));
+    assert!(ort.len() == rten.len() && alike);
+}
+
+#[test]
+fn training_without_joints_says_what_is_missing() {
+    let folder = trained();
+    let out = tempfile::tempdir().unwrap();
+    let bag = bag(folder, 1);
+    let train = ["train", bag.to_str().unwrap(), "--params-file", PARAMS, "--kind", "adaptive", "-o", "m.onnx"];
+    let run = tpf(out.path(), &[&train[..], &["-p", "region.index.joints:=[]"]].concat());
+    assert!(run.failure().contains("--kind adaptive needs joint angles"), "{run:?}");
+}
