@@ -166,3 +166,53 @@ fn training_without_joints_says_what_is_missing() {
     let run = tpf(out.path(), &[&train[..], &["-p", "region.index.joints:=[]"]].concat());
     assert!(run.failure().contains("--kind adaptive needs joint angles"), "{run:?}");
 }
+
+#[cfg(feature = "ros")]
+#[test]
+fn a_live_calibration_finds_the_artifact_and_a_tare_keeps_its_gains() {
+    use std::time::Duration;
+
+    use tactile_pose_fusion::bag::{BagReader, Input, Inputs};
+    use tactile_pose_fusion::config::{self, DEFAULT_NODE};
+    use tactile_pose_fusion::fusion::{ArtifactFit, Fusion};
+    use tactile_pose_fusion::glove::{Models, replace_model};
+    use tactile_pose_fusion::recording::input_topics;
+    use tactile_pose_fusion::ros::{Calibrator, Purpose, Sample};
+
+    let folder = trained();
+    let mut cfg = config::load(Path::new(PARAMS), DEFAULT_NODE).unwrap();
+    replace_model(&mut cfg, folder.join("model.onnx")).unwrap();
+    let core = || Fusion::new(cfg.fusion.clone(), Models::load(&cfg).unwrap().regressors).unwrap();
+    // Of a session that begins with movement in the air.
+    let calibrate = |purpose, from_s: f64, seconds: f64, before: &[Option<ArtifactFit>]| {
+        let mut reader = BagReader::open(&[bag(folder, 3)]).unwrap();
+        let mut inputs = Inputs::new(input_topics(&cfg), &mut reader).unwrap();
+        let mut calibrator = Calibrator::new(&cfg, purpose, Duration::from_secs_f64(seconds));
+        let mut first = None;
+        while let Some(message) = reader.next_message().unwrap() {
+            let at_s = message.log_time.nanos_since(*first.get_or_insert(message.log_time)) as f64 * 1e-9;
+            for part in inputs.parts(message.channel).unwrap() {
+                let Input::Event(event) = inputs.decode(&message, part) else { continue };
+                if (from_s..from_s + seconds).contains(&at_s) {
+                    calibrator.handle(Sample::from(&event));
+                }
+            }
+        }
+        let (donning, result) = calibrator.finish(core(), before);
+        assert!(result.success, "{result:?}");
+        donning.unwrap().artifacts
+    };
+    let found = calibrate(Purpose::Calibrate, 0.0, 12.0, &[]);
+    let distance = |other: &[Option<ArtifactFit>]| {
+        let (a, b) = (found[0].as_ref().unwrap(), other[0].as_ref().unwrap());
+        let squares: f64 = a.gains.iter().zip(&b.gains).map(|(a, b)| (a - b).powi(2)).sum();
+        (squares / a.gains.len() as f64).sqrt()
+    };
+    let (kept, anew) = (calibrate(Purpose::Tare, 14.0, 1.0, &found), calibrate(Purpose::Tare, 14.0, 1.0, &[]));
+    assert!(
+        distance(&kept) < 0.1 && distance(&kept) < 0.5 * distance(&anew),
+        "{} {}",
+        distance(&kept),
+        distance(&anew)
+    );
+}

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use common::bags::decoded;
 use common::tpf::Run;
 use tactile_pose_fusion::bag::BagReader;
-use tactile_pose_fusion::msg::{Stage, WrenchStamped};
+use tactile_pose_fusion::msg::{ContactArray, ContactState, Stage, WrenchStamped};
 use tactile_pose_fusion::units::Stamp;
 
 /// A protocol of a quarter of a minute that has every kind of thing in it.
@@ -220,4 +220,38 @@ fn the_whole_way_from_a_glove_to_a_dataset_is_walked() {
     {
         assert!(way.join(made).exists(), "{made}: {walked:?}");
     }
+}
+
+#[test]
+fn a_model_that_follows_pose_is_calibrated_live_and_its_recording_replays_bit_by_bit() {
+    let Some(room) = room() else { return };
+    let room = room.path();
+    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove3_adaptive.onnx");
+    let tpf = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
+        command.current_dir(room).args(args).args(["--params-file", params, "--model", model]);
+        command
+    };
+    let simulate = ["simulate", "--glove", "3", "--seed", "9", "--live", "--ignore-prompts", "--minutes", "5"];
+    let log = File::create(room.join("glove.log")).unwrap();
+    let mut glove = Command::new(env!("CARGO_BIN_EXE_tpf"));
+    let _glove = Glove(glove.current_dir(room).args(simulate).stdout(Stdio::null()).stderr(log).spawn().unwrap());
+    let calibrated = run(&mut tpf(&["calibrate", "--live", "--seconds", "10", "-o", "c.yaml"])).ok();
+    assert!(calibrated.stdout.contains("good: nothing was touched"), "{calibrated:?}");
+    assert!(std::fs::read_to_string(room.join("c.yaml")).unwrap().contains("artifacts:"));
+
+    let mut node = tpf(&["run", "--calibration", "c.yaml", "--record", "live.mcap"]);
+    let mut node = node.stderr(File::create(room.join("node.log")).unwrap()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(12));
+    assert!(Command::new("kill").args(["-INT", &node.id().to_string()]).status().unwrap().success());
+    assert!(node.wait().unwrap().success(), "{}", std::fs::read_to_string(room.join("node.log")).unwrap());
+    run(&mut tpf(&["replay", "live.mcap", "--calibration", "c.yaml", "-o", "again.mcap"])).ok();
+    let compared =
+        Command::new(env!("CARGO_BIN_EXE_tpf")).current_dir(room).args(["diff", "live.mcap", "again.mcap"]).output();
+    let compared = Run::from(compared.unwrap()).ok();
+    assert!(compared.stdout.contains("every field equal, bit by bit"), "{compared:?}");
+    let states: Vec<ContactArray> = decoded(&room.join("live.mcap"), "/tactile_pose_fusion/contacts");
+    let learning = |array: &&ContactArray| array.contacts[0].adaptation == ContactState::ADAPTATION_LEARNING;
+    assert!(states.len() > 500 && states.iter().filter(learning).count() > 50, "{}", states.len());
 }
