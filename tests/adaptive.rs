@@ -147,7 +147,7 @@ fn the_model_is_inspected_as_what_it_is_and_runs_alike_in_both_runtimes() {
     let (rten, run) = with("rten");
     run.ok();
     let (ort, run) = with("onnxruntime");
-    if run.code != 0 && run.failure().contains("ONNX Runtime") {
+    if run.code != 0 && run.failure().contains("backend onnxruntime can't be used: ") {
         return common::without_onnx_runtime(&run.stderr);
     }
     run.ok();

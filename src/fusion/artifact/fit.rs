@@ -40,9 +40,14 @@ impl ArtifactFit {
             if values.len() != expected {
                 return Err(ArtifactError(format!("{} numbers in {name}, expected {expected}", values.len())));
             }
-            if values.iter().any(|value| !value.is_finite()) {
-                return Err(ArtifactError(format!("a number in {name} that is not finite")));
+            if values.iter().any(|value| !value.is_finite() || value.abs() > 1e12) {
+                return Err(ArtifactError(format!("a number in {name} that is not finite, or beyond 1e12")));
             }
+        }
+        let joints = model.n_joints;
+        let variances = (0..model.n_gains()).map(|gain| self.covariance[gain * joints + gain % joints]);
+        if variances.into_iter().any(|variance| variance <= 0.0) {
+            return Err(ArtifactError("a variance in covariance that is not positive".to_owned()));
         }
         Ok(())
     }

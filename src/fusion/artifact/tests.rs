@@ -241,6 +241,19 @@ fn what_does_not_fit_is_refused_with_the_reason() {
     let fit = ArtifactFit { gains: vec![1.0; 3], offset: vec![0.0; TAXELS], covariance: vec![] };
     let refused = ArtifactFilter::new(good, HZ, Following::On).handle_fit(fit).unwrap_err();
     assert_eq!(refused.to_string(), "3 numbers in gains, expected 24");
+    let good = Finger::new(0).calibrated(Following::On).fit().unwrap();
+    type Break = fn(&mut ArtifactFit);
+    let breaks: [(Break, &str); 3] = [
+        (|fit| fit.offset[1] = f64::NAN, "a number in offset that is not finite"),
+        (|fit| fit.gains[1] = 1e13, "a number in gains that is not finite, or beyond 1e12"),
+        (|fit| fit.covariance[5] = -1.0, "a variance in covariance that is not positive"),
+    ];
+    for (change, expected) in breaks {
+        let mut fit = good.clone();
+        change(&mut fit);
+        let refused = fit.check(&model()).unwrap_err().to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
 }
 
 #[test]
