@@ -95,7 +95,7 @@ impl ArtifactCollector {
         Ok(())
     }
 
-    /// The artifacts, starting from those that were known before, and what is to be said of regions that have none.
+    /// The artifacts, starting from those that were known before; none for regions whose models tell none.
     ///
     /// # Shapes
     /// `before` and the result: `[regions]`.
