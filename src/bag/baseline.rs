@@ -52,6 +52,14 @@ pub struct Rest {
     pub to: Stamp,
 }
 
+impl Rest {
+    /// Whether a stamp lies within one of these stretches, which are in order of time.
+    pub fn any_holds(stretches: &[Rest], stamp: Stamp) -> bool {
+        let begun = stretches.partition_point(|rest| rest.from <= stamp);
+        begun.checked_sub(1).is_some_and(|idx| stamp <= stretches[idx].to)
+    }
+}
+
 /// When annotations say that nothing touches the glove.
 ///
 /// # Errors

@@ -202,9 +202,11 @@ impl Region {
             let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
             return self.no_estimate(Flags::NON_FINITE, pose_age_ns);
         }
-        self.correct(frame, joints);
-        self.fill_up_to(frame, joints);
         let (trust, pose_age_ns) = self.read_pose(joints, frame.stamp);
+        self.correct(frame, trust);
+        if self.fill_up_to(frame, joints) {
+            self.read_pose(joints, frame.stamp); // of this frame again
+        }
         self.window.push(&self.tactile, &self.pose[..self.n_input_joints], trust);
         self.last = Some(LastGood { stamp: frame.stamp, epoch: frame.epoch, number: frame.number });
         self.last_tactile.copy_from_slice(&self.tactile);
@@ -311,24 +313,19 @@ impl Region {
     }
 
     /// Takes the artifact of the region's joints out of the taxels.
-    fn correct(&mut self, frame: &Frame<'_>, joints: &JointTimelines) {
-        if self.artifact.is_none() {
-            return;
-        }
-        let (trust, _) = self.read_pose(joints, frame.stamp);
+    fn correct(&mut self, frame: &Frame<'_>, trust: PoseTrust) {
+        let Some(artifact) = &mut self.artifact else { return };
         // Also after a gap: the glove was worn all the while.
         let elapsed_ns = self.corrected.replace(frame.stamp).map_or(0, |last| frame.stamp.nanos_since(last));
         let n_frames = (elapsed_ns as f64 / self.frame_ns).round().clamp(1.0, f64::from(i32::MAX)) as i32;
         let may_learn = trust == PoseTrust::Fresh && self.faults.is_empty() && !self.faulty;
         let pose = (trust != PoseTrust::Stale).then_some(self.pose.as_slice());
-        if let Some(artifact) = &mut self.artifact {
-            self.adaptation = artifact.correct(&mut self.tactile, pose, n_frames, may_learn);
-        }
+        self.adaptation = artifact.correct(&mut self.tactile, pose, n_frames, may_learn);
     }
 
-    /// Interpolates the frames that are missing since the last good one.
-    fn fill_up_to(&mut self, frame: &Frame<'_>, joints: &JointTimelines) {
-        let Some(last) = self.last.clone() else { return };
+    /// Interpolates the frames that are missing since the last good one; whether there were any.
+    fn fill_up_to(&mut self, frame: &Frame<'_>, joints: &JointTimelines) -> bool {
+        let Some(last) = self.last.clone() else { return false };
         let missing = frame.number - last.number - 1;
         let span_ns = frame.stamp.nanos_since(last.stamp);
         for k in 1..=missing {
@@ -341,6 +338,7 @@ impl Region {
             self.window.push(&self.between, &self.pose[..self.n_input_joints], trust);
             self.counters.filled_frames += 1;
         }
+        missing > 0
     }
 
     /// Reads the joints at `stamp` into `pose`; how far the worst of them may be trusted, and the age of the oldest.

@@ -3,14 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::ZeroError;
+use super::{Donning, ZeroError};
 use crate::bag::Rest;
 use crate::fusion::{
     ArtifactFit, ArtifactFitter, ArtifactModel, Baseline, Event, Fusion, FusionConfig, FusionError, SetupError,
-    TactileSourceIdx,
 };
 use crate::recording::{RowCollector, Rows};
-use crate::units::Stamp;
 
 /// Frames that must follow one another: those between are interpolated where fewer are missing.
 const WINDOW: usize = 16;
@@ -61,14 +59,13 @@ impl ArtifactCollector {
         rest: &[Vec<Rest>],
         times: ArtifactTimes,
     ) -> Result<Self, SetupError> {
+        let at_rest = Donning { baselines: baselines.to_vec(), artifacts: Vec::new() };
         let collecting = |region_idx: usize, (model, rate_hz): &TimedArtifact| {
             let region = cfg.regions[region_idx].clone();
             let (name, rest) = (region.name.clone(), rest[region.source.0].clone());
             let only = FusionConfig { regions: vec![region], ..cfg.clone() };
             let (rows, mut core) = RowCollector::new(only, WINDOW, *rate_hz, None)?;
-            for (source, baseline) in baselines.iter().enumerate() {
-                core.handle_baseline(TactileSourceIdx(source), baseline.clone())?;
-            }
+            at_rest.install(&mut core)?;
             let (model, rate_hz) = (Arc::clone(model), *rate_hz);
             Ok(Collecting { name, model, rate_hz, rest, rows, core, n_at_rest: 0, is_done: false })
         };
@@ -122,7 +119,7 @@ impl Collecting {
         let enough = (times.most.as_secs_f64() * self.rate_hz) as usize;
         while let Some(tick) = self.core.poll()? {
             self.rows.handle_tick(tick);
-            self.n_at_rest += usize::from(is_at_rest(&self.rest, tick.stamp) && tick.estimates[0].force.is_some());
+            self.n_at_rest += usize::from(Rest::any_holds(&self.rest, tick.stamp) && tick.estimates[0].force.is_some());
             let is_over = self.rest.last().is_none_or(|last| tick.stamp > last.to);
             self.is_done |= self.n_at_rest >= enough || is_over;
         }
@@ -136,7 +133,7 @@ impl Collecting {
         let mut last = None;
         for ((tactile, pose), (stamp, stretch)) in rows.zip(stamp.iter().zip(stretch)) {
             let follows = last.replace(stretch) == Some(stretch);
-            fitter.handle_frame(tactile, pose, i32::from(follows), is_at_rest(&self.rest, *stamp));
+            fitter.handle_frame(tactile, pose, i32::from(follows), Rest::any_holds(&self.rest, *stamp));
         }
         let got_s = fitter.n_frames() as f64 / self.rate_hz;
         if got_s < times.least_s {
@@ -144,9 +141,4 @@ impl Collecting {
         }
         fitter.finish(before).map_err(|error| ZeroError::Artifact { region: self.name, error })
     }
-}
-
-fn is_at_rest(rest: &[Rest], stamp: Stamp) -> bool {
-    let begun = rest.partition_point(|rest| rest.from <= stamp);
-    begun.checked_sub(1).is_some_and(|idx| stamp <= rest[idx].to)
 }

@@ -51,10 +51,8 @@ impl LoadCheck {
         let source = tick.source.0;
         if !self.over[source] {
             let rest = &self.rest[source];
-            let begun = rest.partition_point(|rest| rest.from <= tick.stamp);
-            let is_at_rest = begun.checked_sub(1).is_some_and(|idx| tick.stamp <= rest[idx].to);
             self.over[source] = rest.last().is_none_or(|last| tick.stamp > last.to);
-            if is_at_rest {
+            if Rest::any_holds(rest, tick.stamp) {
                 tick.estimates.iter().for_each(|estimate| self.handle(estimate));
             }
         }

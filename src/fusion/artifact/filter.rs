@@ -136,11 +136,6 @@ impl ArtifactFilter {
         }
     }
 
-    /// What it was made for.
-    pub fn model(&self) -> &ArtifactModel {
-        &self.model
-    }
-
     /// Forgets the calibration: frames before it had another zero.
     pub fn clear(&mut self) {
         self.fit = None;
