@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::files;
-use crate::fusion::{ArtifactFit, Baseline, TactileSource};
+use crate::fusion::{ArtifactFit, Baseline, ForceGain, TactileSource};
 
 const FORMAT: &str = "tactile_pose_fusion/calibration/1";
 
@@ -33,6 +33,9 @@ pub struct Calibration {
     /// The artifact of each region whose model tells artifacts, by its name in the parameters.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub artifacts: BTreeMap<String, ArtifactFit>,
+    /// What forces are multiplied by in each region that was pressed with known forces, by its name in the parameters.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub force_gains: BTreeMap<String, ForceGain>,
 }
 
 /// Why a calibration file can't be used. Each text is one line that names the file.
@@ -69,6 +72,7 @@ impl Calibration {
             recorded,
             sources,
             artifacts: BTreeMap::new(),
+            force_gains: BTreeMap::new(),
         }
     }
 
@@ -103,6 +107,9 @@ impl Calibration {
                 let (expected, got) = (expected.to_owned(), got.clone());
                 return Err(CalibrationFileError::Mismatch { path: path_buf(), what, expected, got });
             }
+        }
+        for (region, gain) in &found.force_gains {
+            gain.check().map_err(|error| malformed(format!("force gain of region {region}: {error}")))?;
         }
         for source in sources {
             let Some(baseline) = found.sources.get(&source.name) else {

@@ -18,6 +18,7 @@ pub use stretches::Stretch;
 
 use crate::config::Config;
 use crate::eval::Split;
+use crate::fusion::TouchLevels;
 use crate::model::BackendChoice;
 use crate::observer::{Observer, check};
 use crate::recording::PoseQuality;
@@ -44,8 +45,26 @@ pub struct Request<'a> {
     pub needs_truth: bool,
     /// How joint angles are made worse, one after the other.
     pub pose_levels: Vec<PoseQuality>,
+    /// Touches at the begin of each session whose force the wearer knows: they fit the gain of its donning, and what follows
+    /// them is scored.
+    pub known_touches: Option<usize>,
+    /// What touch is judged by.
+    pub touch: JudgeTouch,
     /// Bags that are read side by side; the result is the same for any number.
     pub jobs: usize,
+}
+
+/// What the touch of a model's estimates is judged by.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum JudgeTouch {
+    /// What the node decides contact on: the touch output of a model that has one, at the levels of parameters or model,
+    /// else the force, at 2.5 gF.
+    #[default]
+    AsTheNode,
+    /// The force, as in the paper.
+    Force,
+    /// The touch output of models that have one, at these levels, else the force.
+    Levels(TouchLevels),
 }
 
 impl<'a> Request<'a> {
@@ -60,6 +79,8 @@ impl<'a> Request<'a> {
             zero: Wanted::Any,
             needs_truth: false,
             pose_levels: Vec::new(),
+            known_touches: None,
+            touch: JudgeTouch::AsTheNode,
             jobs: std::thread::available_parallelism().map_or(1, NonZero::get),
         }
     }

@@ -13,6 +13,7 @@ mod estimate;
 mod event;
 mod features;
 mod frames;
+mod gain;
 mod geometry;
 mod health;
 mod joints;
@@ -28,7 +29,7 @@ pub use artifact::{
 };
 pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_loaded};
 pub use config::{
-    ContactThresholds, FrameClock, FusionConfig, JointSource, Receipts, RegionConfig, TactileSource, Timing,
+    ContactBy, ContactThresholds, FrameClock, FusionConfig, JointSource, Receipts, RegionConfig, TactileSource, Timing,
 };
 pub use contact::{Contact, ContactDetector, ContactEvent};
 pub use counters::{Count, Counters, TactileCount};
@@ -37,11 +38,14 @@ pub use estimate::{Estimate, Flags, Tick};
 pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
 pub use features::{FeatureWindow, NewestWindow, TaxelFeatures};
 pub use frames::{Frame, FrameCutter, TactileCounters};
+pub use gain::{ForceGain, GainError, KnownTouch};
 pub use geometry::{Patch, Wrench};
 pub use health::{RateFault, SourceFault, SourceHealth};
 pub use joints::{JointAngle, JointCounters, JointTimelines, PoseTrust};
 pub use region::RegionCounters;
-pub use regressor::{Contract, ForceUnit, Forces, PoseRange, RegressError, Regressor, SharedWindows, Windows};
+pub use regressor::{
+    Contract, ForceUnit, Forces, PoseRange, RegressError, Regressor, SharedWindows, TouchLevels, TouchOutput, Windows,
+};
 
 use crate::units::{Stamp, nanos};
 use frames::Continuity;
@@ -196,6 +200,22 @@ impl Fusion {
     pub fn handle_artifact(&mut self, region_idx: usize, fit: ArtifactFit) -> Result<(), SetupError> {
         let region = self.cfg.regions[region_idx].name.clone();
         self.regions[region_idx].handle_artifact(fit).map_err(|error| SetupError::Artifact { region, error })
+    }
+
+    /// Takes what known touches tell of a region's forces in this donning, after the baseline that they were measured above.
+    ///
+    /// # Errors
+    /// [`SetupError::Gain`] when no touches can have told it; nothing has changed then.
+    pub fn handle_force_gain(&mut self, region_idx: usize, gain: &ForceGain) -> Result<(), SetupError> {
+        let region = self.cfg.regions[region_idx].name.clone();
+        gain.check().map_err(|error| SetupError::Gain { region, error })?;
+        self.regions[region_idx].handle_force_gain(gain);
+        Ok(())
+    }
+
+    /// What known touches of this donning told of a region's forces.
+    pub fn force_gain(&self, region_idx: usize) -> Option<&ForceGain> {
+        self.regions[region_idx].force_gain()
     }
 
     /// What follows the artifact of a region, where its model tells one.
@@ -398,8 +418,8 @@ impl Fusion {
             for &(region_idx, ref readiness) in &pending.regions {
                 let region = &mut self.regions[region_idx];
                 let Place { model, lane, .. } = region.place;
-                let forces = readiness.run.then(|| self.models[model].pop(lane)).flatten();
-                tick.estimates.push(region.estimate(pending.stamp, readiness, forces));
+                let answer = readiness.run.then(|| self.models[model].pop(lane)).flatten();
+                tick.estimates.push(region.estimate(pending.stamp, readiness, answer));
             }
             self.spare_pending.push(pending);
             self.ready.push_back(tick);

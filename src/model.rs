@@ -74,6 +74,8 @@ pub struct TensorNames {
     pub force_base: String,
     /// Output: the artifact that the pose explains. May be missing.
     pub force_residual: String,
+    /// Output: the probability that something touches the region. May be missing.
+    pub touch: String,
 }
 
 impl Default for TensorNames {
@@ -84,6 +86,7 @@ impl Default for TensorNames {
             force: "force".into(),
             force_base: "force_base".into(),
             force_residual: "force_residual".into(),
+            touch: "touch".into(),
         }
     }
 }

@@ -5,6 +5,7 @@
 
 mod annotations;
 mod estimates;
+mod known;
 mod notes;
 mod pose_quality;
 mod rows;
@@ -20,6 +21,7 @@ use crate::units::Stamp;
 
 pub use annotations::{stage_spans, zero_load};
 pub use estimates::EstimateTrack;
+pub use known::{TimedTouch, ToldTouch, end_of_touches, known_touches, told_touch};
 pub use notes::{Notes, SESSION_NOTES};
 pub use pose_quality::{PoseDegrader, PoseQuality, PoseQualityError};
 pub use rows::{RowCollector, Rows};

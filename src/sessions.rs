@@ -4,6 +4,7 @@
 mod error;
 mod labelled;
 mod modelled;
+mod touches;
 
 use std::fs::File;
 use std::io::Read;
@@ -14,6 +15,8 @@ use sha2::{Digest, Sha256};
 pub use error::SessionError;
 pub use labelled::{Labelled, NeedsTruth};
 pub use modelled::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
+
+pub use touches::{KnownForces, RegionTouches, force_gains};
 
 use crate::bag::{BagError, BagReader, Recordings, recordings_at, shown};
 use crate::observer::Observer;

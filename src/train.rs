@@ -15,6 +15,7 @@ mod network;
 mod random;
 #[cfg(test)]
 mod reference_tests;
+mod touch;
 mod trainer;
 
 pub use architecture::{Architecture, Kind, N_FEATURES, Parameter};
@@ -24,4 +25,5 @@ pub use error::{DatasetError, TrainError};
 pub use export::{GraphForm, ModelCard, onnx_model};
 pub use loss::{LossConfig, LossTerms};
 pub use network::{BatchNormStatistics, Network};
+pub use touch::calibrate_touch;
 pub use trainer::{Checkpoint, Outcome, Progress, Schedule, TrainConfig, Trainer, Validation, validate};

@@ -23,7 +23,7 @@ pub use recorded::{Wanted, find, find_with};
 
 use crate::calibration::{Calibration, CalibrationFileError};
 use crate::config::Config;
-use crate::fusion::{ArtifactFit, Baseline, Contract, Fusion, SetupError, TactileSourceIdx};
+use crate::fusion::{ArtifactFilter, ArtifactFit, Baseline, Contract, ForceGain, Fusion, SetupError, TactileSourceIdx};
 
 /// SHA-256 of each model, by its name in the parameters.
 pub type ModelHashes = BTreeMap<String, String>;
@@ -62,13 +62,25 @@ pub struct Donning {
     pub baselines: Vec<Baseline>,
     /// `[regions]`: gains and offsets of artifacts, where models tell artifacts and the calibration has them.
     pub artifacts: Vec<Option<ArtifactFit>>,
+    /// `[regions]`: what known touches tell of the forces; empty without any.
+    pub force_gains: Vec<Option<ForceGain>>,
 }
 
 impl Donning {
-    /// Gives a core its baselines and artifacts.
+    /// What a core knows of this donning beside its baselines: artifacts as they are now, and force gains.
+    pub fn of(fusion: &Fusion) -> Self {
+        let regions = || 0..fusion.config().regions.len();
+        Donning {
+            baselines: Vec::new(),
+            artifacts: regions().map(|idx| fusion.artifact(idx).and_then(ArtifactFilter::fit)).collect(),
+            force_gains: regions().map(|idx| fusion.force_gain(idx).copied()).collect(),
+        }
+    }
+
+    /// Gives a core its baselines, artifacts and force gains.
     ///
     /// # Errors
-    /// [`SetupError`] when they are of another number of taxels or joints.
+    /// [`SetupError`] when they are of another number of taxels or joints, or no touches can have told a gain.
     pub fn install(&self, fusion: &mut Fusion) -> Result<(), SetupError> {
         for (source_idx, baseline) in self.baselines.iter().enumerate() {
             fusion.handle_baseline(TactileSourceIdx(source_idx), baseline.clone())?;
@@ -76,6 +88,11 @@ impl Donning {
         for (region_idx, artifact) in self.artifacts.iter().enumerate() {
             if let Some(artifact) = artifact {
                 fusion.handle_artifact(region_idx, artifact.clone())?;
+            }
+        }
+        for (region_idx, gain) in self.force_gains.iter().enumerate() {
+            if let Some(gain) = gain {
+                fusion.handle_force_gain(region_idx, gain)?;
             }
         }
         Ok(())
@@ -145,6 +162,9 @@ impl Zero {
         for (region, artifact) in cfg.fusion.regions.iter().zip(&self.donning.artifacts) {
             calibration.artifacts.extend(artifact.clone().map(|artifact| (region.name.clone(), artifact)));
         }
+        for (region, gain) in cfg.fusion.regions.iter().zip(&self.donning.force_gains) {
+            calibration.force_gains.extend(gain.map(|gain| (region.name.clone(), gain)));
+        }
         calibration
     }
 }
@@ -210,8 +230,10 @@ pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero
         }
         artifacts.push(fit);
     }
+    let force_gains =
+        cfg.fusion.regions.iter().map(|region| calibration.force_gains.get(&region.name).copied()).collect();
     let from = ZeroFrom::File { file: path.display().to_string() };
-    Ok(Zero { notes, ..Zero::new(from, Donning { baselines, artifacts }) })
+    Ok(Zero { notes, ..Zero::new(from, Donning { baselines, artifacts, force_gains }) })
 }
 
 /// What is said of a zero that would be refused and is used, where the parameters insist.

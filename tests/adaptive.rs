@@ -133,6 +133,91 @@ fn a_calibration_file_keeps_the_artifact_and_is_refused_where_it_does_not_fit() 
 }
 
 #[test]
+fn touches_of_a_known_force_fit_the_gain_of_a_donning_and_are_kept_with_its_calibration() {
+    let folder = trained();
+    let (bag, model, out) = (bag(folder, 3), folder.join("model.onnx"), tempfile::tempdir().unwrap());
+    let calibrate = |more: &[&str]| {
+        let of = ["calibrate", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", model.to_str().unwrap()];
+        tpf(out.path(), &[&of[..], more].concat())
+    };
+    calibrate(&["-o", "plain.yaml"]).ok();
+    let told = calibrate(&["-o", "known.yaml", "--touches"]).ok().stdout;
+    assert!(told.contains("region index: forces times ") && told.contains(" known touches"), "{told}");
+    let text = fs::read_to_string(out.path().join("known.yaml")).unwrap();
+    let gain = text.split("gain: ").nth(1).and_then(|rest| rest.lines().next()).unwrap().parse::<f64>().unwrap();
+    assert!(gain != 1.0 && (0.5..2.0).contains(&gain), "{gain}");
+    let forces = |file: &str| {
+        let (folder, run) = replay(&["--calibration", out.path().join(file).to_str().unwrap()]);
+        run.ok();
+        states(folder.path()).into_iter().map(|state| (state.force, state.touch)).collect::<Vec<_>>()
+    };
+    let (plain, known) = (forces("plain.yaml"), forces("known.yaml"));
+    assert!(plain.iter().filter(|(force, _)| force.is_finite()).count() > 1000);
+    for (before, after) in plain.iter().zip(&known) {
+        assert!(before.0.is_nan() == after.0.is_nan() && (before.0.is_nan() || after.0 == gain * before.0));
+        assert!(before.1.to_bits() == after.1.to_bits(), "the probability of touch is of no unit");
+    }
+
+    // The same force for a touch and for the air, twice: no gain fits both.
+    let air = ["--touch", "2N@1-2", "--touch", "2N@3-4", "--touch", "0.01N@5-6"];
+    let refused = calibrate(&[&["-o", "bad.yaml"], &air[..]].concat());
+    let line = refused.failure();
+    assert!(line.contains("region index: ") && !out.path().join("bad.yaml").exists(), "{refused:?}");
+    let few = calibrate(&["-o", "bad.yaml", "--touch", "2N@1-2"]);
+    assert!(few.failure().contains("1 touches of a known force, at least 3 needed"), "{few:?}");
+    let other = calibrate(&["-o", "bad.yaml", "--touch", "thumb:2N@1-2"]);
+    assert!(other.failure().contains("--touch names region thumb, the parameters have index"), "{other:?}");
+    let late = calibrate(&["-o", "bad.yaml", "--touch", "200gF@9000-9001"]);
+    assert!(late.failure().contains("has fewer than ten estimates from 9000 to 9001 s"), "{late:?}");
+    let text = text.replace("low: ", "low: 9");
+    fs::write(out.path().join("edited.yaml"), text).unwrap();
+    let edited = out.path().join("edited.yaml");
+    let (_, run) = replay(&["--calibration", edited.to_str().unwrap()]);
+    assert!(run.failure().contains("not a calibration file: force gain of region index: gain "), "{run:?}");
+}
+
+#[test]
+fn contact_is_decided_on_the_probability_of_touch_as_model_and_parameters_say() {
+    let folder = trained();
+    let told = tpf(folder, &["inspect", "model.onnx"]).ok().stdout;
+    assert!(told.contains("touch") && told.contains("given: contact from a probability of "), "{told}");
+    let (by_model, run) = replay(&[]);
+    run.ok();
+    let by_model = states(by_model.path());
+    let on = by_model[0].touch_on;
+    assert!((0.01..=0.99).contains(&on) && by_model[0].touch_off < on);
+    let estimates = by_model.iter().filter(|state| state.touch.is_finite());
+    assert!(estimates.clone().count() > 1000);
+    assert!(estimates.clone().all(|state| state.contact_raw == (state.touch >= on)));
+    let (by_force, run) = replay(&["-p", "contact.by:=force"]);
+    run.ok();
+    let by_force = states(by_force.path());
+    assert!(by_force.iter().all(|state| state.touch_on.is_nan()));
+    assert!(
+        by_force
+            .iter()
+            .filter(|state| state.force.is_finite())
+            .all(|state| { state.contact_raw == (state.force >= state.on_threshold) })
+    );
+    assert!(by_force.iter().zip(&by_model).any(|(a, b)| a.contact_raw != b.contact_raw));
+
+    let eval = |more: &[&str]| {
+        let bag = bag(folder, 3);
+        let eval =
+            ["eval", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", "model.onnx", "--whole", "--json"];
+        tpf(folder, &[&eval[..], more].concat())
+    };
+    let found = |more: &[&str]| {
+        let json = eval(more).ok().json();
+        (json["models"][0]["touch_by"].as_str().unwrap().to_owned(), find(&json, "ba").unwrap())
+    };
+    let (as_the_node, force, low) = (found(&[]), found(&["--touch", "force"]), found(&["--touch", "0.02"]));
+    assert_eq!((as_the_node.0.as_str(), force.0.as_str(), low.0.as_str()), ("touch output", "force", "touch output"));
+    assert!(as_the_node.1 > 0.9 && force.1 > 0.9 && low.1 < as_the_node.1, "{as_the_node:?} {force:?} {low:?}");
+    assert!(eval(&["--touch", "1.5"]).stderr.contains("a probability between 0 and 1"));
+}
+
+#[test]
 fn a_recording_that_is_too_short_at_rest_is_refused_with_what_is_needed() {
     let (_, run) = replay(&["-p", "calibration.min_s:=500.0", "-p", "calibration.duration_s:=600.0"]);
     assert!(run.failure().contains("at least 500 s needed"), "{run:?}");
@@ -174,17 +259,18 @@ fn a_live_calibration_finds_the_artifact_and_a_tare_keeps_its_gains() {
 
     use tactile_pose_fusion::bag::{BagReader, Input, Inputs};
     use tactile_pose_fusion::config::{self, DEFAULT_NODE};
-    use tactile_pose_fusion::fusion::{ArtifactFit, Fusion};
+    use tactile_pose_fusion::fusion::{ForceGain, Fusion};
     use tactile_pose_fusion::glove::{Models, replace_model};
     use tactile_pose_fusion::recording::input_topics;
     use tactile_pose_fusion::ros::{Calibrator, Purpose, Sample};
+    use tactile_pose_fusion::zero::Donning;
 
     let folder = trained();
     let mut cfg = config::load(Path::new(PARAMS), DEFAULT_NODE).unwrap();
     replace_model(&mut cfg, folder.join("model.onnx")).unwrap();
     let core = || Fusion::new(cfg.fusion.clone(), Models::load(&cfg).unwrap().regressors).unwrap();
     // Of a session that begins with movement in the air.
-    let calibrate = |purpose, from_s: f64, seconds: f64, before: &[Option<ArtifactFit>]| {
+    let calibrate = |purpose, from_s: f64, seconds: f64, before: &Donning| {
         let mut reader = BagReader::open(&[bag(folder, 3)]).unwrap();
         let mut inputs = Inputs::new(input_topics(&cfg), &mut reader).unwrap();
         let mut calibrator = Calibrator::new(&cfg, purpose, Duration::from_secs_f64(seconds));
@@ -200,15 +286,20 @@ fn a_live_calibration_finds_the_artifact_and_a_tare_keeps_its_gains() {
         }
         let (donning, result) = calibrator.finish(core(), before);
         assert!(result.success, "{result:?}");
-        donning.unwrap().artifacts
+        donning.unwrap()
     };
-    let found = calibrate(Purpose::Calibrate, 0.0, 12.0, &[]);
-    let distance = |other: &[Option<ArtifactFit>]| {
-        let (a, b) = (found[0].as_ref().unwrap(), other[0].as_ref().unwrap());
+    let gain = ForceGain { gain: 1.5, low: 1.4, high: 1.6, touches: 5 };
+    let mut found = calibrate(Purpose::Calibrate, 0.0, 12.0, &Donning::default());
+    assert_eq!(found.force_gains, [], "known touches are of the donning before");
+    found.force_gains = vec![Some(gain)];
+    let distance = |other: &Donning| {
+        let (a, b) = (found.artifacts[0].as_ref().unwrap(), other.artifacts[0].as_ref().unwrap());
         let squares: f64 = a.gains.iter().zip(&b.gains).map(|(a, b)| (a - b).powi(2)).sum();
         (squares / a.gains.len() as f64).sqrt()
     };
-    let (kept, anew) = (calibrate(Purpose::Tare, 14.0, 1.0, &found), calibrate(Purpose::Tare, 14.0, 1.0, &[]));
+    let kept = calibrate(Purpose::Tare, 14.0, 1.0, &found);
+    let anew = calibrate(Purpose::Tare, 14.0, 1.0, &Donning::default());
+    assert_eq!(kept.force_gains, [Some(gain)]);
     assert!(
         distance(&kept) < 0.1 && distance(&kept) < 0.5 * distance(&anew),
         "{} {}",

@@ -23,7 +23,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("protocol", &["random", "units"]),
     ("collect", &["protocol", "units"]),
     ("sim", &["protocol", "random", "units"]),
-    ("train", &["eval", "files", "fusion", "kernels", "model"]),
+    ("train", &["eval", "files", "fusion", "kernels", "model", "units"]),
     ("config", &["fusion", "model", "msg", "units"]),
     ("bag", &["files", "fusion", "msg", "units"]),
     ("recording", &["bag", "config", "eval", "fusion", "msg", "protocol", "random", "units"]),

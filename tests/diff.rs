@@ -121,6 +121,7 @@ fn a_bag_of_the_time_when_contacts_had_no_age_is_read_by_its_own_schema() {
     let mut bag = Bag::create(&folder.join("b.mcap"));
     let text = definition_text(ContactArray::TYPE_NAME).unwrap().replace("float64 age\n", "");
     let text = text.replace("uint8 adaptation\n", "").replace("float64 artifact_change\n", "");
+    let text = text.replace("float64 touch\n", "").replace("float64 touch_on\n", "").replace("float64 touch_off\n", "");
     let channel = bag.writer.add_channel(NewChannel {
         topic: CONTACTS,
         type_name: ContactArray::TYPE_NAME,

@@ -30,6 +30,9 @@ fn record(region: &str, ms: i64, force: f64) -> EstimateRecord {
         mdf: None,
         adaptation: tactile_pose_fusion::fusion::Adaptation::Off,
         artifact_change: None,
+        touch: None,
+        touch_on: None,
+        touch_off: None,
     }
 }
 

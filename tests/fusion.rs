@@ -539,6 +539,75 @@ proptest! {
     }
 }
 
+/// A model whose force is what its only taxel reads, and whose probability of touch is a tenth of it.
+#[derive(Debug)]
+struct Toucher(Contract);
+
+impl Regressor for Toucher {
+    fn contract(&self) -> &Contract {
+        &self.0
+    }
+
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        out.clear();
+        let last = windows.starts.iter().map(|start| windows.tactile[start + self.0.window - 1]);
+        out.force.extend(last);
+        let (force, touch) = (&out.force, &mut out.touch);
+        touch.extend(force.iter().map(|force| force / 10.0));
+        Ok(())
+    }
+}
+
+#[test]
+fn contact_is_decided_on_the_touch_output_of_a_model_that_has_one() {
+    let run = |by: ContactBy, touch: Option<TouchLevels>, readings: &[f32]| {
+        let output = TouchOutput { levels: TouchLevels { on: 0.8, off: 0.4 }, false_per_min: None };
+        let contract = Contract { has_base: false, touch: Some(output), ..contract(1, 1, 0) };
+        let mut one = region("tip", &[0], &[]);
+        (one.contact.by, one.contact.touch) = (by, touch);
+        let mut core = fusion(config(1, vec![one]), vec![Box::new(Toucher(contract))]);
+        let samples: Vec<Sample> =
+            readings.iter().enumerate().map(|(k, reading)| Sample::tactile(10.0 * k as f64, &[*reading])).collect();
+        estimates(&mut core, &samples)
+    };
+    let states =
+        |estimates: &[Estimate]| estimates.iter().map(|one| (one.contact.raw, one.contact.state)).collect::<Vec<_>>();
+    let readings = [0.0, 7.0, 8.0, 5.0, 3.0];
+    let on_touch = run(ContactBy::Model, None, &readings);
+    assert_eq!(states(&on_touch), [(false, false), (false, false), (true, true), (false, true), (false, false)]);
+    assert!((on_touch[2].touch.unwrap() - 0.8).abs() < 1e-6 && on_touch[2].contact.by_touch);
+    let other = run(ContactBy::Model, Some(TouchLevels { on: 0.65, off: 0.4 }), &readings);
+    assert_eq!(states(&other)[1], (true, true), "the parameters' levels come before the model's");
+    // The thresholds on force are 0.5 and 0.25 N.
+    let on_force = run(ContactBy::Force, None, &readings);
+    assert_eq!(states(&on_force), [(false, false), (true, true), (true, true), (true, true), (true, true)]);
+    assert!(on_force[2].touch.is_some() && !on_force[2].contact.by_touch, "it is told all the same");
+    let broken = run(ContactBy::Model, None, &[8.0, f32::NAN, 8.0]);
+    assert_eq!((broken[1].touch, broken[1].contact.raw, broken[1].contact.state), (None, false, true));
+}
+
+#[test]
+fn a_probability_that_is_no_number_is_no_estimate() {
+    #[derive(Debug)]
+    struct Broken(Contract);
+    impl Regressor for Broken {
+        fn contract(&self) -> &Contract {
+            &self.0
+        }
+        fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+            out.clear();
+            out.force.resize(windows.starts.len(), 1.0);
+            out.touch.resize(windows.starts.len(), f32::NAN);
+            Ok(())
+        }
+    }
+    let contract = Contract { has_base: false, touch: Some(TouchOutput::default()), ..contract(1, 1, 0) };
+    let mut core = fusion(config(1, vec![region("tip", &[0], &[])]), vec![Box::new(Broken(contract))]);
+    let only = estimates(&mut core, &[Sample::tactile(0.0, &[1.0])])[0];
+    assert_eq!((only.force, only.touch), (None, None));
+    assert!(only.flags.contains(Flags::NON_FINITE) && !only.contact.raw);
+}
+
 /// One taxel that reads 100 for each rad of its joint, and 10 for a gF.
 fn artifact() -> std::sync::Arc<ArtifactModel> {
     std::sync::Arc::new(ArtifactModel {

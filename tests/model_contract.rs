@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::onnx::{Flaw, LinearModel};
-use tactile_pose_fusion::fusion::{ForceUnit, Forces, PoseRange, SharedWindows, Windows};
+use tactile_pose_fusion::fusion::{ForceUnit, Forces, PoseRange, SharedWindows, TouchLevels, TouchOutput, Windows};
 use tactile_pose_fusion::model::{self, BackendChoice, Batch, Model, ModelError, ModelSpec, Origin};
 
 /// A sound model of 8 frames, 4 taxels, 2 joints.
@@ -68,7 +68,7 @@ fn a_model_without_pose_has_no_joints() {
     assert_eq!(model.regressor.contract().n_joints, 0);
     assert!(!model.regressor.contract().has_base);
     let forces = run(&mut model, 1, &[0.5; 32], &[]);
-    assert_eq!(forces, Forces { force: vec![2.0], base: vec![] });
+    assert_eq!(forces, Forces { force: vec![2.0], ..Forces::default() });
 }
 
 #[test]
@@ -292,6 +292,40 @@ fn a_base_that_moves_with_the_pose_is_no_fallback() {
 }
 
 #[test]
+fn a_touch_output_is_a_probability_of_its_own() {
+    let told = sound().touch("touch").metadata("touch", r#"{"on": 0.8, "off": 0.6, "false_per_min": 2}"#);
+    let mut model = load(&told).unwrap();
+    let touch = model.regressor.contract().touch.unwrap();
+    assert_eq!((touch.levels, touch.false_per_min), (TouchLevels { on: 0.8, off: 0.6 }, Some(2.0)));
+    assert!(!model.info.notes.iter().any(|note| note.contains("touch")), "{:?}", model.info.notes);
+    let forces = run(&mut model, 2, &[0.125; 64], &[0.0; 32]);
+    assert_eq!((&forces.force, &forces.base), (&vec![0.5; 2], &vec![0.5; 2]));
+    assert!(forces.touch.iter().all(|touch| (touch - 0.622_459_3).abs() < 1e-6), "{:?}", forces.touch);
+    // Without branches, and under another name.
+    let other = sound().force_only().touch("is_touched");
+    assert_eq!(load(&other).unwrap().info.contract.touch, None);
+    let mut model = load_as(&other, |spec| spec.names.touch = "is_touched".into()).unwrap();
+    assert_eq!(model.info.contract.touch, Some(TouchOutput::default()));
+    let note = "it doesn't tell from which probability of its touch output there is contact: 0.5 is assumed, and 0.35 for its end";
+    assert!(model.info.notes.iter().any(|said| said == note), "{:?}", model.info.notes);
+    let forces = run(&mut model, 1, &[0.0; 32], &[0.0; 16]);
+    assert_eq!(forces, Forces { force: vec![0.0], base: vec![], touch: vec![0.5] });
+}
+
+#[test]
+fn a_touch_output_that_is_no_probability_is_refused() {
+    let refused = refusal(&sound().touch("touch").flaw(Flaw::TouchOfOdds));
+    assert!(refused.starts_with("output touch gave ") && refused.contains("from 0 to 1; export it after its sigmoid"));
+    let same = |spec: &mut ModelSpec| spec.names.touch = "force_base".into();
+    let refused = without_path(load_as(&sound(), same).unwrap_err());
+    assert_eq!(
+        refused,
+        "parameter model.NAME.outputs.touch is force_base, but model.NAME.outputs.force_base is the same output; \
+         name two outputs, or leave out the touch of a model that has none"
+    );
+}
+
+#[test]
 fn a_force_that_is_not_finite_is_given_on_and_not_hidden() {
     let mut model = load(&sound().flaw(Flaw::NanAbove(1000.0))).unwrap();
     assert!(model.info.notes.iter().any(|note| note.ends_with("flagged NON_FINITE")), "{:?}", model.info.notes);
@@ -331,10 +365,10 @@ fn windows_of_another_size_are_refused() {
 #[test]
 fn buffers_hold_only_the_last_batch() {
     let mut model = load(&sound()).unwrap();
-    let mut forces = Forces { force: vec![7.0; 9], base: vec![7.0; 9] };
+    let mut forces = Forces { force: vec![7.0; 9], base: vec![7.0; 9], touch: vec![7.0; 9] };
     let windows = SharedWindows { starts: &[0], tactile: &[1.0; 32], pose: &[0.0; 16] };
     model.regressor.run(windows, &mut forces).unwrap();
-    assert_eq!(forces, Forces { force: vec![4.0], base: vec![4.0] });
+    assert_eq!(forces, Forces { force: vec![4.0], base: vec![4.0], touch: vec![] });
 }
 
 #[test]

@@ -145,6 +145,7 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
                 joints: ["a", "b", "c"].map(str::to_owned).to_vec(),
                 pose_range: Vec::new(),
                 artifact: None,
+                touch: None,
                 glove: "test".to_owned(),
                 trained_on: "nothing".to_owned(),
                 metrics: serde_json::json!({}),

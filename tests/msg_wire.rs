@@ -42,6 +42,9 @@ fn contact(region: &str) -> ContactState {
         flags: ContactState::STALE_POSE | ContactState::FAULTY_TAXEL,
         adaptation: ContactState::ADAPTATION_WAITING,
         artifact_change: 0.1875,
+        touch: 0.875,
+        touch_on: 0.75,
+        touch_off: 0.5,
     }
 }
 

@@ -29,7 +29,8 @@ fn contact(c: &ContactState) -> Value {
         "event": c.event, "since": {"sec": c.since.sec, "nanosec": c.since.nanosec}, "force": bits(c.force),
         "force_base": bits(c.force_base), "artifact": bits(c.artifact), "on_threshold": bits(c.on_threshold),
         "off_threshold": bits(c.off_threshold), "mdf": bits(c.mdf), "pose_age": bits(c.pose_age), "age": bits(c.age),
-        "flags": c.flags, "adaptation": c.adaptation, "artifact_change": bits(c.artifact_change)
+        "flags": c.flags, "adaptation": c.adaptation, "artifact_change": bits(c.artifact_change), "touch": bits(c.touch),
+        "touch_on": bits(c.touch_on), "touch_off": bits(c.touch_off)
     })
 }
 

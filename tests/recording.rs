@@ -23,7 +23,7 @@ impl Regressor for Spy {
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         assert_eq!(windows.starts, [0]);
         self.1.send((windows.tactile.to_vec(), windows.pose.to_vec())).unwrap();
-        *out = Forces { force: vec![0.0], base: vec![] };
+        *out = Forces { force: vec![0.0], ..Forces::default() };
         Ok(())
     }
 }

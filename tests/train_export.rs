@@ -11,7 +11,9 @@ use common::shared;
 use safetensors::SafeTensors;
 use serde_json::json;
 use tactile_pose_fusion::eval::Part;
-use tactile_pose_fusion::fusion::{ARTIFACT_BASIS, ArtifactModel, ForceUnit, Forces, PoseRange, Windows};
+use tactile_pose_fusion::fusion::{
+    ARTIFACT_BASIS, ArtifactModel, ForceUnit, Forces, PoseRange, TouchLevels, TouchOutput, Windows,
+};
 use tactile_pose_fusion::model::{self, BackendChoice, ModelError, ModelSpec};
 use tactile_pose_fusion::train::*;
 use tactile_pose_fusion::units::{GramForce, Newton};
@@ -27,10 +29,16 @@ fn card(kind: Kind) -> ModelCard {
         pose_range: joints.iter().map(|_| PoseRange { min: -0.5, max: 1.5 }).collect(),
         joints,
         artifact: (kind == Kind::Adaptive).then(artifact),
+        touch: (kind == Kind::Adaptive).then(touch),
         glove: "bench".into(),
         trained_on: "two made-up sessions".into(),
         metrics: json!({"mdf_gf": 37.5, "ba": 0.98}),
     }
+}
+
+/// When its touch output is contact.
+fn touch() -> TouchOutput {
+    TouchOutput { levels: TouchLevels { on: 0.8, off: 0.5 }, false_per_min: Some(2.5) }
 }
 
 /// What bending makes of the taxels, as a model tells it.
@@ -98,6 +106,8 @@ fn both_runtimes_give_what_the_network_gives_in_either_form() {
                 let forces = common::run_windows(&mut model, windows).unwrap();
                 assert_close(&format!("{kind:?} {form:?} {backend:?}"), &forces.force, &expected.force);
                 assert_close(&format!("base of {kind:?} {form:?} {backend:?}"), &forces.base, &expected.base);
+                assert_close(&format!("touch of {kind:?} {form:?} {backend:?}"), &forces.touch, &expected.touch);
+                assert_eq!(model.info.contract.touch, (kind == Kind::Adaptive).then(touch));
             }
         }
     }

@@ -84,6 +84,9 @@ fn contact_state(state: &Value<'_>) -> Option<ContactState> {
             .and_then(|value| u8::try_from(value).ok())
             .unwrap_or(0),
         artifact_change: number("artifact_change").unwrap_or(f64::NAN),
+        touch: number("touch").unwrap_or(f64::NAN),
+        touch_on: number("touch_on").unwrap_or(f64::NAN),
+        touch_off: number("touch_off").unwrap_or(f64::NAN),
     })
 }
 

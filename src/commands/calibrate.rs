@@ -5,13 +5,18 @@ mod live;
 
 use std::path::PathBuf;
 
+use super::progress::Shown;
 use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, print, say};
 use crate::bag::{BagReader, Input, Inputs};
 use crate::calibration::Calibration;
-use crate::fusion::Fusion;
+use crate::config::Config;
+use crate::fusion::{ForceGain, Fusion};
 use crate::glove::known;
+use crate::recording::ToldTouch;
+use crate::sessions::{KnownForces, RegionTouches, force_gains};
+use crate::units::{GramForce, Newton};
 
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]
@@ -30,9 +35,66 @@ pub(super) struct Args {
     /// Take the first seconds, in which nothing may touch the glove, instead of annotated zero-load stretches
     #[arg(long, value_name = "SECONDS", value_parser = super::zero::seconds)]
     calibrate_first: Option<f64>,
+    /// Also fit what forces are multiplied by in this donning, to touches of the load cell in the bag: at least three, of
+    /// 30 gF or more, each held for 0.1 s
+    #[arg(long, conflicts_with = "touch")]
+    touches: bool,
+    /// The same by touches whose force you know, from a kitchen scale or a weight: the force in gF or N, and from when to when
+    /// it was held, in seconds from the begin of the bag; one --touch for each, at least three
+    #[arg(long, value_name = "[REGION:]FORCE@FROM-TO", value_parser = touch)]
+    touch: Vec<AskedTouch>,
     #[cfg(feature = "ros")]
     #[command(flatten)]
     live: live::LiveArgs,
+}
+
+/// A touch as the command line tells it.
+#[derive(Debug, Clone, PartialEq)]
+struct AskedTouch {
+    region: Option<String>,
+    told: ToldTouch,
+}
+
+fn touch(text: &str) -> Result<AskedTouch, String> {
+    let expected =
+        || format!("expected a force and when it was held, such as 200gF@12.5-15 or thumb:2N@3-4, got {text:?}");
+    let (region, rest) = match text.split_once(':') {
+        Some((region, rest)) => (Some(region.to_owned()), rest),
+        None => (None, text),
+    };
+    let (force, span) = rest.split_once('@').ok_or_else(expected)?;
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0);
+    let force = match (force.strip_suffix("gF"), force.strip_suffix('N')) {
+        (Some(force), _) => number(force).map(|force| GramForce(force).into()),
+        (None, Some(force)) => number(force).map(Newton),
+        (None, None) => None,
+    };
+    let (from, to) = span.split_once('-').ok_or_else(expected)?;
+    match (force, number(from), number(to)) {
+        (Some(force), Some(from_s), Some(to_s)) if force.0 > 0.0 && from_s < to_s => {
+            Ok(AskedTouch { region, told: ToldTouch { force, from_s, to_s } })
+        }
+        _ => Err(expected()),
+    }
+}
+
+/// Where the forces of touches are known from, if they are asked for.
+fn known_forces(args: &Args, cfg: &Config) -> Result<Option<KnownForces>, Failure> {
+    if args.touches {
+        return Ok(Some(KnownForces::Sensor));
+    }
+    let only = match cfg.fusion.regions.as_slice() {
+        [only] => Some(&only.name),
+        _ => None,
+    };
+    let told = args.touch.iter().map(|asked| {
+        let region = asked.region.as_ref().or(only).cloned();
+        let missing =
+            || Failure("--touch: the parameters have several regions; name one, as in thumb:200gF@12-15".to_owned());
+        Ok((region.ok_or_else(missing)?, asked.told))
+    });
+    let told: Vec<_> = told.collect::<Result<_, Failure>>()?;
+    Ok((!told.is_empty()).then_some(KnownForces::Told(told)))
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -45,7 +107,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let models = load_models(&cfg)?;
     let mut zero = ZeroArgs::first(args.calibrate_first).find(&cfg, &args.bags, &models.infos)?;
-    let calibration = zero.to_calibration(&cfg, &known(&cfg, &models.infos).hashes);
+    let known_forces = known_forces(args, &cfg)?;
+    let hashes = known(&cfg, &models.infos).hashes;
     let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
     zero.install(&mut fusion)?;
     if let Some(mut check) = zero.check.take() {
@@ -64,9 +127,24 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         check.judge(&cfg)?.iter().for_each(|note| say(note));
     }
+    let mut touches = Vec::new();
+    if let Some(known) = &known_forces {
+        let mut core = Fusion::new(cfg.fusion.clone(), fusion.into_regressors())?;
+        zero.install(&mut core)?;
+        touches = force_gains(&args.bags, &cfg, &zero, core, known, &Shown::bytes("touches"))?;
+        zero.donning.force_gains = vec![None; cfg.fusion.regions.len()];
+        touches.iter().for_each(|found| zero.donning.force_gains[found.region] = Some(found.gain));
+    }
+    let calibration = zero.to_calibration(&cfg, &hashes);
     calibration.save(&args.output)?;
     let mut text = format!("{}: zero from {}\n", shown(&args.output), zero.from);
     text += &verdict(&calibration);
+    for RegionTouches { region, gain, .. } in &touches {
+        let ForceGain { gain, low, high, touches } = gain;
+        let name = &cfg.fusion.regions[*region].name;
+        text +=
+            &format!("  region {name}: forces times {gain:.3} ({low:.3} to {high:.3}), from {touches} known touches\n");
+    }
     print(&text)?;
     Ok(Outcome::Done)
 }

@@ -163,6 +163,9 @@ fn record_of(stamp: Time, state: &ContactState, wrench: Option<[f64; 6]>) -> Est
             _ => Adaptation::Off,
         },
         artifact_change: value(state.artifact_change),
+        touch: value(state.touch),
+        touch_on: value(state.touch_on),
+        touch_off: value(state.touch_off),
     }
 }
 

@@ -23,8 +23,9 @@ use super::split::SplitArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::eval::GroupBy;
-use crate::evaluate::{self, Evaluated, Request};
+use crate::evaluate::{self, Evaluated, JudgeTouch, Request};
 use crate::files;
+use crate::fusion::TouchLevels;
 
 /// Scores force and contact against the true force: per session, user, glove and substage, in the shape of the paper.
 #[derive(Debug, clap::Args)]
@@ -50,6 +51,14 @@ pub(super) struct Args {
     /// Score every frame, not only those that `tpf train` keeps for the test: for recordings never trained on
     #[arg(long, conflicts_with_all = ["split", "test_share"])]
     whole: bool,
+    /// Judge touch by a force of 2.5 gF as in the paper, or by this probability of touch, of models that give one; without it
+    /// as the node decides contact
+    #[arg(long, value_name = "force|PROBABILITY", value_parser = touch)]
+    touch: Option<JudgeTouch>,
+    /// Take the first N touches of each session as known: they fit what its forces are multiplied by, as `tpf calibrate
+    /// --touches` does, and what follows them is scored
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(3..))]
+    known_touches: Option<u16>,
     #[command(flatten)]
     zero: ZeroArgs,
     /// Also print the scores of each of these groups
@@ -83,6 +92,15 @@ pub(super) struct Args {
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
+}
+
+fn touch(text: &str) -> Result<JudgeTouch, String> {
+    if text == "force" {
+        return Ok(JudgeTouch::Force);
+    }
+    let on = text.parse::<f64>().ok().filter(|on| *on > 0.0 && *on < 1.0);
+    let on = on.ok_or("expected force, or a probability between 0 and 1 such as 0.8")?;
+    Ok(JudgeTouch::Levels(TouchLevels::from_on(on)))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -156,6 +174,8 @@ fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
         zero: args.zero.wanted(),
         needs_truth: args.truth.is_some(),
         pose_levels: args.pose_quality.levels()?,
+        known_touches: args.known_touches.map(usize::from),
+        touch: args.touch.unwrap_or_default(),
         jobs: args.jobs.map_or(everything.jobs, NonZero::get),
         ..everything
     };

@@ -23,7 +23,7 @@ use crate::files;
 use crate::fusion::{ArtifactModel, PoseRange};
 use crate::train::{
     Checkpoint, Dataset, GraphForm, Kind, LossConfig, ModelCard, Progress, Schedule, Session, TrainConfig, Trainer,
-    WindowSpec, fit_artifact, onnx_model, pose_range as train_pose_range,
+    WindowSpec, calibrate_touch, fit_artifact, onnx_model, pose_range as train_pose_range,
 };
 
 /// Frames in a window; the paper's.
@@ -171,7 +171,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let checkpoint = files.checkpoint(&lambdas, *lambda);
         let mut trainer = trainer(args, train_cfg, &data.dataset, &checkpoint, threads)?;
         let mut progress = Shown::new(trainer.steps(), kind);
-        let outcome = trainer.run(interrupt::flag(), Some(&checkpoint), &mut |step| {
+        let mut outcome = trainer.run(interrupt::flag(), Some(&checkpoint), &mut |step| {
             progress.show(step);
             report.handle_step(*lambda, step);
         })?;
@@ -184,7 +184,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
                 checkpoint.display()
             )));
         }
-        report.handle_outcome(*lambda, trainer.config(), outcome);
+        let touch = calibrate_touch(&mut outcome.best, &data.dataset, data.rate_hz, threads)?;
+        report.handle_outcome(*lambda, trainer.config(), outcome, touch);
     }
     report.finish(&data.dataset, started.elapsed())?;
 
@@ -194,6 +195,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         joints: cfg.fusion.regions[0].joints.clone(),
         pose_range: data.pose_range.clone(),
         artifact: data.artifact.as_deref().cloned(),
+        touch: report.touch(),
         glove: data.glove.clone(),
         trained_on: data.trained_on(),
         metrics: report.metrics()?,

@@ -265,6 +265,7 @@ fn model(reader: &Reader<'_>, name: &str) -> Result<ModelConfig, ConfigError> {
         force: tensor("outputs.force")?,
         force_base: tensor("outputs.force_base")?,
         force_residual: tensor("outputs.force_residual")?,
+        touch: tensor("outputs.touch")?,
     };
     let spec = ModelSpec { backend, unit, rate_hz, glove, of_glove, names, ..ModelSpec::new(path) };
     Ok(ModelConfig { name: name.to_owned(), spec })

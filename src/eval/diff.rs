@@ -50,6 +50,12 @@ pub struct EstimateRecord {
     pub adaptation: Adaptation,
     /// How far the artifact is from its calibration, as a share.
     pub artifact_change: Option<f64>,
+    /// Probability of touch.
+    pub touch: Option<f64>,
+    /// Probability that contact began at; absent where contact is decided on force.
+    pub touch_on: Option<f64>,
+    /// Probability that contact ends at; absent where contact is decided on force.
+    pub touch_off: Option<f64>,
 }
 
 /// A comparison that can't be made.

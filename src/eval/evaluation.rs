@@ -9,7 +9,7 @@ use super::contact::{ContactError, Detection, DetectionTally, Touches, Touching}
 use super::curve::ForceCurve;
 use super::groups::{GroupBy, Origin, Tallies};
 use super::in_air::{Asked, InAirReport, InAirTally};
-use super::metrics::{MetricError, Score};
+use super::metrics::{MetricError, Score, Tally};
 use super::pose_age::{PoseAgeBin, PoseAgeTally};
 use super::preservation::{Preservation, PreservationTally};
 use super::scoring::Scoring;
@@ -49,6 +49,11 @@ pub struct ScoredFrames {
     pub estimate_gf: Vec<Option<f64>>,
     /// Base force, gF, where the model gives it; else empty.
     pub base_gf: Vec<Option<f64>>,
+    /// Probability of touch, where contact is decided on it; else empty.
+    pub touch: Vec<Option<f64>>,
+    /// Whether the probability of touch is at its threshold, where contact is decided on it; else empty, and a frame's
+    /// touch is judged by its force.
+    pub touched: Vec<bool>,
     /// Contact, with hysteresis and debounce.
     pub contact: Vec<bool>,
     /// The same of the base force, where the model gives it; else empty.
@@ -82,6 +87,8 @@ pub struct Evaluation {
     pub all: Tallies,
     /// Those of free movement.
     pub free_movement: Tallies,
+    /// Whether the touch of some frame was judged by its probability.
+    by_touch: bool,
     scoring: Scoring,
     by_glove: BTreeMap<String, ContactTallies>,
 }
@@ -136,6 +143,7 @@ impl Evaluation {
         Evaluation {
             all: Tallies::new(scoring),
             free_movement: Tallies::new(scoring),
+            by_touch: false,
             scoring,
             by_glove: BTreeMap::new(),
         }
@@ -146,6 +154,7 @@ impl Evaluation {
     /// # Errors
     /// [`EvaluationError`] when columns differ in length or stamps don't rise.
     pub fn handle_session(&mut self, frames: &ScoredFrames) -> Result<(), EvaluationError> {
+        self.by_touch |= !frames.touched.is_empty();
         // A session without a true force is in no group; its contacts in the air are counted below.
         let has_truth = frames.truth_gf.iter().any(|truth| truth.is_finite());
         let mut start = 0;
@@ -155,12 +164,15 @@ impl Evaluation {
             let origin = stretch.first().and_then(|idx| frames.origins.get(*idx)).filter(|_| has_truth);
             let Some(origin) = origin else { continue };
             let is_free = origin.substage.contains(FREE_MOVEMENT);
-            let pairs = || frames.truth_gf[range.clone()].iter().zip(&frames.estimate_gf[range.clone()]);
-            let tally = self.all.at(origin.clone());
-            pairs().for_each(|(truth, estimate)| tally.add(*truth, *estimate));
+            let add = |tally: &mut Tally| {
+                for idx in range.clone() {
+                    let touched = frames.touched.get(idx).copied();
+                    tally.add_judged(frames.truth_gf[idx], frames.estimate_gf[idx], touched);
+                }
+            };
+            add(self.all.at(origin.clone()));
             if is_free {
-                let tally = self.free_movement.at(origin.clone());
-                pairs().for_each(|(truth, estimate)| tally.add(*truth, *estimate));
+                add(self.free_movement.at(origin.clone()));
             }
         }
         let Some(origin) = frames.origins.first() else { return Ok(()) };
@@ -171,6 +183,11 @@ impl Evaluation {
             in_air: InAirTally::new(CONTACT_SLACK, Touching::default().max_gap),
         });
         tallies.handle_session(frames, &self.scoring)
+    }
+
+    /// Whether touch was judged by the probability that the model gives, and not by its force.
+    pub fn is_by_touch(&self) -> bool {
+        self.by_touch
     }
 
     /// Scores by a kind of group, in the order of their names.

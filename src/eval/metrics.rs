@@ -209,12 +209,17 @@ impl Tally {
 
     /// Adds one frame, gF. NaN, infinite and `None` alike mean that there is no value; such frames are counted.
     pub fn add(&mut self, truth_gf: f64, estimate_gf: Option<f64>) {
+        self.add_judged(truth_gf, estimate_gf, None);
+    }
+
+    /// Adds one frame, gF, whose touch was judged by other means than its force, where `touched` tells.
+    pub fn add_judged(&mut self, truth_gf: f64, estimate_gf: Option<f64>, touched: Option<bool>) {
         if !truth_gf.is_finite() {
             self.n_without_truth += 1;
             return;
         }
         let estimate = estimate_gf.filter(|force| force.is_finite());
-        let detected = estimate.is_some_and(|force| self.scoring.is_touch(force));
+        let detected = estimate.is_some_and(|force| touched.unwrap_or_else(|| self.scoring.is_touch(force)));
         if self.scoring.is_touch(truth_gf) {
             self.touch.add(truth_gf, estimate, detected);
             match self.scoring.bin_of(truth_gf) {

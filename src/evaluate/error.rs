@@ -25,6 +25,10 @@ pub enum EvaluateError {
     Cancelled(#[from] Cancelled),
     #[error("worse joint angles are tried on a model that takes pose; give one by --model")]
     NoPose,
+    #[error(
+        "contact of the estimates in the bags was decided when they were made; give the model by --model to judge its touch otherwise"
+    )]
+    DecidedBefore,
     #[error("{bag}: {reason}")]
     InBag { bag: String, reason: String },
     #[error("{first}")]

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
 use super::session::SessionSummary;
-use super::{EvaluateError, Request, scored};
+use super::{EvaluateError, JudgeTouch, Request, scored};
 use crate::bag::shown;
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
-use crate::fusion::Regressor;
+use crate::fusion::{ContactBy, Regressor};
 use crate::glove::{Models, drop_unused_joints, replace_model};
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
@@ -29,6 +29,7 @@ pub(super) struct Plan<'a> {
     zero: Wanted<'a>,
     pub(super) observer: &'a dyn Observer,
     needs_truth: NeedsTruth,
+    known_touches: Option<usize>,
 }
 
 /// A model that every worker loads for itself.
@@ -88,6 +89,9 @@ impl<'a> Plan<'a> {
     ) -> Result<(Self, Vec<Core>), EvaluateError> {
         let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
         let recorded = (request.model.is_none() && hold_estimates(request.bags, &topic)).then_some(topic);
+        if recorded.is_some() && request.touch != JudgeTouch::AsTheNode {
+            return Err(EvaluateError::DecidedBefore);
+        }
         let mut paths: Vec<Option<&Path>> = request.compare.iter().map(|path| Some(path.as_path())).collect();
         match &recorded {
             Some(topic) => observer.note(&format!("scoring the estimates in the bags, {topic}")),
@@ -96,6 +100,13 @@ impl<'a> Plan<'a> {
         let (mut cores, mut planned, mut series) = (Vec::new(), Vec::new(), Vec::new());
         for path in paths {
             let mut cfg = cfg.clone();
+            cfg.fusion.regions.iter_mut().for_each(|region| match request.touch {
+                JudgeTouch::AsTheNode => {}
+                JudgeTouch::Force => region.contact.by = ContactBy::Force,
+                JudgeTouch::Levels(levels) => {
+                    (region.contact.by, region.contact.touch) = (ContactBy::Model, Some(levels));
+                }
+            });
             cfg.models.iter_mut().for_each(|model| model.spec.backend = request.backend.unwrap_or(model.spec.backend));
             if let Some(path) = path {
                 replace_model(&mut cfg, path.to_path_buf())?;
@@ -138,7 +149,19 @@ impl<'a> Plan<'a> {
         let needs_truth = if request.needs_truth { NeedsTruth::All } else { NeedsTruth::None };
         let n_compared = request.compare.len();
         let (split, zero) = (request.split, request.zero);
-        let plan = Plan { cfg, cores: planned, recorded, series, n_compared, split, zero, observer, needs_truth };
+        let known_touches = request.known_touches;
+        let plan = Plan {
+            cfg,
+            cores: planned,
+            recorded,
+            series,
+            n_compared,
+            split,
+            zero,
+            observer,
+            needs_truth,
+            known_touches,
+        };
         Ok((plan, cores))
     }
 
@@ -159,7 +182,10 @@ impl<'a> Plan<'a> {
         cores: Vec<Core>,
         done: &AtomicU64,
     ) -> Result<(Session, Vec<Core>), EvaluateError> {
-        let labelled = Labelled::read(bag, &self.cfg, self.split, self.needs_truth, self.observer)?;
+        let mut labelled = Labelled::read(bag, &self.cfg, self.split, self.needs_truth, self.observer)?;
+        if let Some(n) = self.known_touches {
+            labelled = labelled.with_known_touches(bag, n)?;
+        }
         let mut summary = SessionSummary::new(&labelled, bag, &self.cfg)?;
         let Modelled { columns, cores, counters, zero, verdict, losses } =
             run_models(bag, &labelled, cores, self.zero, done, self.observer)?;
@@ -191,7 +217,20 @@ impl<'a> Plan<'a> {
                     }
                     SeriesSource::Recorded => (&recorded[region_idx], 0),
                 };
-                let own;
+                let truth_idx = self.cfg.truth_of_region[region_idx];
+                let (own, scaled);
+                let column = match labelled.known_gain(column, truth_idx, max_gap) {
+                    Ok(None) => column,
+                    Ok(Some(gain)) => {
+                        scaled = column.with_gain(&gain, region.contact);
+                        &scaled
+                    }
+                    Err(error) => {
+                        let told = format!("{}: {}, region {}: {error}", bag.display(), series.name, region.name);
+                        summary.warnings.push(told + "; its forces are scored as the model gives them");
+                        column
+                    }
+                };
                 let column: &EstimateTrack = match series.which {
                     Which::Corrected => column,
                     Which::Base => {
@@ -202,7 +241,6 @@ impl<'a> Plan<'a> {
                 let glove = if several { format!("{}/{}", summary.glove, region.name) } else { summary.glove.clone() };
                 let origin =
                     Origin { glove, user: summary.user.clone(), session: summary.name.clone(), ..Origin::default() };
-                let truth_idx = self.cfg.truth_of_region[region_idx];
                 let frames = labelled.frames(column, truth_idx, window_ns, max_gap, region.contact, &origin);
                 if is_judged {
                     let without = frames.truth_gf.iter().filter(|truth| !truth.is_finite()).count();

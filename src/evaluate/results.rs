@@ -77,6 +77,8 @@ pub struct ModelScores {
     /// Of that file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
+    /// What touch was judged by: `force` or `touch output`.
+    pub touch_by: &'static str,
     /// By kind of group.
     pub by: BTreeMap<&'static str, Vec<GroupScore>>,
     /// The same, for free movement.
@@ -141,6 +143,11 @@ impl Evaluated {
         !self.table.gloves.is_empty()
     }
 
+    /// Names of the series whose touch was judged by the probability that a model gives.
+    pub fn judged_by_touch(&self) -> Vec<&str> {
+        self.models.iter().filter(|model| model.is_by_touch()).map(|model| model.name.as_str()).collect()
+    }
+
     /// What sessions lack, and which of them.
     pub fn missing(&self) -> BTreeMap<&str, Vec<&str>> {
         let mut missing: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -148,6 +155,16 @@ impl Evaluated {
             session.missing.iter().for_each(|lack| missing.entry(lack).or_default().push(&session.name));
         }
         missing
+    }
+}
+
+/// Touch was judged by the probability that a model gives.
+const TOUCH_OUTPUT: &str = "touch output";
+
+impl ModelScores {
+    /// Whether touch was judged by the probability that the model gives, and not by its force.
+    pub fn is_by_touch(&self) -> bool {
+        self.touch_by == TOUCH_OUTPUT
     }
 }
 
@@ -217,6 +234,7 @@ impl Gathered {
                 name: one.name.clone(),
                 sha256: core.map(|core| core.sha256.clone()),
                 path: core.map(|core| core.path.clone()),
+                touch_by: if evaluation.is_by_touch() { TOUCH_OUTPUT } else { "force" },
                 by: scores(|by| evaluation.scores(by))?,
                 free_movement: scores(|by| group_scores(&evaluation.free_movement, by))?,
                 contacts: evaluation.contacts(),

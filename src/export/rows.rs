@@ -7,13 +7,14 @@ use crate::protocol::Annotation;
 use crate::recording::EstimateTrack;
 use crate::units::{Newton, nanos};
 
-const COLUMNS: [(&str, Kind); 15] = [
+const COLUMNS: [(&str, Kind); 16] = [
     ("stamp", Kind::Stamp),
     ("session", Kind::Text),
     ("region", Kind::Text),
     ("force_n", Kind::Number),
     ("base_n", Kind::Number),
     ("artifact_n", Kind::Number),
+    ("touch", Kind::Number),
     ("contact", Kind::Flag),
     ("flags", Kind::Text),
     ("pose_age_ms", Kind::Number),
@@ -78,6 +79,7 @@ fn of_region(
         Cells::Number(track.force.iter().map(|force| force.and_then(finite)).collect()),
         Cells::Number(track.base.iter().map(|base| base.and_then(finite)).collect()),
         Cells::Number((0..n).map(|idx| track.artifact(idx).and_then(finite)).collect()),
+        Cells::Number(track.touch.clone()),
         Cells::Flag((0..n).map(|idx| known(idx).then_some(track.contact[idx])).collect()),
         Cells::Text(track.flags.iter().map(|flags| Some(flags.to_string())).collect()),
         Cells::Number(track.pose_age_ns.iter().map(|age| age.map(|age| age as f64 / 1e6)).collect()),

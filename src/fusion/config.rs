@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::artifact::Following;
 use super::geometry::Patch;
+use super::regressor::{TouchLevels, TouchOutput};
 use crate::units::Newton;
 
 /// A pose as old as this is as usual, however fast its source is.
@@ -77,17 +78,41 @@ impl Timing {
     }
 }
 
-/// When a force becomes a contact and when it stops being one.
+/// What contact is decided on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ContactBy {
+    /// The touch output of a model that has one, else the force.
+    #[default]
+    Model,
+    /// The force.
+    Force,
+}
+
+/// When a force or a probability of touch becomes a contact, and when it stops being one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactThresholds {
+    /// What contact is decided on.
+    pub by: ContactBy,
+    /// Instead of the levels that the model tells for its touch output.
+    pub touch: Option<TouchLevels>,
     /// At or above this force there may be contact; also the single threshold of `contact_raw`.
     pub force_on: Newton,
     /// Below this force contact may end; less than `force_on`.
     pub force_off: Newton,
-    /// Consecutive frames at or above `force_on` before contact begins; at least 1.
+    /// Consecutive frames at or above `force_on`, or the touch level, before contact begins; at least 1.
     pub on_frames: u32,
-    /// Consecutive frames below `force_off` before contact ends; at least 1.
+    /// Consecutive frames below `force_off`, or the touch level, before contact ends; at least 1.
     pub off_frames: u32,
+}
+
+impl ContactThresholds {
+    /// The levels of the touch output of a model; `None` where contact is decided on the force.
+    pub fn touch_levels(&self, output: Option<&TouchOutput>) -> Option<TouchLevels> {
+        match self.by {
+            ContactBy::Force => None,
+            ContactBy::Model => output.map(|output| self.touch.unwrap_or(output.levels)),
+        }
+    }
 }
 
 /// One patch of the hand with one force.

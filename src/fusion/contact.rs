@@ -1,6 +1,8 @@
-//! From force to contact: one threshold for the raw flag, hysteresis and debounce for the state.
+//! From force, or from the probability of touch, to contact: one threshold for the raw flag, hysteresis and debounce for
+//! the state.
 
 use super::config::ContactThresholds;
+use super::regressor::TouchOutput;
 use crate::units::{Newton, Stamp};
 
 /// What changed at a frame.
@@ -18,8 +20,11 @@ pub enum ContactEvent {
 /// Contact at a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Contact {
-    /// Force at or above the on threshold at this very frame: what the paper's metrics use. False without an estimate.
+    /// Force, or probability of touch, at or above its on threshold at this very frame: what the paper's metrics use. False
+    /// without an estimate.
     pub raw: bool,
+    /// Whether it was decided on the probability of touch.
+    pub by_touch: bool,
     /// State with hysteresis and debounce. Held over frames without an estimate, which their flags tell.
     pub state: bool,
     /// What changed at this frame.
@@ -32,6 +37,7 @@ pub struct Contact {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactDetector {
     thresholds: ContactThresholds,
+    output: Option<TouchOutput>,
     state: bool,
     since: Option<Stamp>,
     run_frames: u32,
@@ -40,24 +46,30 @@ pub struct ContactDetector {
 }
 
 impl ContactDetector {
-    /// A detector that starts without contact.
-    pub fn new(thresholds: ContactThresholds) -> Self {
-        ContactDetector { thresholds, state: false, since: None, run_frames: 0, run_start: Stamp(0), lost: false }
+    /// A detector that starts without contact, for a model with this touch output or with none.
+    pub fn new(thresholds: ContactThresholds, output: Option<TouchOutput>) -> Self {
+        let (since, run_start) = (None, Stamp(0));
+        ContactDetector { thresholds, output, state: false, since, run_frames: 0, run_start, lost: false }
     }
 
-    /// Takes the force of the frame at `stamp`, `None` where there is no estimate.
-    pub fn handle_force(&mut self, stamp: Stamp, force: Option<Newton>) -> Contact {
+    /// Takes the force and the probability of touch of the frame at `stamp`, `None` where there is no estimate. A frame
+    /// with a force alone is judged by its force.
+    pub fn handle_estimate(&mut self, stamp: Stamp, force: Option<Newton>, touch: Option<f64>) -> Contact {
+        let levels = self.thresholds.touch_levels(self.output.as_ref());
+        let by_touch = touch.zip(levels);
+        let judged = match (by_touch, force) {
+            (Some((touch, levels)), _) => Some((touch >= levels.on, touch < levels.off)),
+            (None, Some(force)) => Some((force >= self.thresholds.force_on, force < self.thresholds.force_off)),
+            (None, None) => None,
+        };
         let mut event = ContactEvent::None;
         if std::mem::take(&mut self.lost) {
             event = ContactEvent::Offset;
             self.since = Some(stamp);
         }
-        if let Some(force) = force {
-            let (opposes, needed) = if self.state {
-                (force < self.thresholds.force_off, self.thresholds.off_frames)
-            } else {
-                (force >= self.thresholds.force_on, self.thresholds.on_frames)
-            };
+        if let Some((is_on, is_off)) = judged {
+            let (opposes, needed) =
+                if self.state { (is_off, self.thresholds.off_frames) } else { (is_on, self.thresholds.on_frames) };
             if opposes {
                 if self.run_frames == 0 {
                     self.run_start = stamp;
@@ -74,7 +86,8 @@ impl ContactDetector {
             }
         }
         Contact {
-            raw: force.is_some_and(|force| force >= self.thresholds.force_on),
+            raw: judged.is_some_and(|(is_on, _)| is_on),
+            by_touch: by_touch.is_some(),
             state: self.state,
             event,
             since: *self.since.get_or_insert(stamp),
@@ -102,20 +115,25 @@ impl ContactDetector {
 
 #[cfg(test)]
 mod tests {
+    use super::super::config::ContactBy;
+    use super::super::regressor::TouchLevels;
     use super::*;
 
     fn detector(on_frames: u32, off_frames: u32) -> ContactDetector {
-        ContactDetector::new(ContactThresholds {
+        let thresholds = ContactThresholds {
+            by: ContactBy::Model,
+            touch: None,
             force_on: Newton(0.02),
             force_off: Newton(0.01),
             on_frames,
             off_frames,
-        })
+        };
+        ContactDetector::new(thresholds, None)
     }
 
     fn run(detector: &mut ContactDetector, forces: &[f64]) -> Vec<Contact> {
         let frames = forces.iter().enumerate();
-        frames.map(|(k, &force)| detector.handle_force(Stamp(k as i64), Some(Newton(force)))).collect()
+        frames.map(|(k, &force)| detector.handle_estimate(Stamp(k as i64), Some(Newton(force)), None)).collect()
     }
 
     #[test]
@@ -141,12 +159,36 @@ mod tests {
     #[test]
     fn a_frame_without_estimate_holds_the_state_and_a_reset_ends_it() {
         let mut detector = detector(1, 1);
-        assert_eq!(detector.handle_force(Stamp(0), Some(Newton(1.0))).event, ContactEvent::Onset);
-        let unknown = detector.handle_force(Stamp(1), None);
+        assert_eq!(detector.handle_estimate(Stamp(0), Some(Newton(1.0)), None).event, ContactEvent::Onset);
+        let unknown = detector.handle_estimate(Stamp(1), None, None);
         assert!(unknown.state && !unknown.raw);
         detector.handle_reset();
-        let ended = detector.handle_force(Stamp(9), None);
-        assert_eq!(ended, Contact { raw: false, state: false, event: ContactEvent::Offset, since: Stamp(9) });
-        assert_eq!(detector.handle_force(Stamp(10), None).event, ContactEvent::None);
+        let ended = detector.handle_estimate(Stamp(9), None, None);
+        assert_eq!(ended, Contact { event: ContactEvent::Offset, since: Stamp(9), ..Contact::default() });
+        assert_eq!(detector.handle_estimate(Stamp(10), None, None).event, ContactEvent::None);
+    }
+    #[test]
+    fn the_probability_of_touch_decides_where_there_is_one() {
+        let (on, off) = (0.8, 0.5);
+        let output = TouchOutput { levels: TouchLevels { on, off }, false_per_min: None };
+        let mut detector = ContactDetector { output: Some(output), ..detector(1, 1) };
+        let mut at = 0;
+        let mut contact = |detector: &mut ContactDetector, force: f64, touch: Option<f64>| {
+            at += 1;
+            let contact = detector.handle_estimate(Stamp(at), Some(Newton(force)), touch);
+            (contact.raw, contact.state, contact.by_touch)
+        };
+        assert_eq!(contact(&mut detector, 1.0, Some(0.79)), (false, false, true), "a large force that is no touch");
+        assert_eq!(contact(&mut detector, 0.0, Some(0.8)), (true, true, true));
+        assert_eq!(contact(&mut detector, 0.0, Some(0.5)), (false, true, true), "hysteresis");
+        assert_eq!(contact(&mut detector, 1.0, Some(0.49)), (false, false, true));
+        assert_eq!(contact(&mut detector, 1.0, None), (true, true, false), "a frame with a force alone");
+        let by_force = ContactThresholds { by: ContactBy::Force, ..*detector.thresholds() };
+        detector.handle_thresholds(by_force);
+        assert_eq!(contact(&mut detector, 0.0, Some(1.0)), (false, false, false));
+        let own =
+            ContactThresholds { touch: Some(TouchLevels { on: 0.3, off: 0.2 }), by: ContactBy::Model, ..by_force };
+        detector.handle_thresholds(own);
+        assert_eq!(contact(&mut detector, 0.0, Some(0.3)), (true, true, true), "the parameters before the model");
     }
 }

@@ -3,6 +3,7 @@
 use super::artifact::ArtifactError;
 use super::calibration::Baseline;
 use super::config::{FusionConfig, RegionConfig, TactileSource};
+use super::gain::GainError;
 use super::regressor::{RegressError, Regressor};
 
 /// Regions, models and baselines that don't fit each other.
@@ -35,6 +36,8 @@ pub enum SetupError {
     Baseline { source_name: String, expected: usize, got: usize },
     #[error("artifact of region {region}: {error}; calibrate this glove again")]
     Artifact { region: String, error: ArtifactError },
+    #[error("force gain of region {region}: {error}; give it its known touches again")]
+    Gain { region: String, error: GainError },
     #[error("baseline of tactile source {source_name} is not finite at taxel {taxel_idx}; calibrate this glove again")]
     BaselineNotFinite { source_name: String, taxel_idx: usize },
 }

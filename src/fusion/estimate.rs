@@ -112,6 +112,8 @@ pub struct Estimate {
     pub force: Option<Newton>,
     /// Force of the tactile branch alone, where the model gives it.
     pub force_base: Option<Newton>,
+    /// Probability that something touches the region, where the model gives it.
+    pub touch: Option<f64>,
     /// Contact.
     pub contact: Contact,
     /// Age of the oldest joint angle of the frame, ns: zero when all were measured or interpolated, `None` when one is

@@ -17,6 +17,16 @@ pub(super) struct ModelQueue {
     forces: Forces,
 }
 
+/// What a model says of one window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answer {
+    pub(super) force: Newton,
+    /// Of the tactile branch alone.
+    pub(super) base: Option<Newton>,
+    /// Probability of touch.
+    pub(super) touch: Option<f64>,
+}
+
 /// The frames of one region, and the windows in them that wait.
 #[derive(Debug, Default)]
 struct Lane {
@@ -63,8 +73,7 @@ impl ModelQueue {
         starts.clear();
         tactile.clear();
         pose.clear();
-        forces.force.clear();
-        forces.base.clear();
+        forces.clear();
         let mut n_frames = 0;
         for lane in lanes {
             lane.next_force = starts.len();
@@ -83,13 +92,14 @@ impl ModelQueue {
         regressor.run(SharedWindows { starts, tactile, pose }, forces)
     }
 
-    /// The force and the base force of the next window of a lane, of those that were run.
-    pub(super) fn pop(&mut self, lane: usize) -> Option<(Newton, Option<Newton>)> {
+    /// What the model said of the next window of a lane, of those that were run.
+    pub(super) fn pop(&mut self, lane: usize) -> Option<Answer> {
         let unit = self.regressor.contract().unit;
         let idx = self.lanes[lane].next_force;
         self.lanes[lane].next_force += 1;
         let force = unit.to_newton(*self.forces.force.get(idx)?);
-        Some((force, self.forces.base.get(idx).map(|&base| unit.to_newton(base))))
+        let base = self.forces.base.get(idx).map(|&base| unit.to_newton(base));
+        Some(Answer { force, base, touch: self.forces.touch.get(idx).map(|&touch| f64::from(touch)) })
     }
 }
 

@@ -9,7 +9,9 @@ use super::contact::{ContactDetector, ContactEvent};
 use super::estimate::{Estimate, Flags};
 use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
+use super::gain::ForceGain;
 use super::joints::{JointTimelines, PoseTrust};
+use super::queue::Answer;
 use super::regressor::{Contract, PoseRange};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
@@ -104,6 +106,8 @@ pub(super) struct Region {
     between: Vec<f32>,
     pose: Vec<f32>,
     faulty: bool,
+    /// What known touches of this donning tell of the model's forces.
+    gain: Option<ForceGain>,
     /// What is wrong with its taxels by the frame that is handled.
     faults: Flags,
     /// Whether the window was emptied since the last frame. Contact learns of it with the next one, because frames from
@@ -145,10 +149,11 @@ impl Region {
             between: vec![0.0; n_taxels],
             pose: vec![0.0; n_joints],
             faulty: false,
+            gain: None,
             faults: Flags::default(),
             was_reset: false,
             max_gap_ns,
-            contact: ContactDetector::new(cfg.contact),
+            contact: ContactDetector::new(cfg.contact, contract.touch),
             counters: RegionCounters::default(),
         }
     }
@@ -160,7 +165,18 @@ impl Region {
             artifact.clear();
         }
         self.corrected = None;
+        self.gain = None;
         self.reset();
+    }
+
+    /// Takes what known touches of this donning tell of its forces.
+    pub(super) fn handle_force_gain(&mut self, gain: &ForceGain) {
+        self.gain = Some(*gain);
+    }
+
+    /// What known touches of this donning told.
+    pub(super) fn force_gain(&self) -> Option<&ForceGain> {
+        self.gain.as_ref()
     }
 
     /// Takes the artifact of this donning, where the model tells artifacts.
@@ -242,23 +258,21 @@ impl Region {
     }
 
     /// Turns what the model said, if it was asked, into the estimate of the frame at `stamp`.
-    ///
-    /// `forces` are the final force and that of the tactile branch.
-    pub(super) fn estimate(
-        &mut self,
-        stamp: Stamp,
-        readiness: &Readiness,
-        forces: Option<(Newton, Option<Newton>)>,
-    ) -> Estimate {
+    pub(super) fn estimate(&mut self, stamp: Stamp, readiness: &Readiness, answer: Option<Answer>) -> Estimate {
         let mut flags = readiness.flags;
-        let (mut force, mut force_base) = match forces {
-            Some((_, base)) if readiness.base_only => (base, base),
-            Some((force, base)) => (Some(force), base),
-            None => (None, None),
+        let (mut force, mut force_base, mut touch) = match answer {
+            // Touch is of taxels and pose together, as the force is that is not used.
+            Some(Answer { base, .. }) if readiness.base_only => (base, base, None),
+            Some(Answer { force, base, touch }) => (Some(force), base, touch),
+            None => (None, None, None),
         };
-        if [force, force_base].into_iter().flatten().any(|force| !force.0.is_finite()) {
+        let gain = self.gain.map_or(1.0, |known| known.gain);
+        let of_donning = |force: Option<Newton>| force.map(|force| Newton(gain * force.0));
+        (force, force_base) = (of_donning(force), of_donning(force_base));
+        let numbers = [force.map(|force| force.0), force_base.map(|force| force.0), touch];
+        if numbers.into_iter().flatten().any(|number| !number.is_finite()) {
             flags.insert(Flags::NON_FINITE);
-            (force, force_base) = (None, None);
+            (force, force_base, touch) = (None, None, None);
         }
         let counters = &mut self.counters;
         match force {
@@ -277,12 +291,12 @@ impl Region {
         if readiness.after_reset {
             self.contact.handle_reset();
         }
-        let contact = self.contact.handle_force(stamp, force);
+        let contact = self.contact.handle_estimate(stamp, force, touch);
         counters.onsets += u64::from(contact.event == ContactEvent::Onset);
         counters.offsets += u64::from(contact.event == ContactEvent::Offset);
         let Readiness { pose_age_ns, adaptation, artifact_change, .. } = *readiness;
         let region = self.place.region;
-        Estimate { region, force, force_base, contact, pose_age_ns, flags, adaptation, artifact_change }
+        Estimate { region, force, force_base, touch, contact, pose_age_ns, flags, adaptation, artifact_change }
     }
 
     fn no_estimate(&mut self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {

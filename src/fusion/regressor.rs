@@ -3,6 +3,8 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use super::artifact::ArtifactModel;
 use crate::units::{GramForce, Newton};
 
@@ -34,6 +36,39 @@ pub struct PoseRange {
     pub max: f64,
 }
 
+/// At which probabilities of touch contact begins and ends.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TouchLevels {
+    /// At or above this probability there may be contact; also the single threshold of `contact_raw`.
+    pub on: f64,
+    /// Below this probability contact may end; less than `on`.
+    pub off: f64,
+}
+
+impl TouchLevels {
+    /// Contact from this probability on, and its end where hysteresis is as usual: below 0.7 of it.
+    pub fn from_on(on: f64) -> Self {
+        TouchLevels { on, off: 0.7 * on }
+    }
+}
+
+/// A model's touch output: the probability that something touches the region.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TouchOutput {
+    /// The levels that the model was judged with when it was trained, or those of a model that tells none.
+    #[serde(flatten)]
+    pub levels: TouchLevels,
+    /// False touches a minute in the air at these levels, as measured when the model was trained, where the model tells it.
+    pub false_per_min: Option<f64>,
+}
+
+impl Default for TouchOutput {
+    /// For a model that tells no levels.
+    fn default() -> Self {
+        TouchOutput { levels: TouchLevels::from_on(0.5), false_per_min: None }
+    }
+}
+
 /// What a model promises: read from the file once, checked against the parameters at start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contract {
@@ -49,6 +84,8 @@ pub struct Contract {
     pub unit: ForceUnit,
     /// Whether the model also gives the force of its tactile branch alone, unmoved by pose.
     pub has_base: bool,
+    /// The model's touch output, where it has one: contact is decided on it.
+    pub touch: Option<TouchOutput>,
     /// What pose makes of the taxels, where the model tells it: it is taken out of them before they reach the model. The
     /// joints of a region are its joints, then, also for a model without a pose input.
     pub artifact: Option<Arc<ArtifactModel>>,
@@ -89,13 +126,23 @@ pub struct SharedWindows<'a> {
     pub pose: &'a [f32],
 }
 
-/// The forces of a batch, in the model's unit. Buffers are reused from call to call.
+/// The forces of a batch, in the model's unit, and the touch. Buffers are reused from call to call.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Forces {
     /// `[N]`: the estimate, pose-corrected where the model knows pose.
     pub force: Vec<f32>,
     /// `[N]` where the model gives its tactile branch, else empty.
     pub base: Vec<f32>,
+    /// `[N]` where the model gives the probability of touch, else empty.
+    pub touch: Vec<f32>,
+}
+
+impl Forces {
+    /// Empties all of them.
+    pub fn clear(&mut self) {
+        let Forces { force, base, touch } = self;
+        [force, base, touch].into_iter().for_each(Vec::clear);
+    }
 }
 
 /// A model that failed to run. The text names the model and what its runtime said.

@@ -9,7 +9,7 @@ use super::info::{Batch, Dim, Origin, TensorInfo, unit_name};
 use super::metadata::Metadata;
 use super::onnx::GraphProto;
 use super::{ModelSpec, TensorNames};
-use crate::fusion::{Contract, ForceUnit};
+use crate::fusion::{Contract, ForceUnit, TouchLevels, TouchOutput};
 
 /// Model frames a second when neither the model nor the parameters say it: the paper's rate.
 const DEFAULT_RATE_HZ: f64 = 100.0;
@@ -36,16 +36,31 @@ pub(super) struct Tensors {
     pub(super) tactile: String,
     pub(super) pose: Option<String>,
     pub(super) force: String,
+    pub(super) touch: Option<String>,
     pub(super) base: Option<String>,
     pub(super) residual: Option<String>,
 }
 
 impl Tensors {
-    /// Names of the outputs that are there, in the order force, base, residual.
+    /// Names of the outputs that are there, in the order force, touch, base, residual.
     pub(super) fn outputs(&self) -> Vec<String> {
-        [Some(&self.force), self.base.as_ref(), self.residual.as_ref()].into_iter().flatten().cloned().collect()
+        let all = [Some(&self.force), self.touch.as_ref(), self.base.as_ref(), self.residual.as_ref()];
+        all.into_iter().flatten().cloned().collect()
+    }
+
+    /// Place of the touch among the outputs.
+    pub(super) fn touch_idx(&self) -> Option<usize> {
+        self.touch.as_ref().map(|_| 1)
+    }
+
+    /// Place of the base among the outputs.
+    pub(super) fn base_idx(&self) -> Option<usize> {
+        self.base.as_ref().map(|_| 1 + usize::from(self.touch.is_some()))
     }
 }
+
+/// The most frames in a window that are believed: nearly three minutes at 100 Hz.
+const MAX_WINDOW_FRAMES: usize = 1 << 14;
 
 /// Settles the contract of a graph.
 pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) -> Result<Terms, ModelError> {
@@ -98,8 +113,10 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
     check_size(path, &tensors, window, n_taxels.max(n_joints))?;
     check_artifact(path, metadata, n_taxels)?;
     check_joints(path, metadata, &tensors, n_joints)?;
+    check_outputs(path, &spec.names)?;
     for (name, output) in tensors.outputs().iter().filter_map(|name| Some((name, named(&outputs, name)?))) {
-        check_output(path, name, &output)?;
+        let what = if tensors.touch.as_ref() == Some(name) { "probability" } else { "force" };
+        check_output(path, name, &output, what)?;
     }
 
     let (unit, unit_from) = settle_unit(path, metadata, spec)?;
@@ -112,6 +129,12 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
     if rate_from == Origin::Default {
         notes.push("neither the model nor the parameters tell its frame rate: 100 Hz is assumed".to_string());
     }
+    if tensors.touch.is_some() && metadata.touch.is_none() {
+        let TouchLevels { on, off } = TouchOutput::default().levels;
+        notes.push(format!(
+            "it doesn't tell from which probability of its touch output there is contact: {on} is assumed, and {off} for its end"
+        ));
+    }
     if batch == Batch::One {
         notes.push("its batch is fixed at 1: windows are run one by one, and large batches are no faster".to_string());
     }
@@ -122,6 +145,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
         rate_hz,
         unit,
         has_base: tensors.base.is_some(),
+        touch: tensors.touch.as_ref().map(|_| metadata.touch.unwrap_or_default()),
         artifact: metadata.artifact.clone().map(Arc::new),
         joints: metadata.joints.clone(),
         pose_range: metadata.pose_range.clone(),
@@ -167,6 +191,7 @@ fn find_tensors(
         force: names.force.clone(),
         base: optional(outputs, &names.force_base),
         residual: optional(outputs, &names.force_residual),
+        touch: optional(outputs, &names.touch),
     })
 }
 
@@ -229,15 +254,16 @@ fn agree(
 }
 
 fn check_size(path: &Path, tensors: &Tensors, window: usize, width: usize) -> Result<(), ModelError> {
+    let refuse = |got: String, expected: String| {
+        let (path, name) = (path.to_path_buf(), one_line(&tensors.tactile));
+        Err(ModelError::Shape { path, kind: "input", name, got, expected })
+    };
+    if window > MAX_WINDOW_FRAMES {
+        return refuse(format!("{window} frames"), format!("at most {MAX_WINDOW_FRAMES} frames in a window"));
+    }
     match window.checked_mul(width) {
         Some(numbers) if numbers <= MAX_WINDOW_NUMBERS => Ok(()),
-        _ => Err(ModelError::Shape {
-            path: path.to_path_buf(),
-            kind: "input",
-            name: one_line(&tensors.tactile),
-            got: format!("{window} frames of {width}"),
-            expected: format!("at most {MAX_WINDOW_NUMBERS} numbers in a window"),
-        }),
+        _ => refuse(format!("{window} frames of {width}"), format!("at most {MAX_WINDOW_NUMBERS} numbers in a window")),
     }
 }
 
@@ -286,8 +312,23 @@ fn check_joints(path: &Path, metadata: &Metadata, tensors: &Tensors, n_joints: u
     Ok(())
 }
 
+/// Outputs are named one by one: the touch of a model is no force.
+fn check_outputs(path: &Path, names: &TensorNames) -> Result<(), ModelError> {
+    let forces =
+        [("force", &names.force), ("force_base", &names.force_base), ("force_residual", &names.force_residual)];
+    match forces.iter().find(|(_, name)| **name == names.touch) {
+        None => Ok(()),
+        Some((key, name)) => Err(ModelError::Conflict {
+            path: path.to_path_buf(),
+            first: format!("parameter model.NAME.outputs.touch is {}", one_line(name)),
+            second: format!("model.NAME.outputs.{key} is the same output"),
+            remedy: "name two outputs, or leave out the touch of a model that has none".into(),
+        }),
+    }
+}
+
 /// A force is `[N]` or `[N, 1]`; what the file leaves open is settled by the trial runs.
-fn check_output(path: &Path, name: &str, tensor: &TensorInfo) -> Result<(), ModelError> {
+fn check_output(path: &Path, name: &str, tensor: &TensorInfo, what: &str) -> Result<(), ModelError> {
     check_float32(path, "output", tensor)?;
     let fits = match tensor.shape.as_deref() {
         None | Some([Dim::Dynamic(_) | Dim::Fixed(1)]) => true,
@@ -302,7 +343,7 @@ fn check_output(path: &Path, name: &str, tensor: &TensorInfo) -> Result<(), Mode
         kind: "output",
         name: one_line(name),
         got: one_line(&tensor.shape_text()),
-        expected: "[N] or [N, 1], one force a window".into(),
+        expected: format!("[N] or [N, 1], one {what} a window"),
     })
 }
 

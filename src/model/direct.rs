@@ -76,6 +76,7 @@ impl Regressor for Direct {
 
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         check(windows, &self.contract).map_err(|said| RegressError(format!("model {}: {said}", self.label)))?;
+        out.touch.clear();
         let n = windows.starts.len();
         if (1..=lanes::MOST).contains(&n) && parts(windows.starts).all(|part| part.len() == 1) {
             self.lanes.run(&self.network, windows, out);

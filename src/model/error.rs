@@ -151,6 +151,18 @@ pub enum ModelError {
         /// The fixed size.
         batch: u64,
     },
+    /// A touch output that is no probability.
+    #[error(
+        "{path}: output {output} gave {value}, expected a probability of touch from 0 to 1; export it after its sigmoid, or name another output in the parameter model.NAME.outputs.touch"
+    )]
+    NoProbability {
+        /// The model file.
+        path: PathBuf,
+        /// The output.
+        output: String,
+        /// What it gave.
+        value: f32,
+    },
     /// The runtime that the parameters ask for is not there.
     #[error("{path}: backend onnxruntime can't be used: {reason}; run scripts/fetch-onnxruntime or set backend: rten")]
     NoOnnxRuntime {

@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 
 use super::error::one_line;
 use super::onnx::{DimensionValue, ValueInfoProto, data_type};
-use crate::fusion::{Contract, ForceUnit};
+use crate::fusion::{Contract, ForceUnit, TouchOutput};
 
 /// Everything that is known of a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -224,6 +224,7 @@ fn contract<S: Serializer>(contract: &Contract, serializer: S) -> Result<S::Ok, 
         unit: &'static str,
         has_base: bool,
         artifact: bool,
+        touch: Option<TouchOutput>,
         joints: &'a Option<Vec<String>>,
         pose_range_rad: Option<Vec<[f64; 2]>>,
         mdf_n: Option<f64>,
@@ -237,6 +238,7 @@ fn contract<S: Serializer>(contract: &Contract, serializer: S) -> Result<S::Ok, 
         unit: unit_name(contract.unit),
         has_base: contract.has_base,
         artifact: contract.artifact.is_some(),
+        touch: contract.touch,
         joints: &contract.joints,
         pose_range_rad: ranges.map(|ranges| ranges.iter().map(|range| [range.min, range.max]).collect()),
         mdf_n: contract.mdf.map(|mdf| mdf.0),

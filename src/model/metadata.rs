@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::error::{ModelError, one_line};
 use super::onnx::StringStringEntryProto;
-use crate::fusion::{ArtifactModel, ForceUnit, PoseRange};
+use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchLevels, TouchOutput};
 use crate::units::{GramForce, Newton};
 
 /// The version of the contract that this build keeps, as `tpf.contract` tells it.
@@ -33,6 +33,8 @@ pub struct Metadata {
     pub pose_range: Option<Vec<PoseRange>>,
     /// `artifact`: what pose makes of the taxels.
     pub artifact: Option<ArtifactModel>,
+    /// `touch`: when the touch output is contact.
+    pub touch: Option<TouchOutput>,
     /// `metrics.mdf_gf`: minimum detectable force, as measured at training.
     pub mdf: Option<Newton>,
     /// Every entry as it stands in the file, our keys and others.
@@ -73,6 +75,7 @@ impl Metadata {
             "joints" => self.joints = Some(joint_names(value)?),
             "pose_range" => self.pose_range = Some(pose_range(value)?),
             "artifact" => self.artifact = Some(artifact(value)?),
+            "touch" => self.touch = Some(touch(value)?),
             "metrics" => self.mdf = mdf(value)?,
             // glove, trained_on, tool_version are free text; foreign keys are none of our business.
             _ => {}
@@ -131,6 +134,24 @@ fn artifact(value: &str) -> Result<ArtifactModel, String> {
     Ok(artifact)
 }
 
+fn touch(value: &str) -> Result<TouchOutput, String> {
+    let expected = || {
+        "a JSON object with on and off, probabilities with 0 < off < on < 1, and false_per_min from 0 on or null"
+            .to_string()
+    };
+    let Ok(Value::Object(entries)) = serde_json::from_str(value) else { return Err(expected()) };
+    let number = |key: &str| entries.get(key).and_then(Value::as_f64);
+    let (Some(on), Some(off)) = (number("on"), number("off")) else { return Err(expected()) };
+    let false_per_min = match entries.get("false_per_min") {
+        None | Some(Value::Null) => None,
+        Some(rate) => Some(rate.as_f64().filter(|rate| *rate >= 0.0).ok_or_else(expected)?),
+    };
+    if !(0.0 < off && off < on && on < 1.0) {
+        return Err(expected());
+    }
+    Ok(TouchOutput { levels: TouchLevels { on, off }, false_per_min })
+}
+
 /// The MDF among the metrics. A `null` is a curve that never crossed 90 %: no MDF.
 fn mdf(value: &str) -> Result<Option<Newton>, String> {
     let expected = || "a JSON object, in which mdf_gf is a positive number of gF or null".to_string();
@@ -166,6 +187,7 @@ mod tests {
             ("taxels", "16"),
             ("joints", r#"["mcp", "pip"]"#),
             ("pose_range", "[[-0.1, 1.5], [0, 1.9]]"),
+            ("touch", r#"{"on": 0.8, "off": 0.5, "false_per_min": 2.5}"#),
             ("metrics", r#"{"mdf_gf": 10, "ba": 0.97}"#),
             ("glove", "A"),
         ])
@@ -175,6 +197,8 @@ mod tests {
         assert_eq!(metadata.joints.unwrap(), ["mcp", "pip"]);
         assert_eq!(metadata.pose_range.unwrap()[0], PoseRange { min: -0.1, max: 1.5 });
         assert!((metadata.mdf.unwrap().0 - 0.0980665).abs() < 1e-12); // 10 gF, exact to f64
+        let levels = TouchLevels { on: 0.8, off: 0.5 };
+        assert_eq!(metadata.touch, Some(TouchOutput { levels, false_per_min: Some(2.5) }));
         assert_eq!(metadata.entries["glove"], "A");
     }
 
@@ -215,6 +239,11 @@ mod tests {
                 r#"{"n_taxels":1,"n_joints":1,"shapes":[1,2,3],"gain_variance":[1],"slip":0.3,"slip_common":0.3,"slip_time_s":90,"touch":[1],"residual":[1]}"#,
                 "3 numbers in shapes, expected 4",
             ),
+            ("touch", "0.5", "a JSON object with on and off"),
+            ("touch", r#"{"on": 0.5}"#, "a JSON object with on and off"),
+            ("touch", r#"{"on": 0.5, "off": 0.5}"#, "0 < off < on < 1"),
+            ("touch", r#"{"on": 1.0, "off": 0.5}"#, "0 < off < on < 1"),
+            ("touch", r#"{"on": 0.8, "off": 0.5, "false_per_min": -1}"#, "false_per_min from 0 on"),
             ("metrics", "[1]", "a JSON object"),
             ("metrics", r#"{"mdf_gf": -3}"#, "mdf_gf is a positive number"),
             ("metrics", r#"{"mdf_gf": "5"}"#, "mdf_gf is a positive number"),

@@ -28,7 +28,8 @@ const WINDOW_NAMES: [&str; N] = ["a small trial window", "a window of zeros", "a
 /// [`ModelInfo::notes`](super::ModelInfo::notes).
 ///
 /// # Errors
-/// [`ModelError::Runtime`], [`ModelError::NonFiniteOutput`], [`ModelError::MixesWindows`], [`ModelError::Convention`].
+/// [`ModelError::Runtime`], [`ModelError::NonFiniteOutput`], [`ModelError::NoProbability`], [`ModelError::MixesWindows`],
+/// [`ModelError::Convention`].
 pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result<Vec<String>, ModelError> {
     let (mut base_moves, mut notes) = (false, Vec::new());
     for (idx, scale) in SCALES.iter().enumerate() {
@@ -51,24 +52,32 @@ pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result
                 "output {name} is no finite number with {scale} readings: such estimates are flagged NON_FINITE"
             ));
         }
-        let largest = batched.iter().flatten().filter(|value| value.is_finite());
-        let largest = largest.fold(SMALLEST_SCALE, |largest, value| largest.max(value.abs()));
+        let touch_idx = terms.tensors.touch_idx();
+        if let Some(touch_idx) = touch_idx {
+            check_probability(path, &names[touch_idx], &batched[touch_idx])?;
+        }
+        let forces = batched.iter().enumerate().filter(|(idx, _)| Some(*idx) != touch_idx);
+        let forces = forces.flat_map(|(_, output)| output).filter(|value| value.is_finite());
+        let largest = forces.fold(SMALLEST_SCALE, |largest, value| largest.max(value.abs()));
         for window_idx in 0..N {
             let alone = run(path, session, names.len(), trial.window(window_idx))?;
-            for ((name, batched), alone) in names.iter().zip(&batched).zip(&alone) {
+            for (idx, ((name, batched), alone)) in names.iter().zip(&batched).zip(&alone).enumerate() {
                 let (batched, alone) = (batched[window_idx], alone[0]);
-                if differ(batched, alone, BATCH_TOLERANCE * largest) {
+                let size = if Some(idx) == touch_idx { 1.0 } else { largest };
+                if differ(batched, alone, BATCH_TOLERANCE * size) {
                     let (path, output, scale) = (path.to_path_buf(), name.clone(), scale.name);
                     return Err(ModelError::MixesWindows { path, output, scale, alone, batched });
                 }
             }
         }
-        if let (Some(base), Some(residual)) = (&terms.tensors.base, &terms.tensors.residual) {
-            check_convention(path, &names[0], base, residual, &batched, largest)?;
+        let base_idx = terms.tensors.base_idx();
+        if let (Some(base), Some(residual), Some(base_idx)) = (&terms.tensors.base, &terms.tensors.residual, base_idx) {
+            let outputs = [&batched[0], &batched[base_idx], &batched[base_idx + 1]];
+            check_convention(path, &names[0], base, residual, outputs, largest)?;
         }
-        if terms.tensors.base.is_some() && terms.contract.n_joints > 0 {
+        if let Some(base_idx) = base_idx.filter(|_| terms.contract.n_joints > 0) {
             let moved = run(path, session, names.len(), trial.batch_with_other_poses())?;
-            let mut pairs = moved[1].iter().zip(&batched[1]);
+            let mut pairs = moved[base_idx].iter().zip(&batched[base_idx]);
             base_moves |= pairs.any(|(moved, base)| differ(*moved, *base, BASE_TOLERANCE * largest));
         }
     }
@@ -93,6 +102,15 @@ fn check_finite(path: &Path, names: &[String], outputs: &[Vec<f32>]) -> Result<(
         }
     }
     Ok(())
+}
+
+/// A touch output is a probability, not what a sigmoid would make one of.
+fn check_probability(path: &Path, name: &str, output: &[f32]) -> Result<(), ModelError> {
+    let is_probability = |value: &&f32| !value.is_finite() || (0.0..=1.0).contains(*value);
+    match output.iter().find(|value| !is_probability(value)) {
+        None => Ok(()),
+        Some(&value) => Err(ModelError::NoProbability { path: path.to_path_buf(), output: name.to_owned(), value }),
+    }
 }
 
 fn run(
@@ -124,10 +142,9 @@ fn check_convention(
     force: &str,
     base: &str,
     residual: &str,
-    outputs: &[Vec<f32>],
+    [forces, bases, residuals]: [&Vec<f32>; 3],
     scale: f32,
 ) -> Result<(), ModelError> {
-    let [forces, bases, residuals] = outputs else { return Ok(()) };
     let far = |a: f32, b: f32| differ(a, b, BATCH_TOLERANCE * scale);
     let windows: Vec<[f32; 3]> = (0..N).map(|idx| [forces[idx], bases[idx], residuals[idx]]).collect();
     // Where one of them is no number, nothing says how they belong together.

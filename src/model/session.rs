@@ -59,7 +59,7 @@ impl Session {
         self.contract.has_base = false;
     }
 
-    /// Runs `windows` and replaces what `outputs` held, in the order force, base, residual.
+    /// Runs `windows` and replaces what `outputs` held, in the order of [`Tensors::outputs`](super::contract::Tensors::outputs).
     pub(super) fn infer(&mut self, windows: SharedWindows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
         outputs.iter_mut().for_each(Vec::clear);
         check(windows, &self.contract)?;
@@ -129,11 +129,15 @@ impl Regressor for Session {
     }
 
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
-        out.base.clear();
-        let mut outputs = [std::mem::take(&mut out.force), std::mem::take(&mut out.base)];
-        let wanted = if self.contract.has_base { 2 } else { 1 };
+        out.clear();
+        let (has_touch, has_base) = (self.contract.touch.is_some(), self.contract.has_base);
+        let Forces { force, base, touch } = std::mem::take(out);
+        let mut outputs = if has_touch { [force, touch, base] } else { [force, base, touch] };
+        let wanted = 1 + usize::from(has_touch) + usize::from(has_base);
         let result = self.infer(windows, &mut outputs[..wanted]);
-        [out.force, out.base] = outputs;
+        let [force, second, third] = outputs;
+        let (touch, base) = if has_touch { (second, third) } else { (third, second) };
+        *out = Forces { force, base, touch };
         result.map_err(|what| RegressError(format!("model {}: {what}", self.label)))
     }
 }

@@ -26,7 +26,8 @@ pub struct ContactState {
     pub region: String,
     /// Frame of the region's wrench.
     pub frame_id: String,
-    /// Whether the force of this frame alone is at or above `on_threshold`.
+    /// Whether `touch` of this frame alone is at or above `touch_on`; where that is NaN, whether the force is at or above
+    /// `on_threshold`.
     pub contact_raw: bool,
     /// Whether there is contact, with hysteresis and debounce.
     pub contact: bool,
@@ -56,6 +57,12 @@ pub struct ContactState {
     pub adaptation: u8,
     /// How far the artifact is from its calibration, as a share of its gains; NaN where it is not taken out.
     pub artifact_change: f64,
+    /// Probability that something touches the region; NaN without an estimate, or where the model doesn't give it.
+    pub touch: f64,
+    /// Contact may begin at or above this probability; NaN where contact is decided on force.
+    pub touch_on: f64,
+    /// Contact may end below this probability; NaN where contact is decided on force.
+    pub touch_off: f64,
 }
 
 impl ContactState {

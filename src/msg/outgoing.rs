@@ -59,12 +59,16 @@ impl Outgoing {
     /// # Shapes
     /// `contracts`: `[regions]`, that of each one's model.
     pub fn new(cfg: &FusionConfig, contracts: &[&Contract]) -> Self {
+        let level = |level: Option<f64>| level.unwrap_or(f64::NAN);
+        let touch = |region: &RegionConfig, contract: &Contract| region.contact.touch_levels(contract.touch.as_ref());
         let contact = |(region, contract): (&RegionConfig, &&Contract)| ContactState {
             region: region.name.clone(),
             frame_id: region.patch.frame_id.clone(),
             on_threshold: region.contact.force_on.0,
             off_threshold: region.contact.force_off.0,
             mdf: or_nan(contract.mdf),
+            touch_on: level(touch(region, contract).map(|levels| levels.on)),
+            touch_off: level(touch(region, contract).map(|levels| levels.off)),
             ..ContactState::default()
         };
         let wrench = |region: &RegionConfig| {
@@ -178,6 +182,7 @@ impl Outgoing {
             Adaptation::Capped => ContactState::ADAPTATION_CAPPED,
         };
         state.artifact_change = estimate.artifact_change.unwrap_or(f64::NAN);
+        state.touch = estimate.touch.unwrap_or(f64::NAN);
     }
 
     /// The wrench of an estimate at `stamp`; `None` where there is no force, because a wrench has no way to say so.
@@ -195,6 +200,7 @@ impl Outgoing {
 fn silence(state: &mut ContactState) {
     (state.contact_raw, state.event) = (false, ContactState::NONE);
     (state.force, state.force_base, state.artifact) = (f64::NAN, f64::NAN, f64::NAN);
+    state.touch = f64::NAN;
     state.pose_age = f64::NAN;
     state.age = f64::NAN;
     state.flags = ContactState::STALE_TACTILE;

@@ -1,6 +1,6 @@
 //! The estimates of one region over time: made by a model, or read out of a bag.
 
-use crate::fusion::{ContactDetector, ContactThresholds, Estimate, Flags};
+use crate::fusion::{ContactDetector, ContactThresholds, Estimate, Flags, ForceGain};
 use crate::msg::ContactState;
 use crate::units::{Newton, Stamp};
 
@@ -16,12 +16,18 @@ pub struct EstimateTrack {
     pub force: Vec<Option<Newton>>,
     /// Force of the tactile branch alone.
     pub base: Vec<Option<Newton>>,
+    /// Probability that something touches the region, where the model gives it.
+    pub touch: Vec<Option<f64>>,
+    /// Whether the force, or the probability of touch, was at or above its threshold in this frame alone.
+    pub contact_raw: Vec<bool>,
     /// Whether there is contact.
     pub contact: Vec<bool>,
     /// Age of the oldest joint angle of the frame, ns.
     pub pose_age_ns: Vec<Option<i64>>,
     /// What to know before trusting it.
     pub flags: Vec<Flags>,
+    /// Whether contact was decided on the probability of touch.
+    pub by_touch: bool,
 }
 
 impl EstimateTrack {
@@ -30,7 +36,10 @@ impl EstimateTrack {
         self.stamp.push(stamp);
         self.force.push(estimate.force);
         self.base.push(estimate.force_base);
+        self.touch.push(estimate.touch);
+        self.contact_raw.push(estimate.contact.raw);
         self.contact.push(estimate.contact.state);
+        self.by_touch |= estimate.contact.by_touch;
         self.pose_age_ns.push(estimate.pose_age_ns);
         self.flags.push(estimate.flags);
     }
@@ -41,7 +50,10 @@ impl EstimateTrack {
         self.stamp.push(stamp);
         self.force.push(force(state.force));
         self.base.push(force(state.force_base));
+        self.touch.push(Some(state.touch).filter(|touch| touch.is_finite()));
+        self.contact_raw.push(state.contact_raw);
         self.contact.push(state.contact);
+        self.by_touch |= state.touch_on.is_finite();
         self.pose_age_ns.push(state.pose_age.is_finite().then(|| (state.pose_age * 1e9).round() as i64));
         self.flags.push(Flags::from_bits(state.flags));
     }
@@ -52,18 +64,41 @@ impl EstimateTrack {
             .artifact()
     }
 
+    /// The same with forces times a gain, and the contact that they tell. Contact that was decided on the probability of
+    /// touch stays.
+    pub fn with_gain(&self, gain: &ForceGain, thresholds: ContactThresholds) -> EstimateTrack {
+        let times = |forces: &[Option<Newton>]| -> Vec<Option<Newton>> {
+            forces.iter().map(|force| force.map(|force| Newton(gain.gain * force.0))).collect()
+        };
+        let (force, base) = (times(&self.force), times(&self.base));
+        let scaled = EstimateTrack { force, base, ..self.clone() };
+        if self.by_touch {
+            return scaled;
+        }
+        let (contact_raw, contact) = contacts(&scaled.stamp, &scaled.force, thresholds);
+        EstimateTrack { contact_raw, contact, ..scaled }
+    }
+
     /// The base force as if it were all there is, with the contact that it alone would tell.
     pub fn base_alone(&self, thresholds: ContactThresholds) -> EstimateTrack {
-        let mut detector = ContactDetector::new(thresholds);
-        let contacts =
-            self.stamp.iter().zip(&self.base).map(|(stamp, base)| detector.handle_force(*stamp, *base).state);
+        let (contact_raw, contact) = contacts(&self.stamp, &self.base, thresholds);
         EstimateTrack {
             stamp: self.stamp.clone(),
-            contact: contacts.collect(),
+            touch: vec![None; self.base.len()],
+            contact_raw,
+            contact,
+            by_touch: false,
             force: self.base.clone(),
             base: vec![None; self.base.len()],
             pose_age_ns: self.pose_age_ns.clone(),
             flags: self.flags.clone(),
         }
     }
+}
+
+/// Contact of each frame alone, and with hysteresis and debounce, by forces.
+fn contacts(stamps: &[Stamp], forces: &[Option<Newton>], thresholds: ContactThresholds) -> (Vec<bool>, Vec<bool>) {
+    let mut detector = ContactDetector::new(thresholds, None);
+    let contacts = stamps.iter().zip(forces).map(|(stamp, force)| detector.handle_estimate(*stamp, *force, None));
+    contacts.map(|contact| (contact.raw, contact.state)).unzip()
 }

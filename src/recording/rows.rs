@@ -59,9 +59,8 @@ impl Regressor for Tap {
             let sent = self.windows.send((of_window(windows.tactile, n_taxels), of_window(windows.pose, n_joints)));
             sent.map_err(|_| RegressError("the collector of model input is gone".to_owned()))?;
         }
-        out.force.clear();
+        out.clear();
         out.force.resize(windows.starts.len(), 0.0);
-        out.base.clear();
         Ok(())
     }
 }
@@ -94,6 +93,7 @@ impl RowCollector {
             rate_hz,
             unit: ForceUnit::GramForce,
             has_base: false,
+            touch: None,
             artifact,
             joints: None,
             pose_range: None,

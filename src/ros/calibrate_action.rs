@@ -26,7 +26,7 @@ use super::node::NodeError;
 use super::serving::Shared;
 use super::threads::Vital;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
-use crate::zero::{Zero, ZeroFrom};
+use crate::zero::{Donning, Zero, ZeroFrom};
 
 /// How often it is looked how far a calibration is; a person calibrates for seconds.
 const POLL: Duration = Duration::from_millis(20);
@@ -90,11 +90,11 @@ async fn conclude(
     purpose: Purpose,
 ) -> CalibrateResult {
     // A tare keeps the gains that are known: in a few seconds the hand may not have moved.
-    let mut before = Vec::new();
+    let mut before = Donning::default();
     if purpose == Purpose::Tare {
-        let (reply, artifacts) = oneshot::channel();
-        if shared.commands.send(Command::Artifacts(reply)).is_ok() {
-            before = artifacts.await.unwrap_or_default();
+        let (reply, known) = oneshot::channel();
+        if shared.commands.send(Command::Known(reply)).is_ok() {
+            before = known.await.unwrap_or_default();
         }
     }
     let judging = tokio::task::spawn_blocking(move || {

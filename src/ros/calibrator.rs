@@ -146,9 +146,9 @@ impl Calibrator {
 
     /// Ends it: what is to be used, or nothing where the result says why not.
     ///
-    /// `judge` is a core of the same configuration that nothing was shown yet; `before` the artifacts that were known, one a
-    /// region, or none.
-    pub fn finish(self, judge: Fusion, before: &[Option<ArtifactFit>]) -> (Option<Donning>, CalibrateResult) {
+    /// `judge` is a core of the same configuration that nothing was shown yet; `before` what was known of the donning and is
+    /// still true.
+    pub fn finish(self, judge: Fusion, before: &Donning) -> (Option<Donning>, CalibrateResult) {
         let (joints, joint_span) = self.movement.spans();
         let mut result = CalibrateResult {
             frames: self.frames,
@@ -177,7 +177,7 @@ impl Calibrator {
     }
 
     /// What was found, and what is to be said about it.
-    fn judged(&self, judge: Fusion, before: &[Option<ArtifactFit>]) -> Result<(Donning, String), String> {
+    fn judged(&self, judge: Fusion, before: &Donning) -> Result<(Donning, String), String> {
         let limits = zero::limits(&self.cfg.calibration);
         let limits = CalibrationLimits { min_s: limits.min_s.min(self.duration.as_secs_f64() / 2.0), ..limits };
         if self.purpose == Purpose::Calibrate {
@@ -188,8 +188,9 @@ impl Calibrator {
         };
         let sources = &self.cfg.fusion.tactile_sources;
         let baselines: Vec<Baseline> = self.builders.iter().zip(sources).map(of_source).collect::<Result<_, _>>()?;
-        let artifacts = self.artifacts(&judge, &baselines, limits, before).map_err(|error| error.to_string())?;
-        let donning = Donning { baselines, artifacts };
+        let artifacts =
+            self.artifacts(&judge, &baselines, limits, &before.artifacts).map_err(|error| error.to_string())?;
+        let donning = Donning { baselines, artifacts, force_gains: before.force_gains.clone() };
         let noted = self.check_load(judge, &donning, limits).map_err(|error| error.to_string())?;
         Ok((donning, noted.join("; ")))
     }

@@ -22,7 +22,7 @@ use super::outbox::{Origin, OutIdx, Outbox};
 use super::watchdog::{Silence, Watchdog};
 use super::watched::Watched;
 use crate::config::Config;
-use crate::fusion::{ArtifactFilter, ArtifactFit, ContactThresholds, Contract, Event, Fusion, Tick};
+use crate::fusion::{ContactThresholds, Contract, Event, Fusion, Tick};
 use crate::msg::binding::SampleBinding;
 use crate::msg::{Outgoing, Slot, to_cdr};
 use crate::units::{Stamp, nanos};
@@ -63,8 +63,8 @@ pub(super) enum Command {
     Thresholds(Vec<ContactThresholds>),
     /// What a calibration found, and where it is from; answers whether it is in use.
     Calibrated(Box<Donning>, String, oneshot::Sender<Result<(), String>>),
-    /// Answers the artifacts that are in use, one a region.
-    Artifacts(oneshot::Sender<Vec<Option<ArtifactFit>>>),
+    /// Answers what is known of the donning beside its baselines.
+    Known(oneshot::Sender<Donning>),
     /// Send a copy of each sample there, until that end is dropped.
     Tap(mpsc::UnboundedSender<Sample>),
     /// The end.
@@ -193,12 +193,6 @@ impl Engine {
     }
 }
 
-/// The artifacts of a core as they are now, one a region.
-fn artifacts(fusion: &Fusion) -> Vec<Option<ArtifactFit>> {
-    let of_region = |idx| fusion.artifact(idx).and_then(ArtifactFilter::fit);
-    (0..fusion.config().regions.len()).map(of_region).collect()
-}
-
 impl Running {
     fn handle_command(&mut self, command: Command) {
         match command {
@@ -225,8 +219,8 @@ impl Running {
             Command::Calibrated(donning, from, reply) => {
                 let _ = reply.send(self.install(&donning, from)); // who asked may be gone
             }
-            Command::Artifacts(reply) => {
-                let _ = reply.send(self.core.as_ref().map(|core| artifacts(&core.fusion)).unwrap_or_default());
+            Command::Known(reply) => {
+                let _ = reply.send(self.core.as_ref().map(|core| Donning::of(&core.fusion)).unwrap_or_default());
             }
             Command::Tap(tap) => self.tap = Some(tap),
             Command::Stop => {}

@@ -6,10 +6,13 @@ use super::SessionError;
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, ZeroLoadCheck};
-use crate::fusion::ContactThresholds;
+use crate::fusion::{ContactThresholds, ForceGain, GainError};
 use crate::observer::{Observer, check};
 use crate::protocol::Annotations;
-use crate::recording::{self, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, input_topics, read};
+use crate::recording::{
+    self, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, end_of_touches, input_topics, known_touches,
+    read,
+};
 use crate::units::{GramForce, Stamp};
 
 /// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
@@ -42,6 +45,8 @@ pub struct Labelled {
     /// `[force sensors]`; `None` where the bag lacks its topic.
     truth: Vec<Option<Truth>>,
     missing: Vec<String>,
+    /// `[force sensors]`: until when its known touches last, before anything is scored.
+    heads: Vec<Option<Stamp>>,
 }
 
 impl Labelled {
@@ -120,11 +125,52 @@ impl Labelled {
             track.doubts(&tare).iter().for_each(|doubt| observer.note(&format!("{}: {doubt}", bag.display())));
             truth[idx] = Some(Truth { track, tare });
         }
-        Ok(Labelled { notes, annotations, cuts, truth, missing })
+        let heads = vec![None; truth.len()];
+        Ok(Labelled { notes, annotations, cuts, truth, missing, heads })
+    }
+
+    /// The same where the first `n` touches of each force sensor are known to the glove's wearer: what follows them is scored.
+    ///
+    /// # Errors
+    /// [`SessionError`] when a sensor has fewer touches that are strong and long enough to tell a gain.
+    pub fn with_known_touches(mut self, bag: &Path, n: usize) -> Result<Self, SessionError> {
+        for (head, truth) in self.heads.iter_mut().zip(&self.truth) {
+            let Some(Truth { track, tare }) = truth else { continue };
+            let tared = track.readings().map(|(stamp, force)| (stamp, tare.tared(stamp, force)));
+            *head = Some(end_of_touches(tared, n).ok_or_else(|| {
+                let name = track.name();
+                SessionError::at(
+                    bag,
+                    &format!("truth {name} has fewer than {n} touches of 30 gF or more that are held for 0.1 s"),
+                )
+            })?);
+        }
+        Ok(self)
+    }
+
+    /// What the known touches of a force sensor tell of a region's forces.
+    ///
+    /// # Errors
+    /// [`GainError`] when they tell none.
+    pub fn known_gain(
+        &self,
+        column: &EstimateTrack,
+        truth_idx: Option<usize>,
+        max_gap: std::time::Duration,
+    ) -> Result<Option<ForceGain>, GainError> {
+        let head = truth_idx.and_then(|idx| self.heads[idx]);
+        let (Some(head), Some(truth)) = (head, self.truth_at(truth_idx, &column.stamp, max_gap)) else {
+            return Ok(None);
+        };
+        let touches = known_touches(column, &truth).into_iter().filter(|touch| touch.to <= head);
+        ForceGain::fit(&touches.map(|touch| touch.touch).collect::<Vec<_>>()).map(Some)
     }
 
     /// Whether a frame is scored whose window begins at `from`.
     fn is_scored(&self, from: Stamp, stamp: Stamp) -> bool {
+        if self.heads.iter().flatten().any(|head| from <= *head) {
+            return false;
+        }
         let in_test = |at| self.cuts.as_ref().is_none_or(|cuts| cuts.part_at(at) == Some(Part::Test));
         in_test(stamp) && in_test(from)
     }
@@ -132,6 +178,9 @@ impl Labelled {
     /// Whether taxels at a stamp are needed for what is scored.
     pub fn is_wanted(&self, stamp: Stamp, offset_ns: i64) -> bool {
         let Some(cuts) = &self.cuts else { return true };
+        if self.heads.iter().flatten().any(|head| stamp.offset(-offset_ns.abs()) <= *head) {
+            return true;
+        }
         let reach = LEAD_NS + offset_ns.abs();
         // Test parts are longer than the lead, or they hold no frame worth the name.
         [0, reach / 2, reach, -offset_ns.abs()]
@@ -181,6 +230,10 @@ impl Labelled {
             frames.stamp.push(*stamp);
             frames.truth_gf.push(truth.as_ref().and_then(|truth| truth[idx]).map_or(f64::NAN, |force| force.0));
             frames.estimate_gf.push(column.force[idx].map(in_gf));
+            if column.by_touch {
+                frames.touch.push(column.touch[idx]);
+                frames.touched.push(column.contact_raw[idx]);
+            }
             frames.contact.push(column.contact[idx]);
             if has_base {
                 frames.base_contact.push(base.contact[idx]);

@@ -3,6 +3,7 @@
 //! A window is only an index until its batch is put together: overlapping windows share their frames.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -58,7 +59,7 @@ pub(super) struct WindowIdx {
 #[derive(Debug, Clone)]
 pub struct Dataset {
     spec: WindowSpec,
-    sessions: Vec<Session>,
+    sessions: Arc<[Session]>,
     parts: [Vec<WindowIdx>; 3],
     train_frames: Vec<Vec<bool>>,
 }
@@ -70,6 +71,10 @@ impl Dataset {
     /// [`DatasetError`] when settings are out of range, sessions don't fit together, have no joints though the network
     /// needs them, leave a part without windows, or hold only touch or only air.
     pub fn new(sessions: Vec<Session>, spec: WindowSpec) -> Result<Self, DatasetError> {
+        Dataset::of(sessions.into(), spec)
+    }
+
+    fn of(sessions: Arc<[Session]>, spec: WindowSpec) -> Result<Self, DatasetError> {
         let positive = |key, got: usize| match got {
             0 => Err(DatasetError::Setting { key, got: got.to_string(), expected: "at least 1 frame" }),
             _ => Ok(()),
@@ -104,7 +109,16 @@ impl Dataset {
     /// [`DatasetError`] when no stretch is long enough.
     pub fn with_outputs(&self, outputs: usize) -> Result<Self, DatasetError> {
         let window = self.spec.window + outputs - 1;
-        Dataset::new(self.sessions.clone(), WindowSpec { window, stride: outputs.div_ceil(2), outputs, ..self.spec })
+        let spec = WindowSpec { window, stride: outputs.div_ceil(2), outputs, ..self.spec };
+        Dataset::of(Arc::clone(&self.sessions), spec)
+    }
+
+    /// The same sessions, where every frame is judged.
+    ///
+    /// # Errors
+    /// None that making this one didn't have.
+    pub fn with_every_frame(&self) -> Result<Self, DatasetError> {
+        Dataset::of(Arc::clone(&self.sessions), WindowSpec { eval_stride: 1, ..self.spec })
     }
 
     /// How the windows were cut.
@@ -176,7 +190,7 @@ impl Dataset {
     /// SHA-256 over everything that training depends on, in hex.
     pub fn fingerprint(&self) -> String {
         let mut hash = Sha256::new();
-        for session in &self.sessions {
+        for session in self.sessions.iter() {
             session.hash_into(&mut hash);
         }
         for part in &self.parts {

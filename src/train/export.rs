@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::architecture::{Architecture, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, TAPS};
 use super::error::TrainError;
 use super::network::{NORM_EPSILON, Network};
-use crate::fusion::{ArtifactModel, ForceUnit, PoseRange};
+use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchOutput};
 use crate::model::onnx::{Graph, Message, ModelProto};
 use crate::model::unit_name;
 
@@ -39,6 +39,8 @@ pub struct ModelCard {
     pub pose_range: Vec<PoseRange>,
     /// What pose makes of the taxels, for an adaptive network.
     pub artifact: Option<ArtifactModel>,
+    /// When the touch output is contact, for a network with one.
+    pub touch: Option<TouchOutput>,
     /// The glove that it is for.
     pub glove: String,
     /// What it was trained on, in words.
@@ -108,6 +110,9 @@ fn metadata(network: &Network, card: &ModelCard) -> Vec<(&'static str, String)> 
     }
     if let Some(artifact) = card.artifact.as_ref().filter(|_| kind == Kind::Adaptive) {
         entries.push(("artifact", serde_json::to_string(artifact).unwrap_or_default()));
+    }
+    if let Some(touch) = card.touch.filter(|_| kind == Kind::Adaptive) {
+        entries.push(("touch", serde_json::to_string(&touch).unwrap_or_default()));
     }
     entries.push(("glove", card.glove.clone()));
     entries.push(("trained_on", card.trained_on.clone()));

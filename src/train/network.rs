@@ -138,8 +138,23 @@ impl Network {
             let output = weights.forward(input, Normalize::ByStatistics(&self.statistics));
             forces.force.extend(values(output.force));
             forces.base.extend(output.base.map(values).unwrap_or_default());
+            forces.touch.extend(output.touch.map(values).unwrap_or_default().into_iter().map(sigmoid));
         }
         Ok(forces)
+    }
+
+    /// Moves the touch output: the log of its odds becomes `gain` times what it was, and `shift` more.
+    ///
+    /// # Errors
+    /// [`TrainError::Architecture`] for a network without such an output.
+    pub(super) fn move_touch(&mut self, gain: f32, shift: f32) -> Result<(), TrainError> {
+        for (name, shift) in [("touch.1.weight", 0.0), ("touch.1.bias", shift)] {
+            let missing = || TrainError::Architecture { what: format!("the network has no parameter {name}") };
+            let values = self.parameter(name).ok_or_else(missing)?;
+            let moved: Vec<f32> = values.iter().map(|value| gain * value + shift).collect();
+            self.set_parameter(name, &moved)?;
+        }
+        Ok(())
     }
 
     /// The weights as tensors of a device, with gradients where the device has autodiff.
@@ -153,6 +168,11 @@ impl Network {
         let tensors = parameters.iter().map(tensor).collect();
         Weights { architecture: &self.architecture, device: device.clone(), parameters, tensors }
     }
+}
+
+/// The probability of the log of odds.
+fn sigmoid(odds: f32) -> f32 {
+    1.0 / (1.0 + (-odds).exp())
 }
 
 /// How a pass normalizes its batch.

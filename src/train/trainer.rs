@@ -27,6 +27,7 @@ use adam::Adam;
 use checkpoint::Best;
 pub use checkpoint::Checkpoint;
 pub use config::{Schedule, TrainConfig};
+pub(super) use step::on_threads;
 #[cfg(test)]
 pub(super) use step::{Given, run_shard, track};
 pub use validation::{Validation, validate};

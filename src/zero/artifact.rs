@@ -59,7 +59,7 @@ impl ArtifactCollector {
         rest: &[Vec<Rest>],
         times: ArtifactTimes,
     ) -> Result<Self, SetupError> {
-        let at_rest = Donning { baselines: baselines.to_vec(), artifacts: Vec::new() };
+        let at_rest = Donning { baselines: baselines.to_vec(), ..Donning::default() };
         let collecting = |region_idx: usize, (model, rate_hz): &TimedArtifact| {
             let region = cfg.regions[region_idx].clone();
             let (name, rest) = (region.name.clone(), rest[region.source.0].clone());

@@ -108,7 +108,7 @@ fn from_bag(
         ZeroLoad::Annotated => ZeroFrom::Annotations { seconds },
         ZeroLoad::First(_) => ZeroFrom::First { seconds },
     };
-    let mut donning = Donning { baselines, artifacts: Vec::new() };
+    let mut donning = Donning { baselines, ..Donning::default() };
     let notes = fit_artifacts(&mut donning, cfg, bags, models, &rest, pose)?;
     let check = Some(check(&from, cfg, rest));
     let notes = notes.into_iter().collect();

@@ -27,6 +27,7 @@ pub fn contract(window: usize, n_taxels: usize, n_joints: usize) -> Contract {
         n_joints,
         rate_hz: 100.0,
         unit: ForceUnit::Newton,
+        touch: None,
         has_base: true,
         joints: None,
         artifact: None,
@@ -69,7 +70,14 @@ pub fn region(name: &str, taxels: &[usize], joints: &[&str]) -> RegionConfig {
             normal_in_patch: Vector3::z_axis(),
             frame_from_patch: Isometry3::identity(),
         },
-        contact: ContactThresholds { force_on: Newton(0.5), force_off: Newton(0.25), on_frames: 1, off_frames: 1 },
+        contact: ContactThresholds {
+            by: ContactBy::Model,
+            touch: None,
+            force_on: Newton(0.5),
+            force_off: Newton(0.25),
+            on_frames: 1,
+            off_frames: 1,
+        },
     }
 }
 

@@ -31,6 +31,8 @@ pub struct LinearModel {
     pub names: [String; 5],
     /// Whether `force_base` and `force_residual` are given as outputs.
     pub branch_outputs: bool,
+    /// Name of a touch output, if there is one: the sigmoid of the force.
+    pub touch: Option<String>,
     /// Entries of `metadata_props`.
     pub metadata: Vec<(String, String)>,
     /// What is wrong with it.
@@ -74,6 +76,8 @@ pub enum Flaw {
     NanAbove(f32),
     /// The force is NaN where all taxels are zero.
     NanAtZero,
+    /// The touch output is the force: no probability.
+    TouchOfOdds,
     /// An operator that no runtime knows.
     UnknownOperator,
 }
@@ -89,6 +93,7 @@ impl LinearModel {
             pose_gain: 1.0,
             names: ["tactile", "pose", "force", "force_base", "force_residual"].map(String::from),
             branch_outputs: true,
+            touch: None,
             metadata: Vec::new(),
             flaw: None,
         }
@@ -115,6 +120,12 @@ impl LinearModel {
     /// With other names for `tactile`, `pose`, `force`, `force_base`, `force_residual`.
     pub fn names(mut self, names: [&str; 5]) -> Self {
         self.names = names.map(String::from);
+        self
+    }
+
+    /// With a touch output of this name.
+    pub fn touch(mut self, name: &str) -> Self {
+        self.touch = Some(name.to_owned());
         self
     }
 
@@ -167,7 +178,7 @@ impl LinearModel {
             node("Gather", &[last_taxels, "last"], "last_taxels", vec![AttributeProto::int("axis", 1)]);
             last_taxels = "last_taxels";
         }
-        node("MatMul", &[last_taxels, "tactile_weight"], "touch", vec![]);
+        node("MatMul", &[last_taxels, "tactile_weight"], "taxel_sum", vec![]);
         if self.n_joints > 0 {
             weights.push(TensorProto::float32(
                 "pose_weight",
@@ -178,17 +189,17 @@ impl LinearModel {
             node("MatMul", &["last_joints", "pose_weight"], residual, vec![]);
         } else {
             weights.push(TensorProto::float32("zero", &[], &[0.0]));
-            node("Mul", &["touch", "zero"], residual, vec![]);
+            node("Mul", &["taxel_sum", "zero"], residual, vec![]);
         }
 
         match flaw {
             Some(Flaw::MixesBatch) => {
                 let axes = vec![AttributeProto::ints("axes", &[0]), AttributeProto::int("keepdims", 1)];
-                node("ReduceMean", &["touch"], "batch_mean", axes);
-                node("Sub", &["touch", "batch_mean"], base, vec![]);
+                node("ReduceMean", &["taxel_sum"], "batch_mean", axes);
+                node("Sub", &["taxel_sum", "batch_mean"], base, vec![]);
             }
-            Some(Flaw::BaseMovesWithPose) => node("Sub", &["touch", residual], base, vec![]),
-            _ => node("Identity", &["touch"], base, vec![]),
+            Some(Flaw::BaseMovesWithPose) => node("Sub", &["taxel_sum", residual], base, vec![]),
+            _ => node("Identity", &["taxel_sum"], base, vec![]),
         }
         match flaw {
             Some(Flaw::ResidualAdded) => node("Add", &[base, residual], force, vec![]),
@@ -216,6 +227,12 @@ impl LinearModel {
             }
             Some(Flaw::UnknownOperator) => node("TurnIntoForce", &[base, residual], force, vec![]),
             _ => node("Sub", &[base, residual], force, vec![]),
+        }
+
+        match (&self.touch, flaw) {
+            (Some(touch), Some(Flaw::TouchOfOdds)) => node("Identity", &[force], touch, vec![]),
+            (Some(touch), _) => node("Sigmoid", &[force], touch, vec![]),
+            (None, _) => {}
         }
 
         let (input, output) = (self.inputs(), self.outputs());
@@ -276,6 +293,9 @@ impl LinearModel {
         {
             tensor.shape = None;
         }
+        outputs.extend(
+            self.touch.iter().map(|name| ValueInfoProto::float32(name, vec![self.batch(), DimensionProto::fixed(1)])),
+        );
         outputs
     }
 

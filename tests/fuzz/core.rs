@@ -167,7 +167,9 @@ fn event(bytes: &mut Unstructured<'_>, core: &mut Fusion, newest: &mut Stamp, n_
         }
         15 if bytes.ratio(1, 4)? => {
             let (force_on, force_off, on_frames, off_frames) = (Newton(2.0), Newton(1.0), 2, 1);
-            let thresholds = ContactThresholds { force_on, force_off, on_frames, off_frames };
+            let by = if bytes.ratio(1, 2)? { ContactBy::Model } else { ContactBy::Force };
+            let touch = bytes.ratio(1, 2)?.then(|| TouchLevels::from_on(0.5));
+            let thresholds = ContactThresholds { by, touch, force_on, force_off, on_frames, off_frames };
             core.handle_thresholds(&vec![thresholds; core.config().regions.len()]);
         }
         _ => *n_ticks += drain(core),

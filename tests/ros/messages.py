@@ -63,6 +63,9 @@ class ContactState(IdlStruct, typename="tactile_pose_fusion.msg.dds_.ContactStat
     flags: uint32
     adaptation: uint8
     artifact_change: float64
+    touch: float64
+    touch_on: float64
+    touch_off: float64
 
 
 @dataclass

@@ -17,7 +17,7 @@ use crate::ros::{
     Calibrator, Delivery, Heard, HeardTopic, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings,
     wanted,
 };
-use crate::zero::{Zero, ZeroFrom};
+use crate::zero::{Donning, Zero, ZeroFrom};
 
 /// The node that calibrates, unless it is given another name.
 const NODE: &str = "/tpf_calibrate";
@@ -115,7 +115,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
             silent.topic()
         )));
     }
-    let (donning, result) = calibrator.finish(judge, &[]);
+    let (donning, result) = calibrator.finish(judge, &Donning::default());
     let Some(donning) = donning else {
         return Err(Failure(format!("not calibrated: {}", result.message)));
     };

@@ -30,7 +30,19 @@ fn heading(text: &mut String, result: &Evaluated) {
     }
     if result.has_scores() {
         let _ = writeln!(text, "{}", result.table.text());
+        touch_by(result).into_iter().for_each(|line| {
+            let _ = writeln!(text, "\n{line}");
+        });
     }
+}
+
+/// Which rows judge touch by another means than the paper.
+pub(super) fn touch_by(result: &Evaluated) -> Option<String> {
+    let names = result.judged_by_touch();
+    (!names.is_empty()).then(|| {
+        let others = if names.len() < result.models.len() { ", that of the others by a force of 2.5 gF" } else { "" };
+        format!("Touch of {} is judged by the probability of touch that it gives{others}.", names.join(", "))
+    })
 }
 
 /// Which sessions, in few words.

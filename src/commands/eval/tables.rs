@@ -30,7 +30,7 @@ const SCORES: [(&str, Kind); 20] = [
     ("scored", Kind::Text),
 ];
 
-const FRAMES: [(&str, Kind); 17] = [
+const FRAMES: [(&str, Kind); 18] = [
     ("stamp", Kind::Stamp),
     ("model", Kind::Text),
     ("glove", Kind::Text),
@@ -44,6 +44,7 @@ const FRAMES: [(&str, Kind); 17] = [
     ("estimate_gf", Kind::Number),
     ("base_gf", Kind::Number),
     ("artifact_gf", Kind::Number),
+    ("touch", Kind::Number),
     ("contact", Kind::Flag),
     ("base_contact", Kind::Flag),
     ("pose_age_ms", Kind::Number),
@@ -149,6 +150,7 @@ fn cells(model: &str, frames: &ScoredFrames, is_synthetic: bool) -> [Cells; FRAM
         Cells::Number(frames.estimate_gf.clone()),
         Cells::Number((0..n).map(base).collect()),
         Cells::Number((0..n).map(artifact).collect()),
+        Cells::Number((0..n).map(|idx| frames.touch.get(idx).copied().flatten()).collect()),
         Cells::Flag(frames.contact.iter().copied().map(Some).collect()),
         Cells::Flag((0..n).map(|idx| frames.base_contact.get(idx).copied()).collect()),
         Cells::Number(frames.pose_age_ns.iter().map(|age| age.map(|age| age as f64 / 1e6)).collect()),

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::format::{bytes, number, printable, shortened, table};
+use crate::fusion::TouchOutput;
 use crate::model::{Batch, ModelInfo, Origin, unit_name};
 use crate::units::GramForce;
 
@@ -51,6 +52,18 @@ pub(super) fn text(model: &ModelInfo) -> String {
         (false, _) => "not given: no estimate where pose is missing",
     };
     line("base", base);
+    if let Some(TouchOutput { levels, false_per_min }) = contract.touch {
+        let rate =
+            false_per_min.map_or(String::new(), |rate| format!("; {} false touches/min when trained", number(rate)));
+        line(
+            "touch",
+            &format!(
+                "given: contact from a probability of {}, ends below {}{rate}",
+                number(levels.on),
+                number(levels.off)
+            ),
+        );
+    }
     line(
         "run by",
         &match &model.not_builtin {

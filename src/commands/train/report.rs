@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::{Failure, Files, SessionNotes};
 use crate::eval::{Part, Score, Scoring, Split, Tally};
-use crate::fusion::Windows;
+use crate::fusion::{TouchOutput, Windows};
 use crate::train::{Dataset, Kind, LossTerms, Network, Progress, TrainConfig, Validation};
 
 /// Steps of which the curve keeps the mean, at most so many points in all.
@@ -40,6 +40,9 @@ struct Run {
     settings: Option<TrainConfig>,
     best_step: u64,
     best_validation: Option<Validation>,
+    /// Probabilities of touch at which there is contact, where the network has an output for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    touch: Option<TouchOutput>,
     curve: Vec<Point>,
     validation: Vec<Look>,
     #[serde(skip)]
@@ -122,12 +125,19 @@ impl Report {
     }
 
     /// Takes what a run gave.
-    pub(super) fn handle_outcome(&mut self, lambda: f32, cfg: &TrainConfig, outcome: crate::train::Outcome) {
+    pub(super) fn handle_outcome(
+        &mut self,
+        lambda: f32,
+        cfg: &TrainConfig,
+        outcome: crate::train::Outcome,
+        touch: Option<TouchOutput>,
+    ) {
         let run = self.run(lambda);
         run.settings = Some(cfg.clone());
         run.best_step = outcome.best_step;
         run.best_validation = outcome.best_validation;
         run.network = Some(outcome.best);
+        run.touch = touch;
     }
 
     fn run(&mut self, lambda: f32) -> &mut Run {
@@ -143,6 +153,7 @@ impl Report {
                     validation: Vec::new(),
                     since: Vec::new(),
                     network: None,
+                    touch: None,
                 });
                 self.runs.len() - 1
             }
@@ -157,7 +168,7 @@ impl Report {
         let best = (0..self.runs.len()).min_by(|a, b| loss(&self.runs[*a]).total_cmp(&loss(&self.runs[*b])));
         self.chosen = best.unwrap_or_default();
         if dataset.n_windows(Part::Test) > 0 {
-            self.test = Some(test(self.best()?, dataset)?);
+            self.test = Some(test(self.best()?, dataset, self.touch())?);
         }
         Ok(())
     }
@@ -166,6 +177,11 @@ impl Report {
     pub(super) fn best(&self) -> Result<&Network, Failure> {
         let network = self.runs.get(self.chosen).and_then(|run| run.network.as_ref());
         network.ok_or_else(|| Failure("no run was finished".to_owned()))
+    }
+
+    /// When the touch output of the chosen network is contact.
+    pub(super) fn touch(&self) -> Option<TouchOutput> {
+        self.runs.get(self.chosen).and_then(|run| run.touch)
     }
 
     /// The metrics for the model's own metadata.
@@ -201,6 +217,16 @@ impl Report {
             let _ = writeln!(text, "lambda {}: validation loss {loss} at step {}{chosen}", run.lambda, run.best_step);
         }
         if let Some(test) = &self.test {
+            if let Some(TouchOutput { levels, false_per_min }) = self.touch() {
+                let rate = false_per_min
+                    .map(|rate| format!(", {rate:.1} false touches/min in the air of the validation part"));
+                let (on, off) = (levels.on, levels.off);
+                let _ = writeln!(
+                    text,
+                    "contact from a probability of {on:.2}, ends below {off:.2}{}",
+                    rate.unwrap_or_default()
+                );
+            }
             let _ = writeln!(text, "held-out test, {} frames{synthetic}:", test.windows);
             let _ = writeln!(text, "  final {}", line(&test.corrected));
             if let Some(base) = &test.base {
@@ -234,7 +260,7 @@ fn line(score: &Score) -> String {
 }
 
 /// Scores a network on the test part by the same tallies as `tpf eval`.
-fn test(network: &Network, dataset: &Dataset) -> Result<Test, Failure> {
+fn test(network: &Network, dataset: &Dataset, touch: Option<TouchOutput>) -> Result<Test, Failure> {
     let scoring = Scoring::default();
     let (mut corrected, mut base) = (Tally::new(scoring), Tally::new(scoring));
     let windows: Vec<usize> = (0..dataset.n_windows(Part::Test)).collect();
@@ -243,8 +269,9 @@ fn test(network: &Network, dataset: &Dataset) -> Result<Test, Failure> {
         super::interrupt::check()?;
         let batch = dataset.batch(Part::Test, windows, None);
         let forces = network.predict(Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose })?;
-        for (truth, force) in batch.truth_gf.iter().zip(&forces.force) {
-            corrected.add(f64::from(*truth), Some(f64::from(*force)));
+        for (idx, (truth, force)) in batch.truth_gf.iter().zip(&forces.force).enumerate() {
+            let touched = touch.zip(forces.touch.get(idx)).map(|(touch, p)| f64::from(*p) >= touch.levels.on);
+            corrected.add_judged(f64::from(*truth), Some(f64::from(*force)), touched);
         }
         has_base |= !forces.base.is_empty();
         for (truth, force) in batch.truth_gf.iter().zip(&forces.base) {

@@ -8,7 +8,7 @@ use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
 use super::super::text::{list, one_line};
 use super::reader::Reader;
-use crate::fusion::{ContactThresholds, Patch, RegionConfig, TactileSource, TactileSourceIdx};
+use crate::fusion::{ContactBy, ContactThresholds, Patch, RegionConfig, TactileSource, TactileSourceIdx, TouchLevels};
 use crate::msg::binding::{JointFields, NamesFrom, Topic};
 use crate::units::Newton;
 
@@ -170,10 +170,33 @@ fn contact(reader: &Reader<'_>, region: Option<&str>) -> Result<ContactThreshold
         let problem = format!("N must be below {on_key} = {force_on} N");
         return Err(reader.refused_either(&off_key, &on_key, &problem));
     }
+    let by = match reader.text(&key("by"))?.as_str() {
+        "force" => ContactBy::Force,
+        _ => ContactBy::Model,
+    };
+    let (touch_on_key, touch_off_key) = (key("touch_on"), key("touch_off"));
+    let touch = match (reader.is_set(&touch_on_key), reader.is_set(&touch_off_key)) {
+        (false, false) => None,
+        (false, true) => {
+            let problem = format!("is set without {touch_on_key}; set both, or neither for the model's own");
+            return Err(reader.refused(&touch_off_key, problem));
+        }
+        (true, is_off_set) => {
+            let on = reader.double(&touch_on_key)?;
+            let usual = TouchLevels::from_on(on);
+            let off = if is_off_set { reader.double(&touch_off_key)? } else { usual.off };
+            if off >= on {
+                return Err(reader.refused(&touch_off_key, format!("must be below {touch_on_key} = {on}")));
+            }
+            Some(TouchLevels { on, off })
+        }
+    };
     let frames = |key: &str| -> Result<u32, ConfigError> {
         u32::try_from(reader.int(key)?).map_err(|_| reader.refused(key, "must not be negative"))
     };
     Ok(ContactThresholds {
+        by,
+        touch,
         force_on: Newton(force_on),
         force_off: Newton(force_off),
         on_frames: frames(&key("on_frames"))?,

@@ -9,6 +9,8 @@ use ParamRange::{Above, Closed, Int as Ints, OneOf};
 const OFFSET_MS: ParamRange = Closed { min: -10_000.0, max: 10_000.0 };
 const CONTACT_FORCE: ParamRange = Above { min: 0.0, max: 1000.0 };
 const CONTACT_FRAMES: ParamRange = Ints { min: 1, max: 1000 };
+const CONTACT_BY: ParamRange = OneOf(&["model", "force"]);
+const TOUCH_LEVEL: ParamRange = Closed { min: 0.001, max: 0.999 };
 
 /// Every parameter, in the order in which they are documented.
 pub static KEYS: &[ParamKey] = &[
@@ -202,6 +204,12 @@ pub static KEYS: &[ParamKey] = &[
         Str("force_residual"),
         "Name of the output that the pose adds, if there is one",
     ),
+    ParamKey::new(
+        "model.<name>.outputs.touch",
+        Kind::Str,
+        Str("touch"),
+        "Name of the output that tells the probability of touch, if there is one",
+    ),
     // One patch.
     ParamKey::new(
         "region.<name>.model",
@@ -275,7 +283,40 @@ pub static KEYS: &[ParamKey] = &[
         .range(CONTACT_FRAMES)
         .unit("frames")
         .at_run_time(),
+    ParamKey::new("region.<name>.contact.by", Kind::Str, Depends("contact.by"), "For this region only")
+        .range(CONTACT_BY)
+        .at_run_time(),
+    ParamKey::new("region.<name>.contact.touch_on", Kind::Double, Depends("contact.touch_on"), "For this region only")
+        .range(TOUCH_LEVEL)
+        .at_run_time(),
+    ParamKey::new("region.<name>.contact.touch_off", Kind::Double, Depends("contact.touch_off"), "For this region only")
+        .range(TOUCH_LEVEL)
+        .at_run_time(),
     // Contact.
+    ParamKey::new(
+        "contact.by",
+        Kind::Str,
+        Str("model"),
+        "What contact is decided on: model is the probability of touch of a model that gives one, else the force; force is the force of any model",
+    )
+    .range(CONTACT_BY)
+    .at_run_time(),
+    ParamKey::new(
+        "contact.touch_on",
+        Kind::Double,
+        Depends("the model's own"),
+        "At or above this probability of touch there may be contact, of models that give one",
+    )
+    .range(TOUCH_LEVEL)
+    .at_run_time(),
+    ParamKey::new(
+        "contact.touch_off",
+        Kind::Double,
+        Depends("the model's own; 0.7 x touch_on where that is set"),
+        "Below this probability of touch contact may end; less than touch_on, which must be set with it",
+    )
+    .range(TOUCH_LEVEL)
+    .at_run_time(),
     ParamKey::new(
         "contact.force_on",
         Kind::Double,

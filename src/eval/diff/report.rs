@@ -38,11 +38,14 @@ pub enum Field {
     Mdf,
     Adaptation,
     ArtifactChange,
+    Touch,
+    TouchOn,
+    TouchOff,
 }
 
 impl Field {
     /// All, in the order of `EstimateRecord`.
-    pub const ALL: [Field; 16] = [
+    pub const ALL: [Field; 19] = [
         Field::Force,
         Field::ForceBase,
         Field::Artifact,
@@ -59,6 +62,9 @@ impl Field {
         Field::Mdf,
         Field::Adaptation,
         Field::ArtifactChange,
+        Field::Touch,
+        Field::TouchOn,
+        Field::TouchOff,
     ];
 
     /// Its name, as in `EstimateRecord`.
@@ -80,6 +86,9 @@ impl Field {
             Field::Mdf => "mdf",
             Field::Adaptation => "adaptation",
             Field::ArtifactChange => "artifact_change",
+            Field::Touch => "touch",
+            Field::TouchOn => "touch_on",
+            Field::TouchOff => "touch_off",
         }
     }
 
@@ -111,6 +120,9 @@ impl Field {
                 Adaptation::Capped => "capped",
             }),
             Field::ArtifactChange => record.artifact_change.map_or(FieldValue::Missing, FieldValue::Share),
+            Field::Touch => record.touch.map_or(FieldValue::Missing, FieldValue::Share),
+            Field::TouchOn => record.touch_on.map_or(FieldValue::Missing, FieldValue::Share),
+            Field::TouchOff => record.touch_off.map_or(FieldValue::Missing, FieldValue::Share),
         }
     }
 }

@@ -51,7 +51,11 @@ pub(super) fn run(
 }
 
 /// Maps items on at most `threads` threads; the results come in the order of the items.
-pub(super) fn on_threads<T: Sync, R: Send>(items: &[T], threads: usize, map: impl Fn(&T) -> R + Sync) -> Vec<R> {
+pub(in crate::train) fn on_threads<T: Sync, R: Send>(
+    items: &[T],
+    threads: usize,
+    map: impl Fn(&T) -> R + Sync,
+) -> Vec<R> {
     let threads = threads.min(items.len()).max(1);
     if threads == 1 {
         return items.iter().map(map).collect();

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::super::super::checks;
 use super::super::pose_quality::words;
-use super::super::render::{improvement, measure_name, short_list};
+use super::super::render::{improvement, measure_name, short_list, touch_by};
 use super::{slug, style};
 use crate::eval::{ForceCurve, Measure, Metric, PairedTest, ResultTable, Verdict};
 use crate::evaluate::{Evaluated, ModelScores};
@@ -33,6 +33,9 @@ pub(super) fn summary(page: &mut Page, result: &Evaluated) {
         return;
     }
     section.table(&table("table-scores", "All scored frames", &result.table));
+    touch_by(result).iter().for_each(|line| {
+        section.text(line);
+    });
     result.improvements.iter().for_each(|change| {
         section.text(&improvement(change));
     });

@@ -1,0 +1,144 @@
+//! What touches of a known force in a recording tell of the forces of its donning.
+
+use std::path::PathBuf;
+
+use super::SessionError;
+use crate::bag::{BagReader, InputTopics, Inputs, shown};
+use crate::config::Config;
+use crate::eval::ZeroLoad;
+use crate::fusion::{ForceGain, Fusion};
+use crate::observer::{Observer, check};
+use crate::recording::{
+    EstimateTrack, Labels, Listener, TimedTouch, ToldTouch, aligned, input_topics, known_touches, read, told_touch,
+    zero_load,
+};
+use crate::units::{NANOS_PER_SEC, Stamp};
+use crate::zero::{Zero, ZeroFrom};
+
+/// Where the forces of touches are known from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum KnownForces {
+    /// The force sensor of each region in the recording.
+    Sensor,
+    /// A person, by the name of the region.
+    Told(Vec<(String, ToldTouch)>),
+}
+
+/// What touches of a known force tell of one region.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegionTouches {
+    /// Index of the region.
+    pub region: usize,
+    /// The touches, in order of time.
+    pub touches: Vec<TimedTouch>,
+    /// The gain that they ask for.
+    pub gain: ForceGain,
+}
+
+/// Fits the force gain of each region that was touched with known forces.
+///
+/// `core` has the zero of the recording, and no gain; it is used up.
+///
+/// # Errors
+/// [`SessionError`] when the recording can't be read, lacks the forces, or its touches tell no gain.
+pub fn force_gains(
+    bags: &[PathBuf],
+    cfg: &Config,
+    zero: &Zero,
+    core: Fusion,
+    known: &KnownForces,
+    observer: &dyn Observer,
+) -> Result<Vec<RegionTouches>, SessionError> {
+    let bag = bags.first().map(PathBuf::as_path).unwrap_or_else(|| std::path::Path::new(""));
+    let refuse = |reason: String| SessionError::At { path: shown(bag), reason };
+    if *known == KnownForces::Sensor && cfg.truth.is_empty() {
+        let what = "known touches need the true force: set truth_sources and truth.*.topic in the parameters, or tell the forces by --touch";
+        return Err(refuse(what.to_owned()));
+    }
+    let mut reader = BagReader::open(bags)?;
+    let truth = if *known == KnownForces::Sensor { cfg.truth.clone() } else { Vec::new() };
+    let mut inputs = Inputs::new(InputTopics { truth, ..input_topics(cfg) }, &mut reader)?;
+    let mut labels = Labels::new(&cfg.truth_sources);
+    let mut tracks = vec![EstimateTrack::default(); cfg.fusion.regions.len()];
+    let listener = Listener::<SessionError> {
+        on_tick: &mut |_, tick| {
+            for estimate in &tick.estimates {
+                tracks[estimate.region].handle_estimate(tick.stamp, estimate);
+            }
+        },
+        on_other: &mut |_| Ok(()),
+        is_wanted: &|_| true,
+        pose: &mut [],
+        between: &mut |_| Ok(check(observer)?),
+    };
+    read(&mut reader, &mut inputs, &mut labels, &mut [core], listener).map_err(|error| error.of_bag(bag))?;
+    let touches = match known {
+        KnownForces::Sensor => of_sensor(cfg, zero, &labels, &tracks).map_err(refuse)?,
+        KnownForces::Told(told) => of_told(cfg, told, &tracks).map_err(refuse)?,
+    };
+    let fitted = touches.into_iter().enumerate().filter(|(_, touches)| !touches.is_empty()).map(|(region, touches)| {
+        let known: Vec<_> = touches.iter().map(|touch| touch.touch).collect();
+        let gain = ForceGain::fit(&known);
+        let gain = gain.map_err(|error| refuse(format!("region {}: {error}", cfg.fusion.regions[region].name)))?;
+        Ok(RegionTouches { region, touches, gain })
+    });
+    let fitted: Vec<RegionTouches> = fitted.collect::<Result<_, SessionError>>()?;
+    if fitted.is_empty() {
+        return Err(refuse(
+            "holds no touch of a known force: at least three of 30 gF or more, each held for 0.1 s, are needed"
+                .to_owned(),
+        ));
+    }
+    Ok(fitted)
+}
+
+/// `[regions]`: the touches that force sensors measured.
+fn of_sensor(
+    cfg: &Config,
+    zero: &Zero,
+    labels: &Labels,
+    tracks: &[EstimateTrack],
+) -> Result<Vec<Vec<TimedTouch>>, String> {
+    let end = labels.truth.iter().filter_map(|track| Some(track.span()?.1)).max().unwrap_or_default();
+    let mut rest = zero_load(&labels.annotations, end);
+    if let (true, ZeroFrom::First { seconds }) = (rest.is_empty(), &zero.from) {
+        let begin: Option<Stamp> = tracks.iter().filter_map(|track| track.stamp.first()).min().copied();
+        let seconds = seconds.iter().copied().fold(f64::INFINITY, f64::min);
+        rest.extend(begin.map(|from| ZeroLoad { from, to: from.offset((seconds * NANOS_PER_SEC as f64) as i64) }));
+    }
+    if rest.is_empty() {
+        return Err(format!(
+            "nothing says when its force sensor was free of load: no stage annotations on {}; give --calibrate-first SECONDS",
+            cfg.stage_topic
+        ));
+    }
+    let max_gap = cfg.fusion.timing.max_gap;
+    let of_region = |(track, truth_idx): (&EstimateTrack, &Option<usize>)| {
+        let Some(truth) = truth_idx.and_then(|idx| labels.truth.get(idx)) else { return Ok(Vec::new()) };
+        let tare = truth.tare(&rest).map_err(|error| format!("truth {}: {error}", truth.name()))?;
+        Ok(known_touches(track, &aligned(truth, &tare, &track.stamp, max_gap)))
+    };
+    tracks.iter().zip(&cfg.truth_of_region).map(of_region).collect()
+}
+
+/// `[regions]`: the touches that a person tells.
+fn of_told(
+    cfg: &Config,
+    told: &[(String, ToldTouch)],
+    tracks: &[EstimateTrack],
+) -> Result<Vec<Vec<TimedTouch>>, String> {
+    let mut touches = vec![Vec::new(); tracks.len()];
+    for (name, told) in told {
+        let region = cfg.fusion.regions.iter().position(|region| region.name == *name);
+        let region = region.ok_or_else(|| {
+            let names: Vec<&str> = cfg.fusion.regions.iter().map(|region| region.name.as_str()).collect();
+            format!("--touch names region {name}, the parameters have {}", names.join(", "))
+        })?;
+        let found = told_touch(&tracks[region], told).ok_or_else(|| {
+            let (from, to) = (told.from_s, told.to_s);
+            format!("region {name} has fewer than ten estimates from {from} to {to} s; give times in seconds from the begin of the recording")
+        })?;
+        touches[region].push(found);
+    }
+    Ok(touches)
+}
