@@ -257,6 +257,32 @@ fn shares_that_leave_nothing_are_refused() {
     assert_eq!(Split::default(), Split::new(SplitBy::Stage, 0.0, 0.2).unwrap());
 }
 
+#[test]
+fn the_validation_of_a_long_stage_is_spread_over_what_is_not_for_the_test() {
+    const S: i64 = 1_000_000_000;
+    let span = |from: i64, to: i64| StageSpan { from: Stamp(from * S), to: Stamp(to * S), stage: "only" };
+    // Interrupted for a minute after 250 s.
+    let cuts = Split::new(SplitBy::Stage, 0.1, 0.2).unwrap().cuts(&[span(0, 250), span(310, 560)]);
+    let parts = |range: std::ops::Range<i64>| {
+        let mut stretches: Vec<(Part, i64)> = Vec::new();
+        for part in range.filter_map(|at| cuts.part_at(Stamp(at * S))) {
+            match stretches.last_mut() {
+                Some((last, n)) if *last == part => *n += 1,
+                _ => stretches.push((part, 1)),
+            }
+        }
+        stretches
+    };
+    let (train, validation) = ((Part::Train, 70), (Part::Validation, 10));
+    let all = [train, validation].repeat(5).into_iter().chain([(Part::Test, 100)]).collect::<Vec<_>>();
+    assert_eq!(parts(0..560), all);
+    assert_eq!(cuts.part_at(Stamp(280 * S)), None, "between the stretches of the stage");
+    // What would be shorter than 5 s each is one stretch, right before the test.
+    let cuts = Split::new(SplitBy::Stage, 0.1, 0.2).unwrap().cuts(&[span(0, 90)]);
+    let at = |at: f64| cuts.part_at(Stamp((at * S as f64) as i64)).unwrap();
+    assert_eq!([62.9, 63.1, 71.9, 72.1].map(at), [Part::Train, Part::Validation, Part::Validation, Part::Test]);
+}
+
 proptest! {
     #[test]
     fn within_a_stage_nothing_that_trains_comes_after_what_tests(

@@ -1,5 +1,7 @@
 //! What trains and what tests: always the earlier and the later part, so that no future leaks into a model.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use crate::units::Stamp;
@@ -21,7 +23,7 @@ pub enum SplitBy {
 pub enum Part {
     /// Gradients come from here.
     Train,
-    /// The best step of a training is picked here; the end of what would train, so that the test stays unseen.
+    /// The best step of a training is picked here: stretches of what would train, so that the test stays unseen.
     Validation,
     /// What results are reported on.
     Test,
@@ -40,6 +42,12 @@ impl Part {
         }
     }
 }
+
+/// A stretch of the validation is not shorter than this: a window is two thirds of a second.
+const SHORTEST_VALIDATION_NS: i128 = 5_000_000_000;
+
+/// Stretches of the validation within a stage.
+const MOST_VALIDATIONS: i128 = 5;
 
 /// A split that can't be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -80,7 +88,7 @@ impl Default for Split {
 }
 
 impl Split {
-    /// A split that keeps the last `test` of the time for the test, and `validation` of it right before.
+    /// A split that keeps the last `test` of the time for the test, and `validation` of what is before it.
     ///
     /// # Errors
     /// [`SplitError`] for shares that are none, or leave nothing.
@@ -94,6 +102,29 @@ impl Split {
             return Err(SplitError::NothingLeft { validation, test });
         }
         Ok(Split { by, validation, test })
+    }
+
+    /// The parts of a stage that takes so long, ns, one after the other.
+    ///
+    /// The validation is spread over what isn't for the test, in up to five stretches of 5 s or more, so that it resembles
+    /// the test: a recording may hold one pose or one place for minutes.
+    fn pieces(&self, total: i128) -> Vec<(Range<i128>, Part)> {
+        let at = |kept: f64| (total as f64 * (1.0 - kept)).round() as i128;
+        let test_at = at(self.test);
+        let validation = test_at - at(self.validation + self.test);
+        let n = (validation / SHORTEST_VALIDATION_NS).clamp(1, MOST_VALIDATIONS);
+        let mut pieces = Vec::new();
+        let mut from = 0;
+        for k in 1..=n {
+            let (begin, end) = (k * test_at / n - validation / n, k * test_at / n);
+            // The first takes what the division leaves, so that all of them are what was asked for.
+            let begin = if k == 1 { begin - validation % n } else { begin };
+            pieces.push((from..begin, Part::Train));
+            pieces.push((begin..end, Part::Validation));
+            from = end;
+        }
+        pieces.push((test_at..total, Part::Test));
+        pieces
     }
 
     /// Where the cuts of one session lie. Stretches that end before they begin are left out.
@@ -113,18 +144,17 @@ impl Split {
         for spans in groups.values() {
             let nanos = |span: &StageSpan<'_>| i128::from(span.to.0) - i128::from(span.from.0);
             let total: i128 = spans.iter().map(nanos).sum();
-            let at = |kept: f64| (total as f64 * (1.0 - kept)).round() as i128;
-            let (validation_at, test_at) = (at(self.validation + self.test), at(self.test));
+            let pieces = self.pieces(total);
             let mut done = 0;
             for span in spans {
-                // Where in this stretch a share of the stage's time is reached; its ends where that lies outside.
-                let reached = |share: i128| Stamp(span.from.0 + (share - done).clamp(0, nanos(span)) as i64);
-                cuts.push(Cut {
-                    from: span.from,
-                    to: span.to,
-                    validation: reached(validation_at),
-                    test: reached(test_at),
-                });
+                for (share, part) in &pieces {
+                    // Where in this stretch a share of the stage's time begins and ends.
+                    let at = |share: i128| Stamp(span.from.0 + (share - done).clamp(0, nanos(span)) as i64);
+                    let (from, to) = (at(share.start), at(share.end));
+                    if from < to {
+                        cuts.push(Cut { from, to, part: *part });
+                    }
+                }
                 done += nanos(span);
             }
         }
@@ -133,12 +163,12 @@ impl Split {
     }
 }
 
+/// A stretch of time of one part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Cut {
     from: Stamp,
     to: Stamp,
-    validation: Stamp,
-    test: Stamp,
+    part: Part,
 }
 
 /// Where one session is cut.
@@ -150,10 +180,6 @@ impl Cuts {
     pub fn part_at(&self, stamp: Stamp) -> Option<Part> {
         let after = self.0.partition_point(|cut| cut.from <= stamp);
         let cut = self.0.get(after.checked_sub(1)?).filter(|cut| stamp < cut.to)?;
-        Some(match stamp {
-            _ if stamp >= cut.test => Part::Test,
-            _ if stamp >= cut.validation => Part::Validation,
-            _ => Part::Train,
-        })
+        Some(cut.part)
     }
 }

@@ -25,7 +25,7 @@ const ROUNDS: usize = 12;
 
 /// How strongly a gain is drawn to 1, and a weight to 0, as a share of the mean square of what they multiply.
 const GAIN_PULL: f64 = 0.02;
-const WEIGHT_PULL: f64 = 1e-5;
+const WEIGHT_PULL: f64 = 1e-2;
 
 /// Variance of gains that is believed before any donning is seen, as of so many donnings, and its bounds.
 const PRIOR_VARIANCE: f64 = 0.1;
