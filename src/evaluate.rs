@@ -1,6 +1,7 @@
 //! What models, or the estimates in bags, are worth against the true force: bags in, [`Evaluated`] out.
 
 mod error;
+mod held_out;
 mod plan;
 mod results;
 mod session;
@@ -11,6 +12,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 pub use error::EvaluateError;
+pub use held_out::{all_folds, fold_path, folds_of};
 pub use plan::{Series, Session};
 pub use results::{Evaluated, Evidence, FailedBag, Latencies, ModelScores, Pairing, PoseQualityScores};
 pub use session::SessionSummary;
@@ -22,7 +24,9 @@ use crate::fusion::TouchLevels;
 use crate::model::BackendChoice;
 use crate::observer::{Observer, check};
 use crate::recording::PoseQuality;
+use crate::sessions::Core;
 use crate::zero::Wanted;
+use held_out::{Fold, folds};
 use plan::Plan;
 use results::Gathered;
 
@@ -48,6 +52,8 @@ pub struct Request<'a> {
     /// Touches at the begin of each session whose force the wearer knows: they fit the gain of its donning, and what follows
     /// them is scored.
     pub known_touches: Option<usize>,
+    /// Score each bag by the models beside these ones that were trained without it, `MODEL.without-*.onnx`, and all of it.
+    pub held_out: bool,
     /// What touch is judged by.
     pub touch: JudgeTouch,
     /// Bags that are read side by side; the result is the same for any number.
@@ -80,6 +86,7 @@ impl<'a> Request<'a> {
             needs_truth: false,
             pose_levels: Vec::new(),
             known_touches: None,
+            held_out: false,
             touch: JudgeTouch::AsTheNode,
             jobs: std::thread::available_parallelism().map_or(1, NonZero::get),
         }
@@ -104,9 +111,27 @@ pub fn run_with(
     observer: &dyn Observer,
     mut each: impl FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
 ) -> Result<Evaluated, EvaluateError> {
+    if request.held_out {
+        return run_held_out(cfg, request, observer, &mut each);
+    }
     let (plan, cores) = Plan::new(cfg, request, observer)?;
     let mut gathered = Gathered::new(&plan);
-    workers::run(&plan, cores, request.bags, request.jobs, |idx, session| {
+    gather(&plan, cores, request, &mut gathered, &mut each)?;
+    check(observer)?;
+    gathered.finish(&plan)
+}
+
+type Each<'e> = dyn FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>> + 'e;
+
+/// Takes every bag of a request through a plan.
+fn gather(
+    plan: &Plan<'_>,
+    cores: Vec<Core>,
+    request: &Request<'_>,
+    gathered: &mut Gathered,
+    each: &mut Each<'_>,
+) -> Result<(), EvaluateError> {
+    workers::run(plan, cores, request.bags, request.jobs, |idx, session| {
         match session {
             Ok(session) => {
                 each(&plan.series, &session).map_err(EvaluateError::OfCaller)?;
@@ -115,8 +140,36 @@ pub fn run_with(
             Err(failure) => gathered.handle_failure(&request.bags[idx], &failure),
         }
         Ok(())
-    })?;
-    check(observer)?;
+    })
+}
+
+/// Scores each bag by the models that were trained without it. Rows have the names of the models that the folds belong to.
+fn run_held_out(
+    cfg: Config,
+    request: &Request<'_>,
+    observer: &dyn Observer,
+    each: &mut Each<'_>,
+) -> Result<Evaluated, EvaluateError> {
+    let model = request.model.ok_or(EvaluateError::NoModel)?;
+    let models: Vec<&Path> = request.compare.iter().map(PathBuf::as_path).chain([model]).collect();
+    let folds = folds(request.bags, &models)?;
+    let mut all: Option<(Plan<'_>, Gathered)> = None;
+    for Fold { bags, models: of_fold } in &folds {
+        let Some((judged, compared)) = of_fold.split_last() else { continue };
+        let of_fold = Request { bags, model: Some(judged), compare: compared, split: None, ..request.clone() };
+        let (mut plan, cores) = Plan::new(cfg.clone(), &of_fold, observer)?;
+        plan.name_held_out(&models);
+        let (first, mut gathered) = match all.take() {
+            Some((first, gathered)) => (Some(first), gathered),
+            None => (None, Gathered::new(&plan)),
+        };
+        gather(&plan, cores, &of_fold, &mut gathered, each)?;
+        // The names are the same in all of them, and the files of the first are no more right than those of the last.
+        all = Some((first.unwrap_or(plan), gathered));
+        check(observer)?;
+    }
+    let (mut plan, gathered) = all.ok_or(EvaluateError::NoModel)?;
+    plan.forget_files(&models);
     gathered.finish(&plan)
 }
 

@@ -146,6 +146,7 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
                 pose_range: Vec::new(),
                 artifact: None,
                 touch: None,
+                held_out: Vec::new(),
                 glove: "test".to_owned(),
                 trained_on: "nothing".to_owned(),
                 metrics: serde_json::json!({}),

@@ -142,6 +142,56 @@ fn a_model_is_trained_reported_and_scored_alike_by_eval() {
 }
 
 #[test]
+fn a_model_without_each_donning_is_scored_on_what_it_never_saw() {
+    let folder = folder_with(&[SESSION, SESSION, Session { seconds: 30, ..SESSION }]);
+    let folder = folder.path();
+    let run = train(folder, &["--steps", "60", "--learning-rate", "0.005", "--hold-out", "donnings"]).ok();
+    assert!(run.stdout.contains("each donning by the model that was trained without it"), "{run:?}");
+    assert!(run.stdout.contains("MAE  ") && run.stdout.contains('\u{b1}'), "{run:?}");
+    for session in ["session0", "session1", "session2"] {
+        let told = tpf(folder, &["inspect", &format!("model.without-{session}.onnx")]).ok().stdout;
+        assert!(told.contains(&format!("held_out: [\"{session}\"]")), "{told}");
+    }
+    let eval = |bags: &str, more: &[&str]| {
+        let eval = ["eval", bags, "--params-file", "params.yaml", "--model", "model.onnx", "--held-out", "--json"];
+        tpf(folder, &[&eval[..], more].concat())
+    };
+    let found = eval("bags", &[]).ok().json();
+    let model = found["models"].as_array().unwrap().last().unwrap().clone();
+    assert_eq!(model["name"], "model, held out");
+    assert_eq!((model["path"].as_str(), model.get("sha256")), (Some("model.without-*.onnx"), None));
+    assert_eq!(found["scored"], "every frame");
+    // One by one, each by its own fold.
+    for (idx, session) in ["session0", "session1", "session2"].into_iter().enumerate() {
+        let fold = format!("model.without-{session}.onnx");
+        let bag = format!("bags/{session}");
+        let alone = ["eval", &bag, "--params-file", "params.yaml", "--whole", "--json", "--model", &fold];
+        let alone = tpf(folder, &alone).ok().json();
+        let alone = alone["models"].as_array().unwrap().last().unwrap().clone();
+        assert_eq!(alone["by"]["session"][0]["mae_gf"], model["by"]["session"][idx]["mae_gf"]);
+    }
+    let compared = eval("bags", &["--compare", "model.onnx"]).ok().json();
+    assert_eq!(compared["models"][0]["name"], "model, held out");
+
+    let again = train(folder, &["--steps", "5", "--hold-out", "donnings"]).failure().to_owned();
+    assert!(again.contains("model.onnx: is already there"), "{again}");
+    fs::remove_file(folder.join("model.onnx")).unwrap();
+    fs::remove_file(folder.join("model.report.json")).unwrap();
+    let again = train(folder, &["--steps", "5", "--hold-out", "donnings"]).failure().to_owned();
+    assert!(again.contains("model.without-session0.onnx: is already there"), "{again}");
+    let no_users = train(folder, &["--steps", "5", "--hold-out", "users", "--overwrite"]).failure().to_owned();
+    assert!(no_users.contains("does not say who wore the glove"), "{no_users}");
+    fs::rename(folder.join("bags/session2"), folder.join("bags/other")).unwrap();
+    let refused = eval("bags", &[]);
+    assert!(refused.failure().contains("other: no model model.without-*.onnx was trained without it"), "{refused:?}");
+    for fold in ["session0", "session1", "session2"] {
+        fs::remove_file(folder.join(format!("model.without-{fold}.onnx"))).unwrap();
+    }
+    let refused = eval("bags", &[]);
+    assert!(refused.failure().contains("model.without-*.onnx: there is no such model"), "{refused:?}");
+}
+
+#[test]
 fn the_same_seed_gives_the_same_model_and_kinds_and_ablations_are_told_apart() {
     let folder = folder_with(&[SESSION]);
     let folder = folder.path();

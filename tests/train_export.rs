@@ -30,6 +30,7 @@ fn card(kind: Kind) -> ModelCard {
         joints,
         artifact: (kind == Kind::Adaptive).then(artifact),
         touch: (kind == Kind::Adaptive).then(touch),
+        held_out: Vec::new(),
         glove: "bench".into(),
         trained_on: "two made-up sessions".into(),
         metrics: json!({"mdf_gf": 37.5, "ba": 0.98}),

@@ -55,6 +55,10 @@ pub(super) struct Args {
     /// as the node decides contact
     #[arg(long, value_name = "force|PROBABILITY", value_parser = touch)]
     touch: Option<JudgeTouch>,
+    /// Score each bag, and all of it, by the models MODEL.without-*.onnx that were trained without it, as `tpf train
+    /// --hold-out` writes them; also for --compare
+    #[arg(long, requires = "model", conflicts_with_all = ["split", "test_share"])]
+    held_out: bool,
     /// Take the first N touches of each session as known: they fit what its forces are multiplied by, as `tpf calibrate
     /// --touches` does, and what follows them is scored
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(3..))]
@@ -174,6 +178,7 @@ fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
         zero: args.zero.wanted(),
         needs_truth: args.truth.is_some(),
         pose_levels: args.pose_quality.levels()?,
+        held_out: args.held_out,
         known_touches: args.known_touches.map(usize::from),
         touch: args.touch.unwrap_or_default(),
         jobs: args.jobs.map_or(everything.jobs, NonZero::get),

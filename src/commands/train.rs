@@ -1,5 +1,6 @@
 //! `tpf train`: annotated bags in, a force model out.
 
+mod held_out;
 mod load;
 mod report;
 
@@ -68,6 +69,10 @@ pub(super) struct Args {
     /// Share of the time, right before the test, by which the best step is picked; 0 keeps the last step
     #[arg(long, value_name = "SHARE", default_value_t = VALIDATION_SHARE)]
     validation_share: f64,
+    /// Also train a model without each user, or without each donning (each bag), as OUTPUT.without-NAME.onnx, and score it on
+    /// what it never saw: that is what a new user gets
+    #[arg(long, value_enum, value_name = "users|donnings")]
+    hold_out: Option<HoldOut>,
     /// Write the graph layer by layer instead of in the form that runs fastest
     #[arg(long)]
     plain_graph: bool,
@@ -131,6 +136,13 @@ struct LossArgs {
     no_auxiliary_loss: bool,
 }
 
+/// What a model is trained without, one after the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HoldOut {
+    Users,
+    Donnings,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum KindArg {
     PoseAware,
@@ -153,11 +165,30 @@ impl From<KindArg> for Kind {
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let kind = Kind::from(args.kind);
     let files = Files::of(&args.output);
-    let lambdas = args.lambdas();
     files.check(args)?;
+    held_out::check(args)?;
     let cfg = only_region(args.params.load_with_truth(args.truth.as_deref())?, args.region.as_deref(), kind)?;
     interrupt::listen();
-    let data = Data::load(args, &cfg, kind)?;
+    let bags = find_bags(&args.bags)?;
+    let report = train(args, &cfg, kind, &bags, &files, &[])?;
+    print(&if args.json { report.to_json()? } else { report.text(&files) })?;
+    if let Some(hold_out) = args.hold_out {
+        print(&held_out::run(args, &cfg, hold_out, &bags, report.sessions())?)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Trains on these bags, and writes the model and its report; `held_out` names the sessions that are left out.
+fn train(
+    args: &Args,
+    cfg: &Config,
+    kind: Kind,
+    bags: &[PathBuf],
+    files: &Files,
+    held_out: &[String],
+) -> Result<Report, Failure> {
+    let lambdas = args.lambdas();
+    let data = Data::load(args, cfg, kind, bags)?;
     let threads = args.run.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
 
     let started = Instant::now();
@@ -196,6 +227,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         pose_range: data.pose_range.clone(),
         artifact: data.artifact.as_deref().cloned(),
         touch: report.touch(),
+        held_out: held_out.to_vec(),
         glove: data.glove.clone(),
         trained_on: data.trained_on(),
         metrics: report.metrics()?,
@@ -207,8 +239,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let checkpoint = files.checkpoint(&lambdas, *lambda);
         std::fs::remove_file(&checkpoint).map_err(|error| Failure(format!("{}: {error}", checkpoint.display())))?;
     }
-    print(&if args.json { report.to_json()? } else { report.text(&files) })?;
-    Ok(Outcome::Done)
+    Ok(report)
 }
 
 impl Args {
@@ -309,8 +340,7 @@ struct SessionNotes {
 }
 
 impl Data {
-    fn load(args: &Args, cfg: &Config, kind: Kind) -> Result<Self, Failure> {
-        let bags = find_bags(&args.bags)?;
+    fn load(args: &Args, cfg: &Config, kind: Kind, bags: &[PathBuf]) -> Result<Self, Failure> {
         let split = args.split.split(args.validation_share)?;
         let mut loader = Loader::new(cfg, WINDOW, split)?;
         let (mut artifact, mut pose_range) = (None, Vec::new());

@@ -1,5 +1,7 @@
 //! Why sessions can't be scored.
 
+use std::path::PathBuf;
+
 use crate::bag::BagError;
 use crate::eval::MetricError;
 use crate::glove::SeveralModels;
@@ -29,6 +31,18 @@ pub enum EvaluateError {
         "contact of the estimates in the bags was decided when they were made; give the model by --model to judge its touch otherwise"
     )]
     DecidedBefore,
+    #[error(
+        "{model}: there is no such model; `tpf train --hold-out users` makes one for each user, trained without them"
+    )]
+    NoFolds { model: PathBuf },
+    #[error(
+        "{model}: does not tell which sessions it was trained without (metadata held_out); `tpf train --hold-out` writes it"
+    )]
+    NoFold { model: PathBuf },
+    #[error("{bag}: no model {model} was trained without it, so none can be scored on it as unseen")]
+    InNoFold { bag: String, model: PathBuf },
+    #[error("what models never saw is scored by models; give one by --model")]
+    NoModel,
     #[error("{bag}: {reason}")]
     InBag { bag: String, reason: String },
     #[error("{first}")]

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
+use super::held_out::all_folds;
 use super::session::SessionSummary;
 use super::{EvaluateError, JudgeTouch, Request, scored};
 use crate::bag::shown;
@@ -163,6 +164,28 @@ impl<'a> Plan<'a> {
             known_touches,
         };
         Ok((plan, cores))
+    }
+
+    /// Calls the series of a fold by the names of the models that the folds belong to.
+    pub(super) fn name_held_out(&mut self, models: &[&Path]) {
+        for series in &mut self.series {
+            let SeriesSource::Core(core) = series.source else { continue };
+            // Cores beyond are the judged one with its pose made worse.
+            let of = models.get(core).or(models.last()).map(|path| stem(path)).unwrap_or_default();
+            series.name = match (series.which, series.quality) {
+                (_, Some(_)) => String::new(),
+                (Which::Base, None) => format!("{of}, held out, base"),
+                (Which::Corrected, None) => format!("{of}, held out"),
+            };
+        }
+    }
+
+    /// Names the folds of models, of which no one made all scores.
+    pub(super) fn forget_files(&mut self, models: &[&Path]) {
+        for (core, model) in self.cores.iter_mut().zip(models) {
+            core.path = shown(&all_folds(model));
+            core.sha256 = String::new();
+        }
     }
 
     /// Index of the series that is judged.

@@ -232,7 +232,7 @@ impl Gathered {
             };
             models.push(ModelScores {
                 name: one.name.clone(),
-                sha256: core.map(|core| core.sha256.clone()),
+                sha256: core.map(|core| core.sha256.clone()).filter(|sha256| !sha256.is_empty()),
                 path: core.map(|core| core.path.clone()),
                 touch_by: if evaluation.is_by_touch() { TOUCH_OUTPUT } else { "force" },
                 by: scores(|by| evaluation.scores(by))?,

@@ -13,6 +13,10 @@ use crate::units::{GramForce, Newton};
 /// The version of the contract that this build keeps, as `tpf.contract` tells it.
 pub const CONTRACT_VERSION: &str = "1";
 
+/// Key that names the sessions that a model was trained without, where it is one of several that are scored on those: a JSON
+/// array of texts.
+pub const HELD_OUT: &str = "held_out";
+
 /// The highest rate that is believed, as in the parameters: what is missing between two samples is filled frame by frame.
 const MAX_RATE_HZ: f64 = 10_000.0;
 

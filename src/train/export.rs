@@ -41,6 +41,8 @@ pub struct ModelCard {
     pub artifact: Option<ArtifactModel>,
     /// When the touch output is contact, for a network with one.
     pub touch: Option<TouchOutput>,
+    /// Names of the sessions that it was trained without, where it is one of several that are scored on those.
+    pub held_out: Vec<String>,
     /// The glove that it is for.
     pub glove: String,
     /// What it was trained on, in words.
@@ -113,6 +115,9 @@ fn metadata(network: &Network, card: &ModelCard) -> Vec<(&'static str, String)> 
     }
     if let Some(touch) = card.touch.filter(|_| kind == Kind::Adaptive) {
         entries.push(("touch", serde_json::to_string(&touch).unwrap_or_default()));
+    }
+    if !card.held_out.is_empty() {
+        entries.push((crate::model::metadata::HELD_OUT, Value::from(card.held_out.clone()).to_string()));
     }
     entries.push(("glove", card.glove.clone()));
     entries.push(("trained_on", card.trained_on.clone()));

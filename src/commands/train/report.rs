@@ -184,6 +184,11 @@ impl Report {
         self.runs.get(self.chosen).and_then(|run| run.touch)
     }
 
+    /// What it was trained on, in the order of the bags.
+    pub(super) fn sessions(&self) -> &[SessionNotes] {
+        &self.sessions
+    }
+
     /// The metrics for the model's own metadata.
     pub(super) fn metrics(&self) -> Result<Value, Failure> {
         let Some(test) = &self.test else { return Ok(json!({})) };
