@@ -24,8 +24,8 @@ mod regressor;
 use std::collections::VecDeque;
 
 pub use artifact::{
-    ARTIFACT_BASIS, Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel, Following,
-    HISTORY_S, JointHistory,
+    ARTIFACT_BASIS, Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel,
+    DonningFrames, Following, HISTORY_S, JointHistory, learn_artifact,
 };
 pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_loaded};
 pub use config::{

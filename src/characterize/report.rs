@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::artifact::ArtifactReport;
 use super::correlation::Correlation;
 use super::drift::{DriftReport, at_rest};
+use super::following::FollowingReport;
 use super::frames::{Prepared, SessionFrames};
 use super::hysteresis::HysteresisReport;
 use super::noise::NoiseReport;
@@ -43,6 +44,8 @@ pub struct RegionReport {
     pub response: Option<ResponseReport>,
     /// Size of artifacts.
     pub artifact: ArtifactReport,
+    /// What of it is the donning's own, and what following it would leave.
+    pub following: FollowingReport,
     /// What lags.
     pub hysteresis: HysteresisReport,
     /// Drift at rest.
@@ -106,6 +109,7 @@ pub fn characterize(sessions: &[SessionFrames], joints: &[String], n_taxels: usi
         pose_range: chosen.iter().filter_map(|joint| range(&posed, *joint, &joints[*joint])).collect(),
         response: ResponseReport::of(&posed),
         artifact: ArtifactReport::of(&posed, &curves),
+        following: FollowingReport::of(posed.iter().map(|posed| &posed.session), joints, n_taxels, &chosen),
         hysteresis: HysteresisReport::of(&posed),
         drift: DriftReport::of(&posed, &rest, &curves),
         noise: NoiseReport::of(posed.iter().map(|posed| &posed.session), &rest),

@@ -13,12 +13,14 @@
 mod filter;
 mod fit;
 mod history;
+mod learn;
 
 use serde::{Deserialize, Serialize};
 
 pub use filter::{Adaptation, ArtifactFilter, Following};
 pub use fit::{ArtifactFit, ArtifactFitter};
 pub use history::JointHistory;
+pub use learn::{DonningFrames, learn_artifact};
 
 /// Functions of a joint angle that a shape is a sum of: the angle, its square, and how far its means over the two spans of
 /// [`HISTORY_S`] lie from it.

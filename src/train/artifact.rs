@@ -1,270 +1,33 @@
-//! Fits an artifact model to sessions: shapes that all donnings share, by alternating least squares, and how gains vary.
+//! The artifact model of sessions that are trained on.
 
-use nalgebra::{DMatrix, DVector};
-
-use super::dataset::{Session, SessionFrames};
+use super::dataset::Session;
 use super::error::TrainError;
 use crate::eval::Part;
-use crate::fusion::{ARTIFACT_BASIS, ArtifactModel, HISTORY_S, JointHistory};
-
-/// True forces below this are none, gF, and how long it must have been so and stay so, s.
-const AIR_GF: f32 = 1.5;
-const AIR_S: f64 = 0.2;
-
-/// True forces of a light touch, gF: how it spreads over the taxels is learned from these.
-const LIGHT_GF: std::ops::Range<f32> = 5.0..30.0;
-
-/// One of so many frames in the air is taken for the shapes: neighbours say nearly the same.
-const STRIDE: usize = 7;
-
-/// Frames that shapes and the pattern of touch need at least.
-const LEAST_FRAMES: usize = 200;
-
-/// Rounds of the alternation.
-const ROUNDS: usize = 12;
-
-/// How strongly a gain is drawn to 1, and a weight to 0, as a share of the mean square of what they multiply.
-const GAIN_PULL: f64 = 0.02;
-const WEIGHT_PULL: f64 = 1e-2;
-
-/// Variance of gains that is believed before any donning is seen, as of so many donnings, and its bounds.
-const PRIOR_VARIANCE: f64 = 0.1;
-const PRIOR_DONNINGS: f64 = 1.0;
-const VARIANCE_BOUNDS: (f64, f64) = (0.01, 0.5);
-
-/// How gains change within a donning; results hardly depend on it (docs/validation).
-const SLIP: f64 = 0.3;
-const SLIP_COMMON: f64 = 0.35;
-const SLIP_TIME_S: f64 = 90.0;
-
-/// A donning, by the frames that may be learned from.
-struct Donning<'s> {
-    frames: &'s SessionFrames,
-    /// `[frames, joints * ARTIFACT_BASIS]`
-    basis: Vec<f64>,
-    air: Vec<usize>,
-    light: Vec<usize>,
-    /// `[taxels, joints]`
-    gains: Vec<f64>,
-    /// `[taxels]`
-    offset: Vec<f64>,
-}
+use crate::fusion::{ArtifactModel, DonningFrames, learn_artifact};
 
 /// The artifact model of sessions, each of one donning, by the frames of their training part.
 ///
 /// # Errors
 /// [`TrainError::Artifact`] when there are too few frames in the air, or of light touch.
 pub fn fit_artifact(sessions: &[Session], rate_hz: f64) -> Result<ArtifactModel, TrainError> {
-    let mut donnings: Vec<Donning<'_>> =
-        sessions.iter().map(|session| Donning::new(session.frames(), rate_hz)).collect();
-    donnings.retain(|donning| donning.air.len() >= LEAST_FRAMES);
-    let n_light: usize = donnings.iter().map(|donning| donning.light.len()).sum();
-    let refuse = |what: String| Err(TrainError::Artifact { what });
-    let Some(first) = donnings.first() else {
-        return refuse(format!("no session has {LEAST_FRAMES} frames in the air, with joint angles, to train on"));
-    };
-    if n_light < LEAST_FRAMES {
-        let (from, to) = (LIGHT_GF.start, LIGHT_GF.end);
-        return refuse(format!(
-            "{n_light} frames of {from} to {to} gF in the training part, at least {LEAST_FRAMES} needed: they tell how a light touch spreads"
-        ));
-    }
-    let (n_taxels, n_joints) = (first.frames.n_taxels, first.frames.n_joints);
-    let mut shapes = vec![0.0; n_taxels * n_joints * ARTIFACT_BASIS];
-    for taxel in 0..n_taxels {
-        fit_taxel(&mut donnings, taxel, &mut shapes)?;
-    }
-    let n = donnings.len() as f64;
-    let over_donnings = |of: &dyn Fn(&Donning<'_>) -> f64| donnings.iter().map(of).sum::<f64>();
-    let gain_variance = (0..n_taxels * n_joints).map(|gain| {
-        let squares = over_donnings(&|donning| (donning.gains[gain] - 1.0).powi(2));
-        let variance = (squares + PRIOR_DONNINGS * PRIOR_VARIANCE) / (n + PRIOR_DONNINGS);
-        variance.clamp(VARIANCE_BOUNDS.0, VARIANCE_BOUNDS.1)
-    });
-    let residual = (0..n_taxels).map(|taxel| {
-        let variance = over_donnings(&|donning| donning.residual(taxel, &shapes)) / n;
-        variance.max(f64::MIN_POSITIVE.sqrt())
-    });
-    let touch = (0..n_taxels).map(|taxel| {
-        let sums = donnings.iter().map(|donning| donning.touch(taxel, &shapes));
-        let (product, square) = sums.fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
-        product / square
-    });
-    let (gain_variance, residual, touch) = (gain_variance.collect(), residual.collect(), touch.collect());
-    let model = ArtifactModel {
-        n_taxels,
-        n_joints,
-        gain_variance,
-        slip: SLIP,
-        slip_common: SLIP_COMMON,
-        slip_time_s: SLIP_TIME_S,
-        touch,
-        residual,
-        shapes,
-    };
-    match model.check() {
-        Ok(()) => Ok(model),
-        Err(error) => refuse(error.to_string()),
-    }
-}
-
-impl<'s> Donning<'s> {
-    fn new(frames: &'s SessionFrames, rate_hz: f64) -> Self {
-        let n_joints = frames.n_joints;
-        let mut history = JointHistory::new(n_joints, rate_hz);
-        let mut basis = Vec::with_capacity(frames.truth_gf.len() * n_joints * ARTIFACT_BASIS);
-        for (idx, pose) in frames.pose.chunks_exact(n_joints.max(1)).enumerate() {
-            if idx > 0 && frames.epoch[idx] != frames.epoch[idx - 1] {
-                history.clear();
+    let learned: Vec<Vec<bool>> = sessions
+        .iter()
+        .map(|session| session.frames().part.iter().map(|part| *part == Part::Train).collect())
+        .collect();
+    let donnings: Vec<DonningFrames<'_>> = sessions
+        .iter()
+        .zip(&learned)
+        .map(|(session, learned)| {
+            let frames = session.frames();
+            DonningFrames {
+                tactile: &frames.tactile,
+                pose: &frames.pose,
+                truth_gf: &frames.truth_gf,
+                epoch: &frames.epoch,
+                learned,
             }
-            history.advance(pose, 1);
-            basis.extend_from_slice(history.basis());
-        }
-        let reach = (AIR_S * rate_hz) as usize;
-        let loaded: Vec<usize> =
-            (0..frames.truth_gf.len()).filter(|&idx| frames.truth_gf[idx].abs() >= AIR_GF).collect();
-        let is_air = |idx: usize| {
-            let next = loaded.partition_point(|&loaded| loaded + reach < idx);
-            loaded.get(next).is_none_or(|&loaded| loaded > idx + reach)
-        };
-        // Means over the past of joints need a while to be what they are.
-        let settle = (2.0 * HISTORY_S[1] * rate_hz) as usize;
-        let learned = (settle..frames.truth_gf.len()).filter(|&idx| frames.part[idx] == Part::Train);
-        let air = learned.clone().filter(|&idx| is_air(idx)).collect();
-        let light = learned.filter(|&idx| LIGHT_GF.contains(&frames.truth_gf[idx])).collect();
-        let (gains, offset) = (vec![1.0; frames.n_taxels * n_joints], vec![0.0; frames.n_taxels]);
-        Donning { frames, basis, air, light, gains, offset }
-    }
-
-    fn basis(&self, frame: usize) -> &[f64] {
-        let width = self.frames.n_joints * ARTIFACT_BASIS;
-        &self.basis[frame * width..(frame + 1) * width]
-    }
-
-    fn tactile(&self, frame: usize, taxel: usize) -> f64 {
-        f64::from(self.frames.tactile[frame * self.frames.n_taxels + taxel])
-    }
-
-    /// A taxel's artifact at a frame, by its shapes `[joints, ARTIFACT_BASIS]`.
-    fn artifact(&self, frame: usize, taxel: usize, shapes: &[f64]) -> f64 {
-        let of_joints = self.basis(frame).chunks_exact(ARTIFACT_BASIS).zip(shapes.chunks_exact(ARTIFACT_BASIS));
-        let gains = &self.gains[taxel * self.frames.n_joints..(taxel + 1) * self.frames.n_joints];
-        let sum: f64 = of_joints.zip(gains).map(|((basis, shape), gain)| gain * dot(basis, shape)).sum();
-        sum + self.offset[taxel]
-    }
-
-    fn shapes_of<'m>(&self, taxel: usize, shapes: &'m [f64]) -> &'m [f64] {
-        let width = self.frames.n_joints * ARTIFACT_BASIS;
-        &shapes[taxel * width..(taxel + 1) * width]
-    }
-
-    /// Variance of what the model leaves in the air.
-    fn residual(&self, taxel: usize, shapes: &[f64]) -> f64 {
-        let shapes = self.shapes_of(taxel, shapes);
-        let left = |&frame: &usize| (self.tactile(frame, taxel) - self.artifact(frame, taxel, shapes)).powi(2);
-        self.air.iter().map(left).sum::<f64>() / self.air.len() as f64
-    }
-
-    /// Sums of force times what a taxel reads of it, and of force squared, over light touches.
-    fn touch(&self, taxel: usize, shapes: &[f64]) -> (f64, f64) {
-        let shapes = self.shapes_of(taxel, shapes);
-        self.light.iter().fold((0.0, 0.0), |(product, square), &frame| {
-            let force = f64::from(self.frames.truth_gf[frame]);
-            let reads = self.tactile(frame, taxel) - self.artifact(frame, taxel, shapes);
-            (product + force * reads, square + force * force)
         })
-    }
-}
-
-/// Finds the shapes of a taxel, and its gains and offset in each donning.
-fn fit_taxel(donnings: &mut [Donning<'_>], taxel: usize, shapes: &mut [f64]) -> Result<(), TrainError> {
-    let n_joints = donnings[0].frames.n_joints;
-    let width = n_joints * ARTIFACT_BASIS;
-    let shapes = &mut shapes[taxel * width..(taxel + 1) * width];
-    let sums: Vec<Sums> = donnings.iter().map(|donning| Sums::of(donning, taxel, width)).collect();
-    for _ in 0..ROUNDS {
-        let (mut left, mut right) = (DMatrix::zeros(width, width), DVector::zeros(width));
-        for (donning, Sums { squares, products, .. }) in donnings.iter().zip(&sums) {
-            let gain = |at: usize| donning.gains[taxel * n_joints + at / ARTIFACT_BASIS];
-            left += DMatrix::from_fn(width, width, |row, column| gain(row) * gain(column) * squares[(row, column)]);
-            right += DVector::from_fn(width, |row, _| gain(row) * products[row]);
-        }
-        let pull = WEIGHT_PULL * left.trace() / width as f64 + f64::MIN_POSITIVE;
-        let found = solve(left, right, pull, taxel)?;
-        shapes.copy_from_slice(found.as_slice());
-        for (donning, Sums { squares, products, .. }) in donnings.iter_mut().zip(&sums) {
-            let gains = &mut donning.gains[taxel * n_joints..(taxel + 1) * n_joints];
-            let joint = |row: usize, column: usize| {
-                let (rows, columns) = (row * ARTIFACT_BASIS, column * ARTIFACT_BASIS);
-                let pairs = (0..ARTIFACT_BASIS).flat_map(|a| (0..ARTIFACT_BASIS).map(move |b| (rows + a, columns + b)));
-                pairs.map(|(a, b)| shapes[a] * shapes[b] * squares[(a, b)]).sum::<f64>()
-            };
-            let left = DMatrix::from_fn(n_joints, n_joints, joint);
-            let pull = GAIN_PULL * left.trace() / n_joints as f64 + f64::MIN_POSITIVE;
-            let right = DVector::from_fn(n_joints, |row, _| {
-                let of_joint = row * ARTIFACT_BASIS..(row + 1) * ARTIFACT_BASIS;
-                of_joint.map(|at| shapes[at] * products[at]).sum::<f64>() + pull
-            });
-            gains.copy_from_slice(solve(left, right, pull, taxel)?.as_slice());
-        }
-        // The mean gain is 1 by definition: shapes take its size.
-        for joint in 0..n_joints {
-            let of = |donning: &Donning<'_>| donning.gains[taxel * n_joints + joint];
-            let mean = donnings.iter().map(of).sum::<f64>() / donnings.len() as f64;
-            if mean > 0.05 {
-                donnings.iter_mut().for_each(|donning| donning.gains[taxel * n_joints + joint] /= mean);
-                shapes[joint * ARTIFACT_BASIS..(joint + 1) * ARTIFACT_BASIS]
-                    .iter_mut()
-                    .for_each(|weight| *weight *= mean);
-            }
-        }
-    }
-    for (donning, Sums { means, mean, .. }) in donnings.iter_mut().zip(&sums) {
-        let gain = |at: usize| donning.gains[taxel * n_joints + at / ARTIFACT_BASIS];
-        donning.offset[taxel] = mean - (0..width).map(|at| gain(at) * shapes[at] * means[at]).sum::<f64>();
-    }
-    Ok(())
-}
-
-/// What the rounds need of a taxel and a donning, over frames in the air.
-struct Sums {
-    /// Of products of the basis functions, and of those with the taxel; all without their means.
-    squares: DMatrix<f64>,
-    products: DVector<f64>,
-    /// Of the basis functions, and of the taxel.
-    means: DVector<f64>,
-    mean: f64,
-}
-
-impl Sums {
-    fn of(donning: &Donning<'_>, taxel: usize, width: usize) -> Self {
-        let frames: Vec<usize> = donning.air.iter().copied().step_by(STRIDE).collect();
-        let n = frames.len() as f64;
-        let (mut means, mut mean) = (DVector::zeros(width), 0.0);
-        for &frame in &frames {
-            means.iter_mut().zip(donning.basis(frame)).for_each(|(mean, value)| *mean += value / n);
-            mean += donning.tactile(frame, taxel) / n;
-        }
-        let (mut squares, mut products) = (DMatrix::zeros(width, width), DVector::zeros(width));
-        let mut centered = DVector::zeros(width);
-        for &frame in &frames {
-            let basis = donning.basis(frame).iter().zip(&means);
-            centered.iter_mut().zip(basis).for_each(|(centered, (value, mean))| *centered = value - mean);
-            squares.ger(1.0, &centered, &centered, 1.0);
-            products.axpy(donning.tactile(frame, taxel) - mean, &centered, 1.0);
-        }
-        Sums { squares, products, means, mean }
-    }
-}
-
-fn solve(mut left: DMatrix<f64>, right: DVector<f64>, pull: f64, taxel: usize) -> Result<DVector<f64>, TrainError> {
-    (0..left.nrows()).for_each(|idx| left[(idx, idx)] += pull);
-    let found = left.cholesky().map(|factors| factors.solve(&right));
-    found.filter(|found| found.iter().all(|value| value.is_finite())).ok_or_else(|| TrainError::Artifact {
-        what: format!("taxel {taxel} or the joints never move in the air, so nothing tells its artifact"),
-    })
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+        .collect();
+    let sizes = sessions.first().map_or((0, 0), |session| (session.n_taxels(), session.n_joints()));
+    learn_artifact(&donnings, sizes, rate_hz).map_err(|error| TrainError::Artifact { what: error.to_string() })
 }

@@ -15,6 +15,7 @@ pub(super) fn page(result: &Characterized) -> Page {
         joints::section(&mut page, region);
         load::response(&mut page, region);
         load::artifact(&mut page, region);
+        load::following(&mut page, region);
         rest::lag(&mut page, region);
         rest::at_rest(&mut page, region);
     }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use comfy_table::{Table, presets};
 
 use super::{Characterized, RegionResult, SessionSummary};
-use crate::characterize::{ArtifactSize, ClassCurve, RegionReport, Spread, Untold};
+use crate::characterize::{ArtifactSize, ClassCurve, LeftInAir, RegionReport, Spread, Untold};
 
 /// Joints that the table shows: those that move most with the taxels, and all that are suggested.
 const N_JOINTS: usize = 8;
@@ -59,8 +59,53 @@ fn region(text: &mut String, result: &RegionResult) {
     joints(text, report);
     response(text, report);
     artifact(text, report);
+    following(text, report);
     rest(text, report);
     offset(text, report);
+}
+
+/// What is left of the artifact, step by step, in words and numbers for a table.
+pub(super) fn left_in_air(left: &LeftInAir) -> [(&'static str, f64); 6] {
+    [
+        ("as read, above the zero", left.as_read),
+        ("less a map of pose, the same for all donnings", left.fixed_map),
+        ("  and an offset of the donning", left.with_offset),
+        ("less a map with the donning's own gains and offsets", left.with_gains),
+        ("  as a calibration of 10 s finds them", left.calibrated),
+        ("  and followed while the glove is worn", left.followed),
+    ]
+}
+
+/// What a user should make of it.
+pub(super) fn advice(left: &LeftInAir) -> &'static str {
+    let share = left.explained(left.followed);
+    if share < 0.5 {
+        "Following the artifact leaves most of it: look at the joints, their clock and their rate, before training --kind adaptive."
+    } else if left.followed < 0.8 * left.fixed_map {
+        "Following it leaves clearly less than any fixed map can: train --kind adaptive."
+    } else {
+        "A fixed map of pose does nearly as well: --kind adaptive gains little on this glove."
+    }
+}
+
+fn following(text: &mut String, report: &RegionReport) {
+    let Some(left) = &report.following.all else {
+        report.following.missing.iter().for_each(|missing| {
+            let _ = writeln!(text, "\n{missing}");
+        });
+        return;
+    };
+    let _ = writeln!(
+        text,
+        "\nWhat is left of the artifact in the air, by {}; each donning by shapes of the others (root mean square, units of the sensor)\n",
+        report.following.joints.join(", ")
+    );
+    let mut table = new_table(["Taxels", "Left", "Explained"]);
+    for (what, value) in left_in_air(left) {
+        let share = left.explained(value);
+        table.add_row([what.to_owned(), format!("{value:.1}"), percent(Some(share))]);
+    }
+    let _ = writeln!(text, "{table}\n{}", advice(left));
 }
 
 fn joints(text: &mut String, report: &RegionReport) {

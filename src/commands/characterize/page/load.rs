@@ -1,9 +1,13 @@
 //! What force reads, and what a pose reads that is none.
 
 use super::super::RegionResult;
+use super::super::text::{advice, left_in_air};
 use super::header;
-use crate::characterize::{ArtifactSize, Spread};
+use crate::characterize::{ArtifactSize, LeftInAir, Spread};
 use crate::page::{Cell, Figure, Page, Style, Table};
+
+/// What is left of the artifact, in the order of [`left_in_air`].
+const LEFT: [&str; 6] = ["As read", "Fixed map", "With offset", "Own gains", "Calibrated", "Followed"];
 
 /// Poses that the bars show.
 const N_POSES: usize = 24;
@@ -109,4 +113,47 @@ pub(super) fn artifact(page: &mut Page, result: &RegionResult) {
         header: header(["", "Median", "p95", "Median N", "p95 N", "p95 gF"]),
         rows,
     });
+}
+
+/// What is left of the artifact where more and more is known of the donning.
+pub(super) fn following(page: &mut Page, result: &RegionResult) {
+    let RegionResult { region, report, .. } = result;
+    let following = &report.following;
+    let section = page.section(&format!("{region}-following"), &format!("Region {region}: following artifacts"));
+    let Some(all) = &following.all else {
+        following.missing.iter().for_each(|missing| {
+            section.text(&format!("Not told: {missing}."));
+        });
+        return;
+    };
+    section.text(&format!(
+        "Root mean square of the taxels in the air after a calibration of 10 s, in units of the sensor. Each donning is judged by \
+         shapes that were learned on the others, of {}.",
+        following.joints.join(", ")
+    ));
+    let mut bars = Figure::new(
+        &format!("{region}-following-left"),
+        "What is left of the artifact, all donnings together.",
+        "",
+        "root mean square, sensor's unit",
+    );
+    let steps = left_in_air(all);
+    let names = LEFT.map(str::to_owned).to_vec();
+    bars.bars("", names, steps.iter().map(|(_, left)| *left).collect(), Style::of(0));
+    section.figure(&bars.y_from_zero());
+    let rows = [("all donnings", all)]
+        .into_iter()
+        .chain(following.by_session.iter().map(|(name, left)| (name.as_str(), left)));
+    let row = |(name, left): (&str, &LeftInAir)| {
+        let cells = left_in_air(left).map(|(_, left)| Cell::maybe(Some(left), 1));
+        let explained = Cell::maybe(Some(100.0 * left.explained(left.followed)), 1);
+        [Cell::from(name)].into_iter().chain(cells).chain([explained]).collect()
+    };
+    section.table(&Table {
+        id: format!("{region}-following-table"),
+        caption: "All donnings, and each of them".to_owned(),
+        header: [""].into_iter().chain(LEFT).chain(["Explained %"]).map(str::to_owned).collect(),
+        rows: rows.map(row).collect(),
+    });
+    section.text(advice(all));
 }
