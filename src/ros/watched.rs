@@ -37,6 +37,8 @@ pub struct Watched {
     looked: Option<Duration>,
     /// When the node was configured.
     begun: Duration,
+    /// Since when artifacts are as far from their calibration as they may go.
+    capped_since: Option<Duration>,
     reported: Duration,
     /// Messages lost by their own count until the last report, by tactile source.
     lost: Vec<u64>,
@@ -72,6 +74,7 @@ impl Watched {
             looked: None,
             begun: Duration::ZERO,
             reported: Duration::ZERO,
+            capped_since: None,
             lost: vec![0; cfg.fusion.tactile_sources.len()],
             clock: None,
         }
@@ -82,6 +85,13 @@ impl Watched {
         (self.begun, self.reported) = (now, now);
         self.outcomes = Outcomes::default();
         self.lost.fill(0);
+        self.capped_since = None;
+    }
+
+    /// For how long artifacts have been as far from their calibration as they may go, by the frames of a report.
+    pub(crate) fn capped_for(&mut self, now: Duration, outcomes: &Outcomes) -> Option<Duration> {
+        self.capped_since = outcomes.is_capped().then(|| self.capped_since.unwrap_or(now));
+        self.capped_since.map(|since| now.saturating_sub(since))
     }
 
     /// The index of the input of a binding's source: tactile sources first, then joint sources.

@@ -11,6 +11,9 @@ use crate::ros::health::{Announcement, Problem, advice};
 use crate::ros::interfaces::DiagnosticArray;
 use crate::ros::watched::timeout;
 
+/// How long artifacts may be as far from their calibration as they may go before it is said: a moment of it is no news.
+const CAPPED_FOR: Duration = Duration::from_secs(30);
+
 impl Running {
     /// Leaves a report to be published, and says what has lasted or is over.
     pub(super) fn report(&mut self) {
@@ -135,6 +138,7 @@ impl Running {
         };
         let (outcomes, n_expected) = self.watched.take_outcomes(now, &core.fusion);
         let (share, limit) = (outcomes.share(n_expected), self.engine.cfg.live.min_estimates);
+        let capped = self.watched.capped_for(now, &outcomes).filter(|capped| self.active && *capped >= CAPPED_FOR);
         let is_calibrated = core.calibration.is_some();
         let is_enough = (share >= limit && is_calibrated) || !self.active;
         let sustained = self.engine.cfg.live.sustained;
@@ -162,6 +166,13 @@ impl Running {
             _ if !causes.is_empty() => {
                 (level, format!("{percent} % of the last second's frames have a full estimate, but {cause}"))
             }
+            _ if capped.is_some() => {
+                let text = "the artifact of pose has been as far from its calibration as it may go for half a minute or more: call ~/calibrate, the glove may have been put on anew";
+                (
+                    level.max(Level::Warn),
+                    format!("{percent} % of the last second's frames have a full estimate, but {text}"),
+                )
+            }
             _ => (level, format!("estimating: {percent} % of the last second's frames have a full estimate")),
         };
         let frames = [
@@ -169,6 +180,8 @@ impl Running {
             ("frames.came", outcomes.n.to_string()),
             ("frames.with_force", outcomes.n_with_force.to_string()),
             ("frames.full_estimate", outcomes.n_good.to_string()),
+            ("frames.artifact_followed", outcomes.n_followed.to_string()),
+            ("frames.artifact_capped", outcomes.n_capped.to_string()),
         ];
         let mut values: Vec<(String, String)> =
             core.models.iter().map(|(name, runs)| (format!("model.{name}"), runs.clone())).collect();

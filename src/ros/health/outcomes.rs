@@ -1,6 +1,6 @@
 //! What became of frames since the last report: the truth that diagnostics tell.
 
-use crate::fusion::{Estimate, Flags};
+use crate::fusion::{Adaptation, Estimate, Flags};
 
 /// Frames of regions since the last report.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -11,6 +11,10 @@ pub struct Outcomes {
     pub n_with_force: u64,
     /// Those with a force and without a flag.
     pub n_good: u64,
+    /// Those whose artifact is followed.
+    pub n_followed: u64,
+    /// Of these, those where it is as far from its calibration as it may go.
+    pub n_capped: u64,
     /// Those with each flag, by the flag's name, in the order of the flags' bits.
     pub flags: Vec<(&'static str, u64)>,
 }
@@ -21,6 +25,9 @@ impl Outcomes {
         self.n += 1;
         self.n_with_force += u64::from(estimate.force.is_some());
         self.n_good += u64::from(estimate.force.is_some() && estimate.flags.is_empty());
+        let followed = [Adaptation::Learning, Adaptation::Waiting, Adaptation::Capped];
+        self.n_followed += u64::from(followed.contains(&estimate.adaptation));
+        self.n_capped += u64::from(estimate.adaptation == Adaptation::Capped);
         if estimate.flags.is_empty() {
             return;
         }
@@ -30,6 +37,11 @@ impl Outcomes {
         for ((flag, _), (_, n)) in Flags::names().zip(&mut self.flags) {
             *n += u64::from(estimate.flags.contains(flag));
         }
+    }
+
+    /// Whether most artifacts that are followed are as far from their calibration as they may go.
+    pub fn is_capped(&self) -> bool {
+        2 * self.n_capped > self.n_followed
     }
 
     /// Part of `n_expected` frames that are good, 0 to 1. Frames that never came are as little use as those without a force.
@@ -95,6 +107,20 @@ mod tests {
         assert_eq!(outcomes.reasons(105.0), "STALE_POSE 20, WARMUP 10", "a tick more or less");
         assert_eq!(outcomes.worst(), Some("STALE_POSE"));
         assert_eq!((Outcomes::default().share(0.0), Outcomes::default().worst()), (0.0, None));
+    }
+
+    #[test]
+    fn artifacts_are_capped_where_most_of_those_that_are_followed_are() {
+        let of = |adaptations: &[Adaptation]| {
+            let mut outcomes = Outcomes::default();
+            let estimate = |adaptation| Estimate { adaptation, ..Estimate::default() };
+            adaptations.iter().for_each(|adaptation| outcomes.handle(&estimate(*adaptation)));
+            (outcomes.n_followed, outcomes.is_capped())
+        };
+        assert_eq!(of(&[]), (0, false));
+        assert_eq!(of(&[Adaptation::Off, Adaptation::Frozen]), (0, false));
+        assert_eq!(of(&[Adaptation::Capped, Adaptation::Learning]), (2, false));
+        assert_eq!(of(&[Adaptation::Capped, Adaptation::Waiting, Adaptation::Capped]), (3, true));
     }
 
     #[test]
