@@ -54,8 +54,8 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let folder = tempfile::tempdir()?;
 //! # let (bag, output) = (folder.path().join("session"), folder.path().join("forces.mcap"));
-//! # let (activity, tracking) = (sim::Activity::Protocol, sim::Tracking::Markers);
-//! # let spec = sim::SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.5, activity, tracking };
+//! # let (activity, tracking, conditions) = Default::default();
+//! # let spec = sim::SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.5, activity, tracking, conditions };
 //! # synthetic::write(&spec, &bag, false, &Unobserved)?;
 //! let cfg = config::load("params/glove3.yaml".as_ref(), DEFAULT_NODE)?;
 //! let bags = [bag];
@@ -86,8 +86,8 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let folder = tempfile::tempdir()?;
 //! # let bag = folder.path().join("session");
-//! # let (activity, tracking) = (sim::Activity::Protocol, sim::Tracking::Markers);
-//! # let spec = sim::SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.5, activity, tracking };
+//! # let (activity, tracking, conditions) = Default::default();
+//! # let spec = sim::SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.5, activity, tracking, conditions };
 //! # synthetic::write(&spec, &bag, false, &Unobserved)?;
 //! let cfg = config::load("params/glove3.yaml".as_ref(), DEFAULT_NODE)?;
 //! let found = evaluate::run(cfg, &Request::new(&[bag]), &Unobserved)?;

@@ -21,6 +21,6 @@ pub mod touch;
 pub const SYNTHETIC_TOPIC: &str = "/synthetic_glove";
 
 pub use session::{
-    Activity, FULL_MINUTES, Fault, LiveSession, MIN_MINUTES, Prompt, Record, Session, SessionSpec, SimError, Tracking,
-    simulate,
+    Activity, Conditions, FULL_MINUTES, Fault, Fingers, LiveSession, MIN_MINUTES, Physics, Prompt, Record, Session,
+    SessionSpec, SimError, Tracking, TrackingErrors, simulate,
 };

@@ -1,5 +1,6 @@
 //! Sessions of a synthetic glove as bags: the messages that a driver, a tracker, a load cell and a protocol would send.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::bag::{BagError, BagMetadata, BagWriter, OutChannel, WriteOptions};
@@ -8,15 +9,21 @@ use crate::msg::{
 };
 use crate::observer::{Cancelled, Observer, check};
 use crate::recording::SESSION_NOTES;
-use crate::sim::{Record, SessionSpec, SimError, simulate};
+use crate::sim::hand::Finger;
+use crate::sim::{Fingers, Record, SessionSpec, SimError, simulate};
 use crate::units::Stamp;
 
 /// Topic of the taxels.
 pub const TAXELS: &str = "/glove/taxels";
 /// Topic of the joint angles.
 pub const JOINTS: &str = "/hand/joint_states";
-/// Topic of the true force.
+/// Topic of the true force of a glove that has taxels on one finger.
 pub const TRUTH: &str = "/load_cell/wrench";
+
+/// Topic of the true force by the finger that the load cell is under; `None` where only one could be.
+pub fn truth_topic(under: Option<Finger>) -> String {
+    under.map_or_else(|| TRUTH.to_owned(), |finger| format!("/load_cell/{}/wrench", finger.name()))
+}
 /// Topic of the annotations.
 pub const STAGE: &str = "/stage";
 
@@ -44,7 +51,10 @@ pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Ob
     let mut topics = Topics {
         taxels: bag.add_topic::<TaxelArray>(TAXELS)?,
         joints: bag.add_topic::<JointState>(JOINTS)?,
-        truth: bag.add_topic::<WrenchStamped>(TRUTH)?,
+        truth: match spec.conditions.fingers {
+            Fingers::Index => BTreeMap::from([(None, bag.add_topic::<WrenchStamped>(TRUTH)?)]),
+            Fingers::All => BTreeMap::new(), // a finger that the load cell is never under has no topic
+        },
         stage: bag.add_topic::<Stage>(STAGE)?,
         bag,
         cdr: Vec::new(),
@@ -62,7 +72,7 @@ pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Ob
 struct Topics {
     taxels: OutChannel,
     joints: OutChannel,
-    truth: OutChannel,
+    truth: BTreeMap<Option<Finger>, OutChannel>,
     stage: OutChannel,
     bag: BagWriter,
     cdr: Vec<u8>,
@@ -74,7 +84,17 @@ impl Topics {
         match message(record) {
             Message::Taxels(message) => self.send(self.taxels, received, &message),
             Message::Joints(message) => self.send(self.joints, received, &message),
-            Message::Truth(message) => self.send(self.truth, received, &message),
+            Message::Truth(under, message) => {
+                let channel = match self.truth.get(&under) {
+                    Some(channel) => *channel,
+                    None => {
+                        let channel = self.bag.add_topic::<WrenchStamped>(&truth_topic(under))?;
+                        self.truth.insert(under, channel);
+                        channel
+                    }
+                };
+                self.send(channel, received, &message)
+            }
             Message::Stage(message) => self.send(self.stage, received, &message),
         }
     }
@@ -92,8 +112,8 @@ pub enum Message {
     Taxels(TaxelArray),
     /// On [`JOINTS`].
     Joints(JointState),
-    /// On [`TRUTH`].
-    Truth(WrenchStamped),
+    /// On the [`truth_topic`] of the finger that the load cell is under.
+    Truth(Option<Finger>, WrenchStamped),
     /// On [`STAGE`].
     Stage(Stage),
 }
@@ -112,9 +132,9 @@ pub fn message(record: &Record) -> Message {
             let (name, position) = (names.to_vec(), positions.clone());
             Message::Joints(JointState { header: header(""), name, position, velocity, effort })
         }
-        Record::Truth { force, torque, .. } => {
+        Record::Truth { force, torque, under, .. } => {
             let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
-            Message::Truth(WrenchStamped { header: header("load_cell"), wrench })
+            Message::Truth(*under, WrenchStamped { header: header("load_cell"), wrench })
         }
         Record::Stage { stage, substage, pose, repetition, zero_load, .. } => {
             let (stage, repetition, zero_load) = (*stage, *repetition, *zero_load);

@@ -12,7 +12,7 @@ use serde_json::Value;
 use tactile_pose_fusion::sim::glove::{GloveDesign, WornGlove};
 use tactile_pose_fusion::sim::hand::{HandPose, INDEX_BASE, MOVEMENTS};
 use tactile_pose_fusion::sim::performance::{Contact, HandState};
-use tactile_pose_fusion::sim::{Activity, SessionSpec, Tracking};
+use tactile_pose_fusion::sim::{Activity, Conditions, SessionSpec, Tracking};
 use tactile_pose_fusion::units::GramForce;
 
 const PARAMS: &str = "/**:
@@ -72,6 +72,7 @@ fn bend_artifact_gf(design: &'static GloveDesign, user: u32) -> f64 {
         minutes: MINUTES,
         activity: Activity::Protocol,
         tracking: Tracking::Markers,
+        conditions: Conditions::default(),
     };
     let mut glove = WornGlove::new(design, &spec);
     let bent = INDEX_BASE.with_index(MOVEMENTS[0].end);

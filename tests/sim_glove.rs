@@ -3,14 +3,14 @@
 use tactile_pose_fusion::sim::glove::{GLOVES, GloveDesign, WornGlove};
 use tactile_pose_fusion::sim::hand::{Finger, HandPose, INDEX_BASE, JOINTS, MOVEMENTS};
 use tactile_pose_fusion::sim::performance::{Contact, HandState};
-use tactile_pose_fusion::sim::{Activity, Record, SessionSpec, Tracking, simulate};
+use tactile_pose_fusion::sim::{Record, SessionSpec, simulate};
 use tactile_pose_fusion::units::{GramForce, Newton};
 
 const DT_S: f64 = 0.01;
 
 fn spec(design: &GloveDesign, user: u32, session: u32) -> SessionSpec {
-    let (activity, tracking) = (Activity::Protocol, Tracking::Markers);
-    SessionSpec { glove: design.number, user, session, seed: 5, minutes: 5.0, activity, tracking }
+    let (activity, tracking, conditions) = Default::default();
+    SessionSpec { glove: design.number, user, session, seed: 5, minutes: 5.0, activity, tracking, conditions }
 }
 
 /// A glove on a test bench: holds a pose and a force, and says how much the mean of all taxels reads, in counts.

@@ -12,7 +12,7 @@ use crate::files;
 use crate::glove;
 use crate::replay::{self, Options, Recording};
 use crate::sessions::recorded;
-use crate::sim::{Activity, SessionSpec, Tracking};
+use crate::sim::{Activity, Conditions, SessionSpec, Tracking};
 use crate::synthetic;
 use crate::zero::Wanted;
 
@@ -80,6 +80,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         minutes: args.minutes,
         activity: Activity::Protocol,
         tracking: Tracking::Markers,
+        conditions: Conditions::default(),
     };
     say(&format!("simulate a session by the paper's protocol: {}", folder.session().display()));
     synthetic::write(&spec, &folder.session(), true, &Shown::steps("simulate"))?;

@@ -1,5 +1,6 @@
 //! `tpf simulate`: sessions of a synthetic glove, one bag each, by the paper's protocol; or a synthetic glove that is there.
 
+mod conditions;
 #[cfg(feature = "ros")]
 mod live;
 
@@ -9,13 +10,15 @@ use super::progress::Shown;
 use super::{Failure, Outcome, counted, interrupt, print, say};
 use crate::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking, simulate};
 use crate::synthetic;
+use conditions::{ConditionArgs, GloveArg};
 
 /// Writes sessions of a synthetic glove: taxels, joint angles, force truth and stage annotations.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Which synthetic glove: 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts
-    #[arg(long, value_name = "1|2|3")]
-    glove: u8,
+    /// Which synthetic glove: 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts, each with taxels on the index
+    /// fingertip; hand1, hand2, hand3: the same with taxels on all five
+    #[arg(long, value_name = "GLOVE", value_parser = conditions::glove)]
+    glove: GloveArg,
     /// Users, from 1
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     users: u32,
@@ -40,9 +43,27 @@ pub(super) struct Args {
     #[cfg_attr(feature = "ros", arg(short, long, value_name = "DIR", required_unless_present = "live"))]
     #[cfg_attr(not(feature = "ros"), arg(short, long, value_name = "DIR", required = true))]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    conditions: ConditionArgs,
     #[cfg(feature = "ros")]
     #[command(flatten)]
     live: live::LiveArgs,
+}
+
+impl Args {
+    /// A session of a user, as the options say.
+    fn spec(&self, user: u32, session: u32, minutes: Option<f64>) -> SessionSpec {
+        SessionSpec {
+            glove: self.glove.number,
+            user,
+            session,
+            seed: self.seed,
+            minutes: minutes.unwrap_or(FULL_MINUTES),
+            activity: self.activity,
+            tracking: self.tracking,
+            conditions: self.conditions.of_session(self.glove, self.activity, session),
+        }
+    }
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -53,17 +74,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let Some(output) = &args.output else { return Err(Failure("--output is missing".to_owned())) };
     let specs = (1..=args.users).flat_map(|user| (1..=args.sessions).map(move |session| (user, session)));
-    let specs: Vec<SessionSpec> = specs
-        .map(|(user, session)| SessionSpec {
-            glove: args.glove,
-            user,
-            session,
-            seed: args.seed,
-            minutes: args.minutes.unwrap_or(FULL_MINUTES),
-            activity: args.activity,
-            tracking: args.tracking,
-        })
-        .collect();
+    let specs: Vec<SessionSpec> = specs.map(|(user, session)| args.spec(user, session, args.minutes)).collect();
     if let Some(spec) = specs.first() {
         simulate(spec)?; // what is wrong with one is wrong with all, and is told before a folder is made
     }
@@ -72,7 +83,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     say("the data is synthetic: a physical model of a glove on a hand, no recording");
     let mut text = String::new();
     for spec in &specs {
-        let name = format!("glove{}_user{:02}_session{}", spec.glove, spec.user, spec.session);
+        let name = format!("{}_user{:02}_session{}", args.glove, spec.user, spec.session);
         let path = output.join(name);
         let n_messages = synthetic::write(spec, &path, false, &Shown::steps("simulate"))?;
         text += &format!("{}: {} (synthetic)\n", path.display(), counted(n_messages, "message"));

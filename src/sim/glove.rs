@@ -8,9 +8,12 @@
 //! ```
 //!
 //! then cross-talk, low-pass, noise, and counts of 12 bit. `contact` has what force does, `strain` what pose does,
-//! `readout` what electronics do; each term says there where it comes from.
+//! `readout` what electronics do; each term says there where it comes from. Other [`Physics`] of the artifact is in `coupled`.
+//!
+//! A hand's glove has such taxels on every fingertip, each strained by the joints of its own finger most.
 
 mod contact;
+mod coupled;
 mod readout;
 mod strain;
 
@@ -18,8 +21,9 @@ use contact::ContactField;
 use readout::Readout;
 use strain::StrainField;
 
+use super::hand::Finger;
 use super::performance::HandState;
-use super::session::{Activity, SessionSpec};
+use super::session::{Activity, Physics, SessionSpec};
 use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
@@ -136,7 +140,7 @@ pub const GLOVES: [GloveDesign; 3] = [
     },
 ];
 
-/// A glove on a user's hand, from one donning to the next.
+/// The taxels of one fingertip on a user's hand, from one donning to the next.
 #[derive(Debug)]
 pub struct WornGlove {
     strain: StrainField,
@@ -148,24 +152,40 @@ pub struct WornGlove {
 }
 
 impl WornGlove {
-    /// A glove as this user put it on for this session.
+    /// The index fingertip of a glove as this user put it on for this session.
     pub fn new(design: &'static GloveDesign, spec: &SessionSpec) -> Self {
-        // Three streams, so that the hardware is the same for all, and a user the same in all sessions.
-        let mut hardware = Noise::named(&format!("glove {}", design.number));
-        let mut user = Noise::named(&format!("{}, skin", spec.user_name()));
-        let mut noise = Noise::named(&format!("{}, glove {}", spec.session_name(), design.number));
+        WornGlove::on(Finger::Index, design, spec)
+    }
+
+    /// A fingertip of a glove as this user put it on for this session.
+    pub fn on(finger: Finger, design: &'static GloveDesign, spec: &SessionSpec) -> Self {
+        // Streams of its own for each, so that the hardware is the same for all, a user the same in all sessions, and the
+        // index fingertip the same with and without the other four.
+        let of_finger = |what: String| match finger {
+            Finger::Index => Noise::named(&what),
+            other => Noise::named(&format!("{what}, {}", other.name())),
+        };
+        let of_glove = format!("glove {}", design.number);
+        let of_session = format!("{}, {of_glove}", spec.session_name());
+        let mut hardware = of_finger(of_glove.clone());
+        let mut user = of_finger(format!("{}, skin", spec.user_name()));
+        let mut noise = of_finger(of_session.clone());
+        let mut strain = StrainField::new(finger, design, &mut hardware, &mut user, &mut noise);
+        if spec.conditions.physics == Physics::Coupled {
+            let mut hardware = of_finger(format!("{of_glove}, coupled"));
+            strain.couple(design, &mut hardware, &mut of_finger(format!("{of_session}, coupled")));
+        }
+        let every_s = match (spec.conditions.slips_per_min, spec.activity) {
+            (None, Activity::Protocol) => None,
+            (None, Activity::Manipulation) => Some(JUMP_EVERY_S),
+            (Some(per_min), _) => (per_min > 0.0).then(|| 60.0 / per_min),
+        };
         WornGlove {
-            strain: StrainField::new(design, &mut hardware, &mut user, &mut noise),
+            strain,
             contact: ContactField::new(design, &mut hardware, &mut noise),
             readout: Readout::new(design, &mut hardware, &mut noise),
             slip: Slip::new(design, &mut noise),
-            jumps: match spec.activity {
-                Activity::Protocol => None,
-                Activity::Manipulation => Some(Jumps::new(
-                    design,
-                    Noise::named(&format!("{}, glove {}, jumps", spec.session_name(), design.number)),
-                )),
-            },
+            jumps: every_s.map(|every_s| Jumps::new(design, every_s, of_finger(format!("{of_session}, jumps")))),
             noise,
         }
     }
@@ -206,21 +226,23 @@ const SLIP_S: f64 = 90.0;
 #[derive(Debug)]
 struct Jumps {
     size: f64,
+    every_s: f64,
     next_s: f64,
     noise: Noise,
 }
 
-const JUMP_EVERY_S: f64 = 45.0; // on average
+const JUMP_EVERY_S: f64 = 45.0; // on average, in free manipulation
 
 impl Jumps {
-    fn new(design: &GloveDesign, mut noise: Noise) -> Self {
-        Jumps { size: design.slip * std::f64::consts::FRAC_1_SQRT_2, next_s: noise.exponential(JUMP_EVERY_S), noise }
+    fn new(design: &GloveDesign, every_s: f64, mut noise: Noise) -> Self {
+        let size = design.slip * std::f64::consts::FRAC_1_SQRT_2;
+        Jumps { size, every_s, next_s: noise.exponential(every_s), noise }
     }
 
     fn advance(&mut self, dt_s: f64, slip: &mut Slip) {
         self.next_s -= dt_s;
         while self.next_s <= 0.0 {
-            self.next_s += self.noise.exponential(JUMP_EVERY_S);
+            self.next_s += self.noise.exponential(self.every_s);
             slip.common.push(self.noise.normal(self.size));
             for own in &mut slip.taxels {
                 own.push(self.noise.normal(self.size));

@@ -5,9 +5,10 @@ use std::array;
 use crate::random::{Noise, Wander};
 
 /// Fingers of a hand, in the order of [`JOINTS`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Finger {
-    /// The one that touches.
+    /// The one that touches, where a glove has taxels on one finger.
+    #[default]
     Index,
     /// Its neighbour.
     Middle,
@@ -17,6 +18,22 @@ pub enum Finger {
     Little,
     /// The thumb, whose four joints are IP, MCP, CMC flexion and CMC abduction.
     Thumb,
+}
+
+impl Finger {
+    /// All of them, in the order of [`JOINTS`].
+    pub const ALL: [Finger; N_FINGERS] = [Finger::Index, Finger::Middle, Finger::Ring, Finger::Little, Finger::Thumb];
+
+    /// What it is called, as in the names of its joints.
+    pub fn name(self) -> &'static str {
+        match self {
+            Finger::Index => "index",
+            Finger::Middle => "middle",
+            Finger::Ring => "ring",
+            Finger::Little => "little",
+            Finger::Thumb => "thumb",
+        }
+    }
 }
 
 /// Number of fingers, the thumb included.
@@ -62,6 +79,24 @@ impl HandPose {
     /// This pose with another index finger.
     pub fn with_index(mut self, index: FingerPose) -> Self {
         self.0[Finger::Index as usize] = index;
+        self
+    }
+
+    /// This pose with another finger in the part of the index finger, and the index finger in its part. A thumb can't
+    /// follow a finger's angles: it does as much as its joints allow.
+    pub(crate) fn led_by(mut self, finger: Finger) -> Self {
+        let (lead, other) = (self.finger(Finger::Index), self.finger(finger));
+        match finger {
+            Finger::Index => {}
+            Finger::Thumb => {
+                self.0[Finger::Thumb as usize] = [lead[0], 0.6 * lead[1], 0.5 * lead[2], 0.4 + lead[3]];
+                self.0[Finger::Index as usize] = [other[0], other[1], other[2], 0.0];
+            }
+            Finger::Middle | Finger::Ring | Finger::Little => {
+                self.0[finger as usize] = lead;
+                self.0[Finger::Index as usize] = other;
+            }
+        }
         self
     }
 
@@ -358,41 +393,44 @@ impl MotionCapture {
     }
 }
 
-/// A camera that looks at the hand, and angles that a network makes of its pictures.
+/// Errors of a tracker that come on top: those of a camera that looks at the hand, and angles that a network makes of its
+/// pictures; or those that were asked for.
 ///
 /// Angles are off by a bias of each joint that stays for the session, and by an error that is partly the same for several
 /// frames, because it comes from how the hand is seen. Their delay is that of [`session`](super::session).
 ///
 /// # Source
-/// Sizes are assumed: a bias of 10 degrees and 5 degrees of noise are what a correction by pose should bear.
+/// Sizes of a camera are assumed: a bias of 10 degrees and 5 degrees of noise are what a correction by pose should bear.
 #[derive(Debug)]
-pub(crate) struct Camera {
+pub(crate) struct SeenBadly {
     bias: [f64; JOINTS.len()],
     slow: Vec<Wander>,
+    fast_rad: f64,
     noise: Noise,
 }
 
-const CAMERA_BIAS_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
-const CAMERA_NOISE_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
-const CAMERA_SLOW_S: f64 = 0.3;
+/// Spread of a camera's bias from joint to joint, rad.
+pub(crate) const CAMERA_BIAS_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
+/// Noise of a camera's angles, rad.
+pub(crate) const CAMERA_NOISE_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
+const SLOW_S: f64 = 0.3;
 
-impl Camera {
-    pub(crate) fn new(mut noise: Noise) -> Self {
-        let share = CAMERA_NOISE_RAD * std::f64::consts::FRAC_1_SQRT_2; // half of the variance is slow
-        Camera {
-            bias: array::from_fn(|_| noise.normal(CAMERA_BIAS_RAD)),
-            slow: JOINTS.iter().map(|_| Wander::new(share, CAMERA_SLOW_S, &mut noise)).collect(),
+impl SeenBadly {
+    pub(crate) fn new(bias_rad: f64, noise_rad: f64, mut noise: Noise) -> Self {
+        let share = noise_rad * std::f64::consts::FRAC_1_SQRT_2; // half of the variance is slow
+        SeenBadly {
+            bias: array::from_fn(|_| noise.normal(bias_rad)),
+            slow: JOINTS.iter().map(|_| Wander::new(share, SLOW_S, &mut noise)).collect(),
+            fast_rad: share,
             noise,
         }
     }
 
-    /// Angles as they are seen, `dt_s` after the picture before, in the order of [`JOINTS`], rad.
-    pub(crate) fn measure(&mut self, dt_s: f64, pose: &HandPose) -> Vec<f64> {
-        let mut angles = pose.angles();
+    /// Puts errors on angles, `dt_s` after those before. `[joints]` in the order of [`JOINTS`], rad.
+    pub(crate) fn put_on(&mut self, dt_s: f64, angles: &mut [f64]) {
         for ((angle, bias), slow) in angles.iter_mut().zip(self.bias).zip(&mut self.slow) {
-            let fast = self.noise.normal(CAMERA_NOISE_RAD * std::f64::consts::FRAC_1_SQRT_2);
+            let fast = self.noise.normal(self.fast_rad);
             *angle += bias + slow.advance(dt_s, &mut self.noise) + fast;
         }
-        angles
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! Lengths and forces are chosen for what they ask of a model, not counted on people: there is no public record of them.
 
-use super::hand::{Hand, TERMINAL_POSES};
+use super::hand::{Finger, Hand, TERMINAL_POSES};
 use super::performance::{Actor, Annotation, Performance};
 use super::touch::ForceStyle;
 use crate::random::Noise;
@@ -68,6 +68,11 @@ impl Episode {
         matches!(self, Episode::Air | Episode::StillAir)
     }
 
+    /// Whether something is touched from its beginning to its end, so that a session can begin within it.
+    pub fn is_held(self) -> bool {
+        matches!(self, Episode::LightHold | Episode::StillHold | Episode::Grasp)
+    }
+
     /// How long one may last, s. A session of `total_s` has no grasp that fills it.
     fn duration_s(self, total_s: f64, noise: &mut Noise) -> f64 {
         match self {
@@ -81,6 +86,61 @@ impl Episode {
     }
 }
 
+/// Whether a session of free manipulation begins with a touch that was there before anyone listened.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Start {
+    /// One in four does.
+    #[default]
+    Either,
+    /// It begins in the air.
+    InAir,
+    /// It does.
+    InContact,
+}
+
+impl Start {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Start::Either => "either",
+            Start::InAir => "in-air",
+            Start::InContact => "in-contact",
+        }
+    }
+}
+
+/// What a session of free manipulation is made of.
+#[derive(Debug)]
+pub(crate) struct Repertoire<'a> {
+    /// Kinds of episodes; empty for all. Air comes first and between touches whatever they are.
+    pub(crate) episodes: &'a [Episode],
+    /// How it begins.
+    pub(crate) start: Start,
+    /// What touches.
+    pub(crate) touching: Touching,
+}
+
+/// With which finger.
+#[derive(Debug)]
+pub(crate) enum Touching {
+    /// Always the same.
+    One(Finger),
+    /// Any, another one each episode.
+    Any(Noise),
+}
+
+impl Touching {
+    fn next(&mut self) -> Finger {
+        match self {
+            Touching::One(finger) => *finger,
+            Touching::Any(noise) => {
+                let chosen = noise.uniform(0.0, Finger::ALL.len() as f64) as usize;
+                Finger::ALL.get(chosen).copied().unwrap_or_default()
+            }
+        }
+    }
+}
+
 /// Between the annotation and the touch, and between the touch and the next annotation, s.
 const MARGIN_S: f64 = 0.4;
 
@@ -89,20 +149,34 @@ const ON_THE_WAY_S: (f64, f64) = (1.0, 6.0);
 
 impl Performance {
     /// A session of free manipulation that lasts `total_s`.
-    pub(crate) fn manipulation(hand: &Hand, style: &ForceStyle, total_s: f64, noise: &mut Noise) -> Self {
-        let mut performance = Performance::idle(hand, noise);
-        let begins_touching = noise.uniform(0.0, 1.0) < STARTS_IN_CONTACT;
+    pub(crate) fn manipulation(
+        hand: &Hand,
+        style: &ForceStyle,
+        total_s: f64,
+        repertoire: Repertoire<'_>,
+        noise: &mut Noise,
+    ) -> Self {
+        let Repertoire { episodes, start, mut touching } = repertoire;
+        let mut performance = Performance::idle(hand, touching.next(), noise);
+        let begins_touching = match (noise.uniform(0.0, 1.0) < STARTS_IN_CONTACT, start) {
+            (by_chance, Start::Either) => by_chance,
+            (_, Start::InAir) => false,
+            (_, Start::InContact) => true,
+        };
+        let kinds = Episode::ALL.into_iter().filter(|kind| episodes.is_empty() || episodes.contains(kind));
+        let kinds: Vec<Episode> = kinds.collect();
+        let held = kinds.iter().copied().find(|kind| kind.is_held());
         let mut actor = Actor { hand, style, noise, pose_s: 0.0, performance: &mut performance };
         let mut at_s = 0.0;
         let mut repetitions = [0_u16; Episode::ALL.len()];
         // Air first, by which a zero can be found; or a touch that was there before anyone listened.
-        let first = if begins_touching { Episode::LightHold } else { Episode::Air };
-        let mut waiting: Vec<Episode> = Episode::ALL.into_iter().filter(|episode| *episode != first).collect();
+        let first = held.filter(|_| begins_touching).unwrap_or(Episode::Air);
+        let mut waiting: Vec<Episode> = kinds.iter().copied().filter(|episode| *episode != first).collect();
         actor.noise.shuffle(&mut waiting);
         waiting.push(first); // the last one is the next
         while at_s < total_s {
             let Some(episode) = waiting.pop() else {
-                waiting.extend(Episode::ALL);
+                waiting.extend(&kinds);
                 actor.noise.shuffle(&mut waiting);
                 continue;
             };
@@ -116,6 +190,8 @@ impl Performance {
                 let until_s = (at_s + actor.noise.uniform(ON_THE_WAY_S.0, ON_THE_WAY_S.1)).min(total_s);
                 actor.performance.annotate_episode(Episode::Air, repetitions[Episode::Air as usize], at_s);
                 repetitions[Episode::Air as usize] += 1;
+                // Halfway, so that it is tared in the air under either finger.
+                actor.performance.move_load_cell(0.5 * (at_s + until_s), touching.next());
                 actor.go_through(Episode::Air, at_s, until_s, false);
                 at_s = until_s;
             }
@@ -207,7 +283,8 @@ mod tests {
     fn performance(seed: &str, minutes: f64) -> Performance {
         let mut noise = Noise::named(seed);
         let (hand, style) = (Hand::new(&mut noise), ForceStyle::new(&mut noise));
-        Performance::manipulation(&hand, &style, 60.0 * minutes, &mut noise)
+        let repertoire = Repertoire { episodes: &[], start: Start::Either, touching: Touching::One(Finger::Index) };
+        Performance::manipulation(&hand, &style, 60.0 * minutes, repertoire, &mut noise)
     }
 
     #[test]

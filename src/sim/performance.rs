@@ -31,6 +31,7 @@ pub struct Performance {
     tracks: [Track; N_FINGERS],
     touches: Vec<Touch>,
     annotations: Vec<Annotation>,
+    load_cell: Vec<(f64, Finger)>, // from when on, under which finger
     end_s: f64,
 }
 
@@ -65,8 +66,15 @@ impl Track {
 
 impl Performance {
     /// What a user makes of a plan.
-    pub(crate) fn new(protocol: &Protocol, plan: &Plan, hand: &Hand, style: &ForceStyle, noise: &mut Noise) -> Self {
-        let mut performance = Performance::idle(hand, noise);
+    pub(crate) fn new(
+        protocol: &Protocol,
+        plan: &Plan,
+        hand: &Hand,
+        style: &ForceStyle,
+        finger: Finger,
+        noise: &mut Noise,
+    ) -> Self {
+        let mut performance = Performance::idle(hand, finger, noise);
         let mut actor = Actor { hand, style, noise, pose_s: protocol.pose_s, performance: &mut performance };
         let mut at_s = 0.0;
         for trial in plan.trials() {
@@ -78,13 +86,14 @@ impl Performance {
         performance
     }
 
-    /// A user with a relaxed hand who does nothing.
-    pub(crate) fn idle(hand: &Hand, noise: &mut Noise) -> Self {
+    /// A user with a relaxed hand who does nothing, the load cell under a finger.
+    pub(crate) fn idle(hand: &Hand, finger: Finger, noise: &mut Noise) -> Self {
         let start = hand.aim(&TERMINAL_POSES[2].pose, noise); // relaxed
         Performance {
             tracks: start.0.map(Track::new),
             touches: Vec::new(),
             annotations: Vec::new(),
+            load_cell: vec![(f64::NEG_INFINITY, finger)],
             end_s: f64::INFINITY,
         }
     }
@@ -95,6 +104,17 @@ impl Performance {
 
     pub(super) fn annotate_as(&mut self, annotation: Annotation) {
         self.annotations.push(annotation);
+    }
+
+    /// Puts the load cell under a finger.
+    pub(super) fn move_load_cell(&mut self, at_s: f64, finger: Finger) {
+        self.load_cell.push((at_s, finger));
+    }
+
+    /// Under which finger the load cell is at `t_s`: the only one that touches.
+    pub fn finger_at(&self, t_s: f64) -> Finger {
+        let after = self.load_cell.partition_point(|&(from_s, _)| from_s <= t_s);
+        after.checked_sub(1).and_then(|now| self.load_cell.get(now)).map_or(Finger::default(), |&(_, finger)| finger)
     }
 
     /// Says that it is over.
@@ -221,13 +241,14 @@ impl Actor<'_> {
         match setting {
             Setting::Pose(pose) => self.take_pose(pose, start_s),
             Setting::Transition(pose) => {
+                let finger = self.performance.finger_at(start_s);
                 self.aim_for(&INDEX_BASE, start_s);
                 let from_s = touch_s + self.noise.uniform(0.1, 0.4);
                 let until_s = end_s - self.noise.uniform(0.3, 0.7);
-                let bent = self.hand.aim(&pose_named(pose).unwrap_or(INDEX_BASE), self.noise);
-                self.track(Finger::Index).move_to(from_s, until_s - from_s, bent.finger(Finger::Index));
+                let bent = self.hand.aim(&pose_named(pose).unwrap_or(INDEX_BASE).led_by(finger), self.noise);
+                self.track(finger).move_to(from_s, until_s - from_s, bent.finger(finger));
             }
-            // The tip must still reach the load cell, so the index finger keeps out of its last third.
+            // The tip must still reach the load cell, so the finger that touches keeps out of its last third.
             Setting::Free => self.move_freely(start_s, end_s, 0.7),
         }
         touch_s
@@ -245,7 +266,7 @@ impl Actor<'_> {
     }
 
     fn aim_for(&mut self, asked: &HandPose, at_s: f64) {
-        let aimed = self.hand.aim(asked, self.noise);
+        let aimed = self.hand.aim(&asked.led_by(self.performance.finger_at(at_s)), self.noise);
         let reaction_s = self.noise.uniform(0.1, 0.25);
         for (track, to) in self.performance.tracks.iter_mut().zip(aimed.0) {
             let duration_s = (0.5 * self.hand.tempo() * self.noise.log_normal(0.15)).min(0.7);
@@ -261,7 +282,9 @@ impl Actor<'_> {
             true => HandPose([end, end, end, end, [0.7 * end[0], 0.5 * end[1], 0.4 * end[2], 0.4]]),
             false => INDEX_BASE.with_index(end),
         };
-        let (out, back) = (self.hand.aim(&out, self.noise), self.hand.aim(&INDEX_BASE, self.noise));
+        let finger = self.performance.finger_at(start_s);
+        let out = if all_fingers { out } else { out.led_by(finger) };
+        let (out, back) = (self.hand.aim(&out, self.noise), self.hand.aim(&INDEX_BASE.led_by(finger), self.noise));
         let turn = self.noise.uniform(0.44, 0.56);
         let pause_s = self.noise.uniform(0.0, 0.08) * (end_s - start_s);
         for f in 0..N_FINGERS {
@@ -275,9 +298,10 @@ impl Actor<'_> {
 
     /// Every finger as it likes. Its joints flex partly together, as in all natural movement, DIP and PIP nearly as one,
     /// because they share a tendon.
-    pub(super) fn move_freely(&mut self, start_s: f64, end_s: f64, index_reach: f64) {
+    pub(super) fn move_freely(&mut self, start_s: f64, end_s: f64, reach_of_touching: f64) {
+        let touching = self.performance.finger_at(start_s) as usize;
         for f in 0..N_FINGERS {
-            let reach = if f == Finger::Index as usize { index_reach } else { 1.0 };
+            let reach = if f == touching { reach_of_touching } else { 1.0 };
             let mut at_s = start_s + self.noise.uniform(0.0, 0.3);
             loop {
                 let duration_s = self.hand.tempo() * self.noise.uniform(0.35, 0.9);
@@ -361,9 +385,8 @@ impl Performer {
         let mut pose = self.unsteadiness.advance(t_s, dt_s, &held, &mut self.noise);
         let next = self.performance.next_touch(t_s);
         let touches = self.performance.touches();
-        let index = &mut pose.0[Finger::Index as usize];
         for touch in next.checked_sub(1).into_iter().chain([next]).filter_map(|touch| touches.get(touch)) {
-            index[2] -= touch.lift(t_s);
+            pose.0[self.performance.finger_at(touch.start_s) as usize][2] -= touch.lift(t_s);
         }
         let intended = touches.get(next).map_or(0.0, |touch| touch.force(t_s).0);
         let force = (intended * (1.0 + slow + fast)).max(0.0);
@@ -371,7 +394,8 @@ impl Performer {
             return HandState { pose, contact: None };
         }
         let give = force / (force + YIELD_GF);
-        for (angle, yielded) in index.iter_mut().zip(YIELD_RAD) {
+        let touching = &mut pose.0[self.performance.finger_at(t_s) as usize];
+        for (angle, yielded) in touching.iter_mut().zip(YIELD_RAD) {
             *angle -= yielded * give;
         }
         HandState { pose, contact: Some(Contact { touch: next, force: GramForce(force) }) }

@@ -1,19 +1,25 @@
 //! What would be recorded of a synthetic session, sample by sample.
 
 mod channel;
+mod conditions;
+mod error;
 mod live;
+mod tracker;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use channel::{Channel, Kind, RATE_HZ, Sampling};
+pub use conditions::{Conditions, Fingers, Physics, Tracking, TrackingErrors};
+pub use error::SimError;
 pub use live::{Fault, LiveSession, Prompt};
+use tracker::Tracker;
 
-use super::glove::{GLOVES, GloveDesign, WornGlove};
-use super::hand::{Camera, Hand, JOINTS, MotionCapture};
+use super::glove::{GloveDesign, WornGlove};
+use super::hand::{Finger, Hand, JOINTS};
 use super::load_cell::LoadCell;
-use super::manipulation::{MAX_MANIPULATION_MINUTES, MIN_MANIPULATION_MINUTES};
-use super::performance::{Annotation, Performance, Performer};
+use super::manipulation::{MAX_MANIPULATION_MINUTES, MIN_MANIPULATION_MINUTES, Repertoire, Touching};
+use super::performance::{Annotation, HandState, Performance, Performer};
 use super::touch::ForceStyle;
 use crate::protocol::{Name, Plan, Protocol};
 use crate::random::Noise;
@@ -41,6 +47,8 @@ pub struct SessionSpec {
     pub activity: Activity,
     /// How joint angles are measured.
     pub tracking: Tracking,
+    /// What else is otherwise than usual.
+    pub conditions: Conditions,
 }
 
 /// What a user does in a session.
@@ -71,53 +79,25 @@ impl Activity {
     }
 }
 
-/// How joint angles are measured.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Tracking {
-    /// Optical motion capture with markers, as the paper used: 100 Hz, a few degrees off.
-    #[default]
-    Markers,
-    /// A camera that looks at the hand: 30 Hz, late, noisy, off by ten degrees and now and then blind.
-    Camera,
-}
-
-impl Tracking {
-    /// What it is called.
-    pub fn name(self) -> &'static str {
-        match self {
-            Tracking::Markers => "markers",
-            Tracking::Camera => "camera",
-        }
-    }
-}
-
-/// Why there is no such session. Each text is one line.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SimError {
-    /// There is no such glove.
-    #[error("glove {got}: there is no such synthetic glove; choose one of 1 to {n}", n = GLOVES.len())]
-    Glove {
-        /// What was asked for.
-        got: u8,
-    },
-    /// The activity doesn't fit.
-    #[error(
-        "minutes {got}: a session of {activity} takes {from} to {until} minutes",
-        activity = match activity { Activity::Protocol => "the protocol", Activity::Manipulation => "free manipulation" },
-        from = activity.minutes().start(),
-        until = activity.minutes().end()
-    )]
-    Minutes {
-        /// What was asked for.
-        got: f64,
-        /// In a session of what.
-        activity: Activity,
-    },
-}
-
 impl SessionSpec {
     pub(super) fn user_name(&self) -> String {
         format!("seed {}, user {}", self.seed, self.user)
+    }
+
+    /// What the glove is called: its number, or hand1 to hand3 where it has taxels on all fingertips.
+    pub fn glove_name(&self) -> String {
+        match self.conditions.fingers {
+            Fingers::Index => self.glove.to_string(),
+            Fingers::All => format!("hand{}", self.glove),
+        }
+    }
+
+    /// The fingers that have taxels, in the order of the message.
+    fn fingers(&self) -> &'static [Finger] {
+        match self.conditions.fingers {
+            Fingers::Index => &[Finger::Index],
+            Fingers::All => &Finger::ALL,
+        }
     }
 
     pub(super) fn session_name(&self) -> String {
@@ -142,6 +122,16 @@ impl User {
         }
     }
 
+    /// What this user's free manipulation is made of.
+    fn repertoire(&self) -> Repertoire<'_> {
+        let Conditions { touching, fingers, episodes, start, .. } = &self.spec.conditions;
+        let touching = match (touching, fingers) {
+            (None, Fingers::All) => Touching::Any(self.of_session("fingers")),
+            (finger, _) => Touching::One(finger.unwrap_or_default()),
+        };
+        Repertoire { episodes, start: *start, touching }
+    }
+
     fn of_session(&self, what: &str) -> Noise {
         Noise::named(&format!("{}, {what}", self.spec.session_name()))
     }
@@ -158,7 +148,7 @@ pub enum Record {
         received: Stamp,
         /// Counts samples, those that never arrive included.
         sequence: u32,
-        /// `[taxels]`, counts.
+        /// `[taxels]`, counts; `[fingers, taxels]` where all fingertips have some, fingers as in [`Finger::ALL`].
         values: Vec<f32>,
     },
     /// A sample of the motion capture.
@@ -182,6 +172,8 @@ pub enum Record {
         force: [f64; 3],
         /// N m, x y z.
         torque: [f64; 3],
+        /// The finger that it is under; `None` where only one could be.
+        under: Option<Finger>,
     },
     /// What the user was asked to do from now on.
     Stage {
@@ -222,13 +214,6 @@ impl Record {
     }
 }
 
-/// What measures joint angles.
-#[derive(Debug)]
-enum Tracker {
-    Markers(MotionCapture),
-    Camera(Camera),
-}
-
 const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always the same
 
 /// Begins a session.
@@ -240,6 +225,7 @@ pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
     if !spec.activity.minutes().contains(&spec.minutes) {
         return Err(SimError::Minutes { got: spec.minutes, activity: spec.activity });
     }
+    conditions::check(spec)?;
     Ok(Session::new(spec.clone(), glove))
 }
 
@@ -255,7 +241,7 @@ pub struct Session {
     performer: Performer,
     annotations: std::vec::IntoIter<Annotation>,
     next_annotation: Option<Annotation>,
-    glove: WornGlove,
+    fingertips: Vec<(Finger, WornGlove)>,
     tracker: Tracker,
     load_cell: LoadCell,
     names: Arc<[String]>,
@@ -276,13 +262,15 @@ impl Session {
                 let protocol = Protocol::paper();
                 let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
                 let mut noise = user.of_session("performance");
-                let performance = Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise);
+                let finger = spec.conditions.touching.unwrap_or_default();
+                let performance = Performance::new(&protocol, &plan, &user.hand, &user.style, finger, &mut noise);
                 (plan, performance)
             }
             Activity::Manipulation => {
                 let mut noise = user.of_session("manipulation");
                 let total_s = 60.0 * spec.minutes;
-                (Plan::default(), Performance::manipulation(&user.hand, &user.style, total_s, &mut noise))
+                let repertoire = user.repertoire();
+                (Plan::default(), Performance::manipulation(&user.hand, &user.style, total_s, repertoire, &mut noise))
             }
         };
         let (days, hours) = (i64::from(spec.user), i64::from(spec.session));
@@ -293,6 +281,7 @@ impl Session {
     fn begin(user: User, design: &'static GloveDesign, plan: Plan, performance: Performance, start: Stamp) -> Self {
         let mut annotations = performance.annotations().to_vec().into_iter();
         let mut transport = user.of_session("transport");
+        let errors = user.spec.conditions.tracking;
         let joints = match user.spec.tracking {
             Tracking::Markers => Kind::Joints,
             Tracking::Camera => Kind::SeenJoints,
@@ -301,14 +290,11 @@ impl Session {
             end_s: performance.end_s(),
             next_annotation: annotations.next(),
             annotations,
-            glove: WornGlove::new(design, &user.spec),
-            tracker: match user.spec.tracking {
-                Tracking::Markers => Tracker::Markers(MotionCapture::new(&mut user.of_session("markers"))),
-                Tracking::Camera => Tracker::Camera(Camera::new(user.of_session("camera"))),
-            },
+            fingertips: user.spec.fingers().iter().map(|f| (*f, WornGlove::on(*f, design, &user.spec))).collect(),
+            tracker: Tracker::new(&user),
             load_cell: LoadCell::new(user.of_session("load cell")),
             names: JOINTS.iter().map(|joint| (*joint).to_owned()).collect(),
-            channels: [Kind::Taxels, joints, Kind::Truth].map(|kind| Channel::new(kind, &mut transport)),
+            channels: [Kind::Taxels, joints, Kind::Truth].map(|kind| Channel::new(kind, &errors, &mut transport)),
             transport,
             measurement: user.of_session("measurement"),
             on_the_way: BTreeMap::new(),
@@ -325,9 +311,9 @@ impl Session {
         let design = GloveDesign::numbered(self.spec.glove);
         let entries = [
             ("synthetic", "true".to_owned()),
-            ("glove", self.spec.glove.to_string()),
+            ("glove", self.spec.glove_name()),
             ("principle", design.map_or("", |design| design.principle).to_owned()),
-            ("taxels", design.map_or(0, |design| design.taxels.len()).to_string()),
+            ("taxels", (self.fingertips.len() * design.map_or(0, |design| design.taxels.len())).to_string()),
             ("sign", if design.is_some_and(GloveDesign::inverted) { "-1" } else { "1" }.to_owned()),
             ("user", self.spec.user.to_string()),
             ("donning", self.spec.session.to_string()),
@@ -341,7 +327,8 @@ impl Session {
             ("tracking", self.spec.tracking.name(), self.spec.tracking == Tracking::default()),
         ];
         let other = other.into_iter().filter(|(_, _, usual)| !usual).map(|(key, name, _)| (key, name.to_owned()));
-        entries.into_iter().chain(other).map(|(key, value)| (key.to_owned(), value)).collect()
+        let entries = entries.into_iter().chain(other).map(|(key, value)| (key.to_owned(), value));
+        entries.chain(self.spec.conditions.notes()).collect()
     }
 
     /// What the user is asked to do.
@@ -389,19 +376,23 @@ impl Session {
         let state = self.performer.advance(sampling.at_s);
         let record = match kind {
             Kind::Taxels => {
-                let values = self.glove.sample(sampling.dt_s, &state);
+                let touching = self.performer.performance().finger_at(sampling.at_s);
+                let sample = |(finger, tip): &mut (Finger, WornGlove)| {
+                    let contact = state.contact.filter(|_| *finger == touching);
+                    tip.sample(sampling.dt_s, &HandState { contact, ..state })
+                };
+                let values = self.fingertips.iter_mut().flat_map(sample).collect();
                 Record::Taxels { stamp, received, sequence: sampling.sequence, values }
             }
             Kind::Joints | Kind::SeenJoints => {
-                let positions = match &mut self.tracker {
-                    Tracker::Markers(markers) => markers.measure(&state.pose, &mut self.measurement),
-                    Tracker::Camera(camera) => camera.measure(sampling.dt_s, &state.pose),
-                };
+                let positions = self.tracker.measure(sampling.dt_s, &state.pose, &mut self.measurement);
                 Record::Joints { stamp, received, names: Arc::clone(&self.names), positions }
             }
             Kind::Truth => {
                 let reading = self.load_cell.read(sampling.at_s, state.contact);
-                Record::Truth { stamp, received, force: reading.force, torque: reading.torque }
+                let finger = self.performer.performance().finger_at(sampling.at_s);
+                let under = (self.spec.conditions.fingers == Fingers::All).then_some(finger);
+                Record::Truth { stamp, received, force: reading.force, torque: reading.torque, under }
             }
         };
         if !sampling.lost {

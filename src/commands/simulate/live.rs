@@ -1,6 +1,7 @@
 //! A synthetic glove on a synthetic hand over a synthetic load cell that publish as drivers do, and a user who reads the
 //! prompts of `tpf collect`.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -10,8 +11,9 @@ use crate::leave;
 use crate::msg::{JointState, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
-use crate::sim::{Activity, FULL_MINUTES, Fault, LiveSession, Prompt, SYNTHETIC_TOPIC, SessionSpec};
-use crate::synthetic::{JOINTS, Message, STAGE, TAXELS, TRUTH, message};
+use crate::sim::hand::Finger;
+use crate::sim::{Activity, Fault, Fingers, LiveSession, Prompt, SYNTHETIC_TOPIC};
+use crate::synthetic::{JOINTS, Message, STAGE, TAXELS, message, truth_topic};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";
@@ -66,16 +68,8 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let place = live.ros.place(NODE)?;
     let (start, started) = (system_now(), Instant::now());
     let follows = !live.ignore_prompts && args.activity == Activity::Protocol;
-    let spec = SessionSpec {
-        glove: args.glove,
-        user: live.user,
-        session: live.donning,
-        seed: args.seed,
-        // Who follows prompts takes as long as they take.
-        minutes: args.minutes.filter(|_| !follows).unwrap_or(FULL_MINUTES),
-        activity: args.activity,
-        tracking: args.tracking,
-    };
+    // Who follows prompts takes as long as they take.
+    let spec = args.spec(live.user, live.donning, args.minutes.filter(|_| !follows));
     let mut session = LiveSession::new(&spec, protocol, start, follows, &live.fault)?;
     if let Some(minutes) = args.minutes {
         if !(0.01..=1e6).contains(&minutes) {
@@ -89,7 +83,15 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let of_glove = |topic: &str| place.topic(topic.trim_start_matches('/'));
     let taxels = listening.speak(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
     let joints = listening.speak(&of_glove(JOINTS)?, known(JointState::TYPE_NAME), Delivery::Data)?;
-    let truth = listening.speak(TRUTH, known(WrenchStamped::TYPE_NAME), Delivery::Data)?;
+    let under = match spec.conditions.fingers {
+        Fingers::Index => vec![None],
+        Fingers::All => Finger::ALL.into_iter().map(Some).collect(),
+    };
+    let mut truth = BTreeMap::new();
+    for finger in under {
+        let topic = truth_topic(finger);
+        truth.insert(finger, listening.speak(&topic, known(WrenchStamped::TYPE_NAME), Delivery::Data)?);
+    }
     let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
     listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
     let listener = listening.start()?;
@@ -108,13 +110,13 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
             n_sent += u64::from(match message(&record) {
                 Message::Taxels(message) => listener.say(taxels, &message),
                 Message::Joints(message) => listener.say(joints, &message),
-                Message::Truth(message) => listener.say(truth, &message),
+                Message::Truth(under, message) => truth.get(&under).is_some_and(|truth| listener.say(*truth, &message)),
                 Message::Stage(_) => false, // who collects annotates
             });
         }
         if said.is_none_or(|said| said.elapsed() >= SAY_EVERY) {
             said = Some(Instant::now());
-            listener.say(says, &Text { data: format!("synthetic glove {} of tpf simulate", args.glove) });
+            listener.say(says, &Text { data: format!("synthetic glove {} of tpf simulate", spec.glove_name()) });
         }
         std::thread::sleep(NAP);
     }

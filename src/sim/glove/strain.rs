@@ -1,18 +1,21 @@
 //! What a pose does to the taxels without any touch: the pose-related artifact.
 
 use super::contact::CREEP_S;
+use super::coupled::Coupled;
 use super::{GloveDesign, Slipped};
 use crate::random::{Lag, Noise};
 use crate::sim::hand::{Finger, HandPose};
 
-/// Weight of the index joints DIP, PIP, MCP flexion and abduction in the strain at the fingertip.
+/// Weight of the finger's own joints DIP, PIP, MCP flexion and abduction in the strain at its tip.
 ///
 /// # Source
 /// Pose-aware tactile gloves, Observation 3: nearby joints act most, DIP and PIP over MCP over other fingers.
-const LOCALITY: [f64; 4] = [1.0, 0.7, 0.3, 0.15];
+pub(super) const LOCALITY: [f64; 4] = [1.0, 0.7, 0.3, 0.15];
 /// Angles of a full bend, rad: with DIP and PIP here, the artifact is the design's `bend_artifact`.
 const FULL_RAD: [f64; 4] = [1.1, 1.5, 1.3, 0.35];
-const FULL_BEND: f64 = LOCALITY[0] + LOCALITY[1];
+/// The same of a thumb: IP, MCP, CMC flexion and abduction reach less far.
+const FULL_THUMB_RAD: [f64; 4] = [1.1, 0.9, 0.8, 0.8];
+pub(super) const FULL_BEND: f64 = LOCALITY[0] + LOCALITY[1];
 const QUADRATIC: f64 = 0.3; // share of the artifact that grows with the square: fabric wrinkles late in a bend
 const COMMON: f64 = 0.6; // share that all taxels have in common, the rest is each one's own
 const CREEP: f64 = 0.15; // share of the strain that the glove follows slowly
@@ -22,18 +25,27 @@ const PLAY: [f64; 2] = [0.08, 0.2]; // half-widths of two play operators, shares
 const USER_SD: f64 = 0.3; // of the artifact, from user to user: finger size and fit
 const USER_JOINT_SD: f64 = 0.1; // of a joint's weight: where creases lie
 const DONNING_SD: f64 = 0.25; // of the artifact, from donning to donning
-/// Share of thumb and neighbours in the artifact of other fingers: middle, ring, little, thumb.
-const OTHERS: [(Finger, f64); 4] =
-    [(Finger::Middle, 0.6), (Finger::Ring, 0.15), (Finger::Little, 0.05), (Finger::Thumb, 0.2)];
+/// Share of thumb and neighbours in the artifact of other fingers, by the finger whose tip feels it: neighbours pull most.
+fn others_of(finger: Finger) -> [(Finger, f64); 4] {
+    use Finger::{Index, Little, Middle, Ring, Thumb};
+    match finger {
+        Index => [(Middle, 0.6), (Ring, 0.15), (Little, 0.05), (Thumb, 0.2)],
+        Middle => [(Index, 0.4), (Ring, 0.4), (Little, 0.1), (Thumb, 0.1)],
+        Ring => [(Middle, 0.4), (Little, 0.4), (Index, 0.1), (Thumb, 0.1)],
+        Little => [(Ring, 0.6), (Middle, 0.2), (Index, 0.1), (Thumb, 0.1)],
+        Thumb => [(Index, 0.6), (Middle, 0.2), (Ring, 0.1), (Little, 0.1)],
+    }
+}
 
-/// How far the index joints are bent now, as shares of a full bend.
+/// How far a finger's joints are bent now, as shares of a full bend.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bends([f64; 4]);
 
 impl Bends {
-    fn of(pose: &HandPose) -> Self {
-        let index = pose.finger(Finger::Index);
-        Bends(std::array::from_fn(|j| index[j] / FULL_RAD[j]))
+    fn of(pose: &HandPose, finger: Finger) -> Self {
+        let angles = pose.finger(finger);
+        let full_rad = if finger == Finger::Thumb { FULL_THUMB_RAD } else { FULL_RAD };
+        Bends(std::array::from_fn(|j| angles[j] / full_rad[j]))
     }
 
     /// Bend as the fingertip feels it: 1 for DIP and PIP fully bent.
@@ -86,12 +98,21 @@ struct Taxel {
 /// The pose side of a glove on a hand.
 #[derive(Debug, Clone)]
 pub(super) struct StrainField {
+    finger: Finger,
+    size: f64,
     joints: [Material; 4],
     taxels: Vec<Taxel>,
+    coupled: Option<Coupled>,
 }
 
 impl StrainField {
-    pub(super) fn new(design: &GloveDesign, hardware: &mut Noise, user: &mut Noise, noise: &mut Noise) -> Self {
+    pub(super) fn new(
+        finger: Finger,
+        design: &GloveDesign,
+        hardware: &mut Noise,
+        user: &mut Noise,
+        noise: &mut Noise,
+    ) -> Self {
         let size = design.nominal_response(design.bend_artifact) / FULL_BEND
             * user.log_normal(USER_SD)
             * noise.log_normal(DONNING_SD);
@@ -106,23 +127,33 @@ impl StrainField {
             quadratic: std::array::from_fn(|j| weight(j, QUADRATIC, quadratic[j][taxel])),
             others: size * FULL_BEND * design.other_fingers * others[taxel],
         });
-        StrainField { joints: std::array::from_fn(|_| Material::new(design.hysteresis)), taxels: taxels.collect() }
+        let joints = std::array::from_fn(|_| Material::new(design.hysteresis));
+        StrainField { finger, size, joints, taxels: taxels.collect(), coupled: None }
+    }
+
+    /// Puts an artifact that can't be separated by joint in the place of the one that can.
+    pub(super) fn couple(&mut self, design: &GloveDesign, hardware: &mut Noise, noise: &mut Noise) {
+        self.coupled = Some(Coupled::new(design, self.size, hardware, noise));
     }
 
     /// Artifacts, fraction of full scale, and the bends that made them.
     pub(super) fn advance(&mut self, dt_s: f64, pose: &HandPose, slip: &Slipped) -> (Vec<f64>, Bends) {
-        let bends = Bends::of(pose);
+        let bends = Bends::of(pose, self.finger);
         let mut strain = bends.0;
         for (strain, joint) in strain.iter_mut().zip(&mut self.joints) {
             *strain = joint.advance(dt_s, *strain);
         }
-        let others: f64 = OTHERS
-            .iter()
-            .map(|&(finger, share)| {
+        let others: f64 = others_of(self.finger)
+            .into_iter()
+            .map(|(finger, share)| {
                 let angles = pose.finger(finger);
                 share * (0..3).map(|j| angles[j] / FULL_RAD[j]).sum::<f64>() / 3.0
             })
             .sum();
+        if let Some(coupled) = &mut self.coupled {
+            let own = coupled.advance(dt_s, &strain, slip);
+            return (own.iter().zip(&self.taxels).map(|(own, taxel)| own + taxel.others * others).collect(), bends);
+        }
         let artifact = |(taxel, slipped): (&Taxel, &f64)| {
             let by_joint = strain
                 .iter()
@@ -135,7 +166,7 @@ impl StrainField {
 }
 
 /// What each taxel has of something, 1 on average over the taxels: [`COMMON`] the same for all, the rest its own.
-fn pattern(n_taxels: usize, hardware: &mut Noise) -> Vec<f64> {
+pub(super) fn pattern(n_taxels: usize, hardware: &mut Noise) -> Vec<f64> {
     let own: Vec<f64> = (0..n_taxels).map(|_| hardware.normal((1.0 - COMMON) / COMMON)).collect();
     let mean = own.iter().sum::<f64>() / n_taxels as f64;
     own.iter().map(|own| 1.0 + own - mean).collect()

@@ -1,5 +1,6 @@
 //! A stream of samples on its way to the recorder: its clock, its delays, and what gets lost.
 
+use super::conditions::TrackingErrors;
 use crate::random::Noise;
 
 pub(super) const RATE_HZ: f64 = 100.0; // Sec. IV: all signals at 100 Hz
@@ -50,11 +51,18 @@ pub(super) struct Channel {
     next_s: f64,
     last_s: f64,
     last_received_s: f64,
-    still_lost: u32, // samples of an outage that is going on
+    still_lost: u32,       // samples of an outage that is going on
+    drop_out: Option<f64>, // probability that one begins, where it was asked for
 }
 
+/// How long a drop-out lasts that was asked for, s: as long as fingers hide each other.
+const DROP_OUT_S: (f64, f64) = (1.0 / 3.0, 1.0);
+
 impl Channel {
-    pub(super) fn new(kind: Kind, noise: &mut Noise) -> Self {
+    /// What is `asked` is of joint angles alone.
+    pub(super) fn new(kind: Kind, asked: &TrackingErrors, noise: &mut Noise) -> Self {
+        let is_tracker = matches!(kind, Kind::Joints | Kind::SeenJoints);
+        let asked = if is_tracker { *asked } else { TrackingErrors::default() };
         // Jitter and delays: a glove over a radio or USB, optical tracking with its processing, a wired load cell.
         let (jitter_s, delay_s, stamp_error_s) = match kind {
             Kind::Taxels => (0.0004, (0.001, 0.001), noise.normal(SYNC_ERROR_S).clamp(-0.012, 0.012)),
@@ -63,7 +71,8 @@ impl Channel {
             Kind::SeenJoints => (0.003, (0.002, 0.004), CAMERA_DELAY_S),
             Kind::Truth => (0.00005, (0.0003, 0.0001), 0.0),
         };
-        let rate_hz = if kind == Kind::SeenJoints { CAMERA_HZ } else { RATE_HZ };
+        let stamp_error_s = asked.delay_ms.map_or(stamp_error_s, |delay_ms| 1e-3 * delay_ms);
+        let rate_hz = asked.rate_hz.unwrap_or(if kind == Kind::SeenJoints { CAMERA_HZ } else { RATE_HZ });
         let period_s = (1.0 + noise.normal(2e-5)) / rate_hz; // quartz: tens of ppm
         let phase_s = noise.uniform(0.2, 0.8) * period_s;
         Channel {
@@ -78,6 +87,7 @@ impl Channel {
             last_s: 0.0,
             last_received_s: 0.0,
             still_lost: 0,
+            drop_out: asked.drop_outs_per_min.map(|per_min| per_min / 60.0 / rate_hz),
         }
     }
 
@@ -112,14 +122,16 @@ impl Channel {
             self.still_lost -= 1;
             return true;
         }
+        let outage = self.drop_out.unwrap_or(outage);
         let draw = noise.uniform(0.0, 1.0);
         let length = match draw {
+            _ if draw < outage && self.drop_out.is_some() => noise.uniform(DROP_OUT_S.0, DROP_OUT_S.1) / self.period_s,
             _ if draw < outage => noise.uniform(10.0, 30.0),
             _ if draw < outage + burst => noise.uniform(2.0, 5.0),
             _ if draw < outage + burst + single => 1.0,
             _ => return false,
         };
-        self.still_lost = length as u32 - 1;
+        self.still_lost = (length as u32).saturating_sub(1);
         true
     }
 }

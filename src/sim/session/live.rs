@@ -76,16 +76,18 @@ impl LiveSession {
         faults: &[Fault],
     ) -> Result<Self, SimError> {
         let design = design(spec)?;
+        super::conditions::check(spec)?;
         let user = User::new(spec);
         let mut noise = user.of_session("performance");
         let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
+        let finger = spec.conditions.touching.unwrap_or_default();
         let follows = follows && spec.activity == Activity::Protocol;
         let performance = match spec.activity {
-            _ if follows => Performance::idle(&user.hand, &mut noise),
-            Activity::Protocol => Performance::new(&protocol, &plan, &user.hand, &user.style, &mut noise),
+            _ if follows => Performance::idle(&user.hand, finger, &mut noise),
+            Activity::Protocol => Performance::new(&protocol, &plan, &user.hand, &user.style, finger, &mut noise),
             Activity::Manipulation => {
                 let total_s = 60.0 * spec.minutes.min(MAX_MANIPULATION_MINUTES); // who is asked for more rests then
-                Performance::manipulation(&user.hand, &user.style, total_s, &mut noise)
+                Performance::manipulation(&user.hand, &user.style, total_s, user.repertoire(), &mut noise)
             }
         };
         let style = user.style.clone();
@@ -187,6 +189,7 @@ mod tests {
             minutes: super::super::FULL_MINUTES,
             activity: Activity::Protocol,
             tracking: Tracking::Markers,
+            conditions: super::super::Conditions::default(),
         }
     }
 

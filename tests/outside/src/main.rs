@@ -7,15 +7,15 @@ use tactile_pose_fusion::config::{self, DEFAULT_NODE};
 use tactile_pose_fusion::evaluate::{self, Request};
 use tactile_pose_fusion::observer::Unobserved;
 use tactile_pose_fusion::replay::{self, Recording};
-use tactile_pose_fusion::sim::{Activity, SessionSpec, Tracking};
+use tactile_pose_fusion::sim::SessionSpec;
 use tactile_pose_fusion::synthetic;
 use tactile_pose_fusion::zero::Wanted;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let [root, folder] = args.as_slice() else { return Err("outside ROOT FOLDER".into()) };
-    let (activity, tracking) = (Activity::Protocol, Tracking::Markers);
-    let spec = SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.0, activity, tracking };
+    let (activity, tracking, conditions) = Default::default();
+    let spec = SessionSpec { glove: 3, user: 1, session: 3, seed: 1, minutes: 2.0, activity, tracking, conditions };
     let bags = [folder.join("session")];
     synthetic::write(&spec, &bags[0], false, &Unobserved)?;
 

@@ -1,0 +1,144 @@
+//! What may be otherwise than in the sessions that models were first judged on.
+
+use super::super::hand::Finger;
+use super::super::manipulation::{Episode, Start};
+use super::{Activity, SessionSpec, SimError};
+
+/// How joint angles are measured.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Tracking {
+    /// Optical motion capture with markers, as the paper used: 100 Hz, a few degrees off.
+    #[default]
+    Markers,
+    /// A camera that looks at the hand: 30 Hz, late, noisy, off by ten degrees and now and then blind.
+    Camera,
+}
+
+impl Tracking {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Tracking::Markers => "markers",
+            Tracking::Camera => "camera",
+        }
+    }
+}
+
+/// How a pose becomes an artifact.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Physics {
+    /// A sum over joints, each with hysteresis and creep.
+    #[default]
+    Separable,
+    /// Of several joints together, with slack and with folds that buckle.
+    Coupled,
+}
+
+impl Physics {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Physics::Separable => "separable",
+            Physics::Coupled => "coupled",
+        }
+    }
+}
+
+/// Where a glove has taxels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Fingers {
+    /// On the index fingertip.
+    #[default]
+    Index,
+    /// On all five fingertips, in one message: those of the index finger, middle, ring, little finger and thumb.
+    All,
+}
+
+/// Errors of joint angles that were asked for, one by one: on top of the markers' own, and in place of the camera's.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TrackingErrors {
+    /// Spread of a constant error from joint to joint, degrees, 0 to 90.
+    pub bias_deg: Option<f64>,
+    /// Standard deviation of an error of which half of the variance stays for 0.3 s, degrees, 0 to 90.
+    pub noise_deg: Option<f64>,
+    /// How much later than it was the pose is stamped, ms, 0 to 1000.
+    pub delay_ms: Option<f64>,
+    /// Samples a second, Hz, 1 to 1000.
+    pub rate_hz: Option<f64>,
+    /// Drop-outs of a third of a second to a second, per minute on average, 0 to 60.
+    pub drop_outs_per_min: Option<f64>,
+}
+
+/// What may be otherwise. The default is what every session was before there was a choice, byte for byte.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Conditions {
+    /// How a pose becomes an artifact.
+    pub physics: Physics,
+    /// Where the glove has taxels.
+    pub fingers: Fingers,
+    /// Which finger touches, on the load cell that is under it. `None`: the index finger in the protocol, and in free
+    /// manipulation any that has taxels.
+    pub touching: Option<Finger>,
+    /// Episodes of free manipulation; empty for all kinds. Air comes first and between touches whatever they are.
+    pub episodes: Vec<Episode>,
+    /// How free manipulation begins.
+    pub start: Start,
+    /// Sudden slips of the glove per minute on average, 0 to 60. `None`: 0 in the protocol, 1.33 in free manipulation.
+    pub slips_per_min: Option<f64>,
+    /// How joint angles are off.
+    pub tracking: TrackingErrors,
+}
+
+impl Conditions {
+    /// Quantities that were asked for: name, value, unit, least and most.
+    fn quantities(&self) -> [(&'static str, Option<f64>, &'static str, f64, f64); 6] {
+        let TrackingErrors { bias_deg, noise_deg, delay_ms, rate_hz, drop_outs_per_min } = self.tracking;
+        [
+            ("slips", self.slips_per_min, "per minute", 0.0, 60.0),
+            ("tracking bias", bias_deg, "degrees", 0.0, 90.0),
+            ("tracking noise", noise_deg, "degrees", 0.0, 90.0),
+            ("tracking delay", delay_ms, "ms", 0.0, 1000.0),
+            ("tracking rate", rate_hz, "Hz", 1.0, 1000.0),
+            ("tracking drop-outs", drop_outs_per_min, "per minute", 0.0, 60.0),
+        ]
+    }
+
+    /// What isn't as it always was, for the notes beside a recording.
+    pub(super) fn notes(&self) -> impl Iterator<Item = (String, String)> {
+        let quantities = self.quantities().into_iter();
+        let numbers =
+            quantities.filter_map(|(name, value, ..)| Some((name.replace([' ', '-'], "_"), value?.to_string())));
+        let physics = (self.physics != Physics::default()).then(|| self.physics.name().to_owned());
+        let start = (self.start != Start::default()).then(|| self.start.name().to_owned());
+        let episodes: Vec<&str> = self.episodes.iter().map(|episode| episode.name()).collect();
+        let episodes = (!episodes.is_empty()).then(|| episodes.join(","));
+        let touching = self.touching.map(|finger| finger.name().to_owned());
+        let words = [("physics", physics), ("start", start), ("episodes", episodes), ("touching", touching)];
+        numbers.chain(words.into_iter().filter_map(|(name, word)| Some((name.to_owned(), word?))))
+    }
+}
+
+/// Whether such a session makes sense.
+pub(super) fn check(spec: &SessionSpec) -> Result<(), SimError> {
+    let conditions = &spec.conditions;
+    for (what, value, unit, from, to) in conditions.quantities() {
+        if let Some(got) = value.filter(|value| !(from..=to).contains(value)) {
+            return Err(SimError::Quantity { what, got, unit, from, to });
+        }
+    }
+    if spec.activity == Activity::Protocol {
+        let asked = [("episodes", !conditions.episodes.is_empty()), ("start", conditions.start != Start::default())];
+        if let Some((what, _)) = asked.into_iter().find(|(_, asked)| *asked) {
+            return Err(SimError::OnlyManipulation { what });
+        }
+    }
+    let is_bare = |finger: &Finger| *finger != Finger::Index && conditions.fingers == Fingers::Index;
+    if let Some(finger) = conditions.touching.filter(is_bare) {
+        return Err(SimError::NoTaxels { finger: finger.name() });
+    }
+    let can_begin = conditions.episodes.is_empty() || conditions.episodes.iter().any(|episode| episode.is_held());
+    match conditions.start == Start::InContact && !can_begin {
+        true => Err(SimError::NothingHeld),
+        false => Ok(()),
+    }
+}
