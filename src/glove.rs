@@ -144,6 +144,7 @@ pub fn drop_unused_joints(cfg: &mut Config, models: &[ModelInfo]) -> Vec<String>
     for region in cfg.fusion.regions.iter_mut().filter(without_pose).filter(|region| !region.joints.is_empty()) {
         notes.push(format!("region {}: its model has no pose input, so its joints are not used", region.name));
         region.joints.clear();
+        region.model_joints.clear();
     }
     notes
 }

@@ -116,6 +116,10 @@ fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
             "params/index.yaml:10: contact.force_off = 0.014709975 N must be below contact.force_on = 0.01 N; contact.force_off is the default, set it too",
         ),
         (
+            "    region.index.model_joints: [a, b, c]\n",
+            "params/index.yaml:10: region.index.model_joints = [a, b, c] names 3 joints and region.index.joints 2; name one for each",
+        ),
+        (
             "    contact.touch_off: 0.3\n",
             "params/index.yaml:10: contact.touch_off = 0.3 is set without contact.touch_on; set both, or neither for the model's own",
         ),

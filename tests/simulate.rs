@@ -88,3 +88,84 @@ fn free_manipulation_is_a_session_too() {
         assert!(scored.stdout.contains(episode), "{scored:?}");
     }
 }
+
+#[test]
+fn a_hand_replays_and_is_scored_finger_by_finger() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/hand1.yaml");
+    let asked = ["simulate", "--glove", "hand1", "--users", "1", "--minutes", "2", "--seed", "7", "-o", "hand"];
+    tpf(folder, &[&asked[..], &["--sessions", "2"]].concat()).ok();
+    // The protocol goes through the fingers in turn, and a finger that the load cell was never under has no topic.
+    for (session, under, never) in [(1, "index", "middle"), (2, "middle", "index")] {
+        let inspected = tpf(folder, &["inspect", &format!("hand/hand1_user01_session{session}")]).ok();
+        assert!(inspected.stdout.contains(&format!("/load_cell/{under}/wrench")), "{inspected:?}");
+        assert!(!inspected.stdout.contains(&format!("/load_cell/{never}/wrench")), "{inspected:?}");
+    }
+    let insist = ["-p", "calibration.insist:=true"]; // the models know another finger, whose zero theirs is not
+    let bag = "hand/hand1_user01_session2";
+    let replay = ["replay", bag, "--params-file", params, "-o", "out.mcap", "--json"];
+    let summary = tpf(folder, &[&replay[..], &insist].concat()).ok().json();
+    for (region, name) in ["index", "middle", "ring", "little", "thumb"].into_iter().enumerate() {
+        let of_region = &summary["regions"][region];
+        assert_eq!(of_region["name"], name);
+        assert!(of_region["estimates"].as_u64().unwrap() > 9_000, "{of_region:#}");
+    }
+    let scored = ["eval", "hand", "--whole", "--json", "--params-file", params];
+    let scored = tpf(folder, &[&scored[..], &insist].concat()).ok().json();
+    // Of the others no force was measured; their contacts in the air are told all the same.
+    assert_eq!(scored["table"]["gloves"], serde_json::json!(["hand1/index", "hand1/middle"]));
+    let contacts = scored["models"].as_array().unwrap().last().unwrap()["contacts"].as_object().unwrap();
+    assert_eq!(contacts.len(), 5);
+    assert!(contacts["hand1/thumb"]["in_air"].is_object());
+    let missing = scored["sessions"][0]["missing"][0].as_str().unwrap();
+    assert!(
+        missing.starts_with("no true force of some regions: the bag has no topic /load_cell/middle/wrench, "),
+        "{missing}"
+    );
+}
+
+#[test]
+fn free_manipulation_of_a_hand_is_scored_on_each_finger_that_touches() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/hand1.yaml");
+    let asked = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "1", "--seed", "7", "-o", "free"];
+    let free = ["--activity", "manipulation", "--minutes", "10", "--episodes", "touches,light_hold"];
+    tpf(folder, &[&asked[..], &free].concat()).ok();
+    let scored = ["eval", "free", "--whole", "--json", "--params-file", params, "-p", "calibration.insist:=true"];
+    let scored = tpf(folder, &scored).ok().json();
+    let fingers = scored["table"]["gloves"].as_array().unwrap();
+    assert!(fingers.len() >= 2, "several fingers touch within a few minutes: {fingers:?}");
+    for finger in fingers {
+        assert!(finger.as_str().unwrap().starts_with("hand1/"), "{finger}");
+    }
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused_in_one_line_before_a_folder_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let asked = ["simulate", "--seed", "7", "-o", "out", "--glove"];
+    for (options, told) in [
+        (&["hand4"][..], "glove 4: there is no such synthetic glove; choose one of 1 to 3"),
+        (&["1", "--tracking-rate", "0"], "tracking rate: expected 1 to 1000 Hz, got 0"),
+        (&["1", "--tracking-bias", "-1"], "tracking bias: expected 0 to 90 degrees, got -1"),
+        (&["1", "--slips", "nan"], "slips: expected 0 to 60 per minute, got NaN"),
+        (&["1", "--finger", "ring"], "ring finger: this glove has taxels on the index fingertip alone"),
+        (&["1", "--episodes", "grasp"], "episodes: the protocol says what is done"),
+        (&["1", "--start", "in-contact"], "start: the protocol says what is done"),
+    ] {
+        let refused = tpf(folder, &[&asked[..], options].concat());
+        assert!(refused.failure().starts_with(told), "{refused:?}");
+    }
+    for (options, told) in [
+        (&["hand"][..], "expected 1, 2, 3, hand1, hand2 or hand3, got \"hand\""),
+        (&["1", "--physics", "real"], "expected one of separable, coupled, got \"real\""),
+        (&["1", "--episodes", "grasp,nap"], "got \"nap\""),
+    ] {
+        let refused = tpf(folder, &[&asked[..], options].concat());
+        assert!(refused.code == 2 && refused.stderr.contains(told), "{refused:?}");
+    }
+    assert!(!folder.join("out").exists());
+}

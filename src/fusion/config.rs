@@ -126,6 +126,8 @@ pub struct RegionConfig {
     pub taxels: Vec<usize>,
     /// Its joints by name, in the order of the model's pose input; empty for a model without pose.
     pub joints: Vec<String>,
+    /// Names by which its model knows these joints, for a model of another finger; empty where they are the same.
+    pub model_joints: Vec<String>,
     /// Index of its model among the regressors given to [`Fusion::new`](super::Fusion::new).
     pub model: usize,
     /// Where its force acts and along which direction.

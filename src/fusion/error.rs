@@ -19,7 +19,7 @@ pub enum SetupError {
     )]
     Joints { region: String, expected: usize, got: usize },
     #[error(
-        "region.{region}.joints is {got:?}, its model was trained on {expected:?}; name the same joints in the same order"
+        "region.{region}.joints is {got:?}, its model was trained on {expected:?}; name the same joints in the same order, or say by region.{region}.model_joints that it is of another finger"
     )]
     JointNames { region: String, expected: Vec<String>, got: Vec<String> },
     #[error("region.{region}: its model has no pose input and region.{region}.joints is not empty; remove the joints")]
@@ -67,9 +67,10 @@ pub(super) fn check_region(
     if n_joints != region.joints.len() {
         return Err(SetupError::Joints { region: name(), expected: n_joints, got: region.joints.len() });
     }
-    if contract.joints.as_ref().is_some_and(|joints| *joints != region.joints) {
+    let known = if region.model_joints.is_empty() { &region.joints } else { &region.model_joints };
+    if contract.joints.as_ref().is_some_and(|joints| joints != known) {
         let expected = contract.joints.clone().unwrap_or_default();
-        return Err(SetupError::JointNames { region: name(), expected, got: region.joints.clone() });
+        return Err(SetupError::JointNames { region: name(), expected, got: known.clone() });
     }
     if !region.joints.is_empty() && cfg.joint_sources.is_empty() {
         return Err(SetupError::NoJointSource { region: name() });

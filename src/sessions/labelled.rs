@@ -99,6 +99,9 @@ impl Labelled {
                     .to_owned(),
             ),
             (false, []) => {}
+            (false, absent) if absent.len() < names.len() => {
+                missing.push(format!("no true force of some regions: the bag has no topic {}", absent.join(", ")));
+            }
             (false, absent) => {
                 missing.push(format!("no true force, so no scores: the bag has no topic {}", absent.join(", ")));
             }

@@ -64,6 +64,7 @@ pub fn region(name: &str, taxels: &[usize], joints: &[&str]) -> RegionConfig {
         source: TactileSourceIdx(0),
         taxels: taxels.to_vec(),
         joints: joints.iter().map(|joint| joint.to_string()).collect(),
+        model_joints: Vec::new(),
         model: 0,
         patch: Patch {
             frame_id: format!("{name}_tip"),

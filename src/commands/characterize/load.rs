@@ -214,7 +214,8 @@ impl Loader<'_> {
     fn core_of(&self, region: &RegionConfig) -> FusionConfig {
         let mut fusion = self.cfg.fusion.clone();
         fusion.timing.joint_slack = JOINT_SLACK;
-        fusion.regions = vec![RegionConfig { joints: self.joints.to_vec(), ..region.clone() }];
+        fusion.regions =
+            vec![RegionConfig { joints: self.joints.to_vec(), model_joints: Vec::new(), ..region.clone() }];
         fusion
     }
 

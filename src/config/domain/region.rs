@@ -51,6 +51,7 @@ pub(super) fn all(
             source: TactileSourceIdx(source_idx),
             taxels: taxels(reader, &key("taxels"), &sources[source_idx])?,
             joints: region_joints(reader, &key("joints"), joints)?,
+            model_joints: model_joints(reader, &key("model_joints"), &key("joints"))?,
             model: models.iter().position(|known| *known == model).ok_or_else(|| reader.missing(&key("model")))?,
             patch,
             contact: contact(reader, Some(name))?,
@@ -154,6 +155,20 @@ fn mount(reader: &Reader<'_>, translation: &str, rotation: &str) -> Result<Isome
     }
     let translation = Translation3::from(Vector3::from(reader.doubles::<3>(translation)?));
     Ok(Isometry3::from_parts(translation, UnitQuaternion::new_normalize(quaternion)))
+}
+
+/// Names by which the model knows the joints of a region; none where they are the same.
+fn model_joints(reader: &Reader<'_>, key: &str, joints_key: &str) -> Result<Vec<String>, ConfigError> {
+    let names = |key: &str| match reader.value(key) {
+        Some(ParamValue::StrArray(names)) => names,
+        _ => Vec::new(),
+    };
+    let (known, own) = (names(key), names(joints_key));
+    if !known.is_empty() && known.len() != own.len() {
+        let problem = format!("names {} joints and {joints_key} {}; name one for each", known.len(), own.len());
+        return Err(reader.refused(key, problem));
+    }
+    Ok(known)
 }
 
 /// The thresholds of a region, or those that hold for all.

@@ -237,6 +237,12 @@ pub static KEYS: &[ParamKey] = &[
         "Its joints by name, in the order of the model's input; empty for a model without pose",
     ),
     ParamKey::new(
+        "region.<name>.model_joints",
+        Kind::StrArray,
+        EmptyArray,
+        "Names by which its model knows these joints, in the same order, for a model that was trained on another finger; empty: the same names",
+    ),
+    ParamKey::new(
         "region.<name>.truth",
         Kind::Str,
         Depends("the only truth source; none where there are several"),
