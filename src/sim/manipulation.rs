@@ -126,7 +126,7 @@ pub(crate) enum Touching {
     /// Always the same.
     One(Finger),
     /// Any, another one each episode.
-    Any(Noise),
+    Any(Box<Noise>),
 }
 
 impl Touching {

@@ -126,7 +126,7 @@ impl User {
     fn repertoire(&self) -> Repertoire<'_> {
         let Conditions { touching, fingers, episodes, start, .. } = &self.spec.conditions;
         let touching = match (touching, fingers) {
-            (None, Fingers::All) => Touching::Any(self.of_session("fingers")),
+            (None, Fingers::All) => Touching::Any(Box::new(self.of_session("fingers"))),
             (finger, _) => Touching::One(finger.unwrap_or_default()),
         };
         Repertoire { episodes, start: *start, touching }
