@@ -57,6 +57,23 @@ fn a_lifecycle_manager_brings_the_node_up_and_down() {
 }
 
 #[test]
+fn every_new_client_is_answered() {
+    check(&CALIBRATED, "", &["both", "60"], &["new_clients"]);
+}
+
+#[test]
+fn a_client_that_the_node_learns_of_late_is_answered() {
+    let Some(python) = common::skip::ros_python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 4);
+    write_setup(folder.path(), "sensor_msgs/msg/LaserScan", "    autostart: false\n");
+    let on_cyclone = [("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
+    let live = Live::start_with(folder.path(), &["--params-file", "live.yaml"], &on_cyclone);
+    assert_eq!(peer(&python, "late_client.py", &[], folder.path()), "unconfigured");
+    live.stop();
+}
+
+#[test]
 fn under_sim_time_stamps_are_those_of_clock() {
     check(&CALIBRATED, "    use_sim_time: true\n", &["both", "60"], &["sim_time"]);
 }

@@ -186,6 +186,12 @@ def lifecycle():
     assert steps[:4] == ["unconfigured", "configuring", "inactive", "activating"], steps
 
 
+def new_clients():
+    for _ in range(10):
+        call(GetState, "get_state", 5.0)
+        call(ListParameters, "list_parameters", 5.0)
+
+
 def sim_time():
     publisher = node.create_publisher(Clock, "/clock", RELIABLE)
     diagnostics = listen(DiagnosticArray, "/diagnostics")
@@ -304,7 +310,7 @@ def cancel():
     assert result.success, result
 
 
-checks = [graph, parameters, reports, tare, lifecycle, sim_time, renamed, leaves, calibrate, cancel]
+checks = [graph, parameters, reports, tare, lifecycle, new_clients, sim_time, renamed, leaves, calibrate, cancel]
 {check.__name__: check for check in checks}[sys.argv[1]](*sys.argv[2:])
 print("ok")
 rclpy.shutdown()

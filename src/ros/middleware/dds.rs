@@ -12,7 +12,9 @@ use futures::stream::{LocalBoxStream, StreamExt, unfold};
 use ros2_client::action::{ActionServerQosPolicies, FeedbackMessage};
 #[cfg(feature = "security")]
 use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
-use ros2_client::dds::rustdds::{BackgroundThreads, DomainParticipantBuilder, RTPSEntity, Topic};
+use ros2_client::dds::rustdds::{
+    BackgroundThreads, DomainParticipant, DomainParticipantBuilder, GUID, RTPSEntity, Topic,
+};
 use ros2_client::qos::{Durability, Reliability};
 use ros2_client::{
     ActionServer, ActionTypeName, Context, Message, MessageTypeName, Name, Node, NodeName as WireNodeName, NodeOptions,
@@ -46,6 +48,10 @@ const LEASE: Duration = Duration::from_secs(50);
 /// After such a pause they may have forgotten it, because its last announcement may be 10 s old. They meet it as a new one,
 /// and RustDDS goes on with what they acknowledged before: nothing would be sent or received for good.
 const FORGOTTEN: Duration = Duration::from_secs(40);
+
+/// How long a response waits for its client to be known. Discovery takes milliseconds, and longer on a busy machine.
+const CLIENT: Duration = Duration::from_secs(1);
+const CLIENT_POLL: Duration = Duration::from_millis(2);
 
 /// How often an action's requests are looked for; a person calibrates for seconds.
 const POLL: Duration = Duration::from_millis(20);
@@ -167,7 +173,19 @@ impl Participant {
             qos.clone(),
         );
         let server = Rc::new(server.map_err(|error| create(service, &error))?);
-        Ok(unfold(server, async |server| Some((receive(&server).await, server))).boxed_local())
+        let clients = self.clients(service);
+        let requests = unfold((server, clients), async |(server, clients)| {
+            Some((receive(&server, &clients).await, (server, clients)))
+        });
+        Ok(requests.boxed_local())
+    }
+
+    fn clients(&self, service: &str) -> Clients {
+        Clients {
+            participant: self.context.domain_participant(),
+            topic: format!("rr{service}Reply").into(),
+            mapping: self.mapping,
+        }
     }
 
     /// ros2-client keeps to itself how types of an action are called, so its own action server is taken apart here.
@@ -183,10 +201,12 @@ impl Participant {
         let server = self.node.create_action_server(self.mapping, &wire(action)?, &kind, policies);
         let server: Rc<Calibrate> = Rc::new(server.map_err(|error| create(action, &error))?);
         let (feedback, status) = (Rc::clone(&server), Rc::clone(&server));
+        let clients = |service| self.clients(&format!("{action}/_action/{service}"));
+        let [goals, cancels, results] = ["send_goal", "cancel_goal", "get_result"].map(clients);
         Ok(Action {
-            goals: polled(&server, Calibrate::receive_goal, Calibrate::send_goal_response),
-            cancels: polled(&server, Calibrate::receive_cancel_request, Calibrate::send_cancel_response),
-            results: polled(&server, Calibrate::receive_result_request, Calibrate::send_result),
+            goals: polled(&server, goals, Calibrate::receive_goal, Calibrate::send_goal_response),
+            cancels: polled(&server, cancels, Calibrate::receive_cancel_request, Calibrate::send_cancel_response),
+            results: polled(&server, results, Calibrate::receive_result_request, Calibrate::send_result),
             feedback: Box::new(move |FeedbackMessage { goal_id, feedback: message }| {
                 feedback.send_feedback(goal_id, message).map_err(|_| Refused)
             }),
@@ -261,15 +281,48 @@ impl Subscribe for ros2_client::Subscription<CdrBytes> {
     }
 }
 
-async fn receive<Q, A>(server: &Rc<Server<Q, A>>) -> Result<Request<Q, A>, String>
+/// The clients of a service, as far as its responses reach them.
+#[derive(Clone)]
+struct Clients {
+    participant: DomainParticipant,
+    /// The topic of the responses.
+    topic: Rc<str>,
+    mapping: ServiceMapping,
+}
+
+impl Clients {
+    /// Waits until a response to this request reaches who asked, at most for a while.
+    ///
+    /// A client that knows our response writer may ask before we know its response reader, and what a volatile writer
+    /// sends before that is lost. rmw_fastrtps and rmw_cyclonedds wait in their servers for the same reason.
+    async fn wait_for(&self, id: RmwRequestId) {
+        let asked_by = GUID::from(id.writer_gid);
+        let is_client = |reader: &GUID| match self.mapping {
+            // The second half is a number of Cyclone's own.
+            ServiceMapping::Cyclone => reader.to_bytes()[..8] == asked_by.to_bytes()[..8],
+            // Fast DDS tells its reader in a request, others their writer.
+            _ if asked_by.entity_id.kind().is_reader() => *reader == asked_by,
+            _ => reader.prefix == asked_by.prefix,
+        };
+        let begun = Stopwatch::start();
+        while !self.participant.sends_to(&self.topic, is_client) && begun.elapsed() < CLIENT {
+            tokio::time::sleep(CLIENT_POLL).await;
+        }
+    }
+}
+
+async fn receive<Q, A>(server: &Rc<Server<Q, A>>, clients: &Clients) -> Result<Request<Q, A>, String>
 where
     Q: Message + 'static,
     A: Message + 'static,
 {
     let (id, question) = server.async_receive_request().await.map_err(|error| error.to_string())?;
-    let server = Rc::clone(server);
+    let (server, clients) = (Rc::clone(server), clients.clone());
     let answer: Answer<A> = Box::new(move |response| {
-        let sent = async move { server.async_send_response(id, response).await.map_err(|error| error.to_string()) };
+        let sent = async move {
+            clients.wait_for(id).await;
+            server.async_send_response(id, response).await.map_err(|error| error.to_string())
+        };
         Box::pin(sent)
     });
     Ok(Request { question, answer })
@@ -278,24 +331,29 @@ where
 /// The requests of one of an action's services. The action server takes them only when it is asked to.
 fn polled<Q: 'static, A: 'static, E: std::fmt::Display + 'static>(
     server: &Rc<Calibrate>,
+    clients: Clients,
     receive: Take<Q>,
     send: fn(&Calibrate, RmwRequestId, A) -> Result<(), E>,
 ) -> Requests<Q, A> {
-    let requests = unfold(Rc::clone(server), move |server| async move {
+    let requests = unfold((Rc::clone(server), clients), move |(server, clients)| async move {
         let received = loop {
             match receive(&server).transpose() {
                 Some(received) => break received,
                 None => tokio::time::sleep(POLL).await,
             }
         };
-        let by = Rc::clone(&server);
+        let (by, of) = (Rc::clone(&server), clients.clone());
         let request = received.map(|(id, question)| {
             let answer: Answer<A> = Box::new(move |response| {
-                Box::pin(std::future::ready(send(&by, id, response).map_err(|error| error.to_string())))
+                let sent = async move {
+                    of.wait_for(id).await;
+                    send(&by, id, response).map_err(|error| error.to_string())
+                };
+                Box::pin(sent)
             });
             Request { question, answer }
         });
-        Some((request.map_err(|error| error.to_string()), server))
+        Some((request.map_err(|error| error.to_string()), (server, clients)))
     });
     requests.boxed_local()
 }

@@ -658,6 +658,21 @@ impl DomainParticipant {
     })
   }
 
+  /// Whether a DataWriter of this participant sends what it writes on a topic to
+  /// a wanted DataReader. What a volatile one writes before that is lost to the
+  /// DataReader, even where the DataReader has matched the DataWriter already.
+  pub fn sends_to(&self, topic_name: &str, is_wanted: impl Fn(&GUID) -> bool) -> bool {
+    let dpi = self.dpi.lock().unwrap();
+    let send_buffers = dpi.send_buffers.lock().unwrap();
+    let of_topic = |weak: &WeakWriterSendBuffer| {
+      weak.upgrade().filter(|buffer| buffer.topic_name() == topic_name)
+    };
+    send_buffers
+      .iter()
+      .filter_map(of_topic)
+      .any(|buffer| buffer.has_matched_reader(&is_wanted))
+  }
+
   // Remember a user DataWriter's samples, and forget those of DataWriters that
   // are gone.
   pub(crate) fn track_send_buffer(&self, send_buffer: &WriterSendBuffer) {

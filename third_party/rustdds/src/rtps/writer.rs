@@ -2010,6 +2010,9 @@ impl Writer {
         self.refresh_acked_frontier();
         if new_reader {
           self.matched_readers_count_total += 1;
+          self
+            .send_buffer
+            .add_matched_reader(reader_proxy.remote_reader_guid);
           self.send_status(DataWriterStatus::PublicationMatched {
             // total: How many matches have been detected ever?
             total: CountWithChange::new(self.matched_readers_count_total, 1),
@@ -2174,6 +2177,7 @@ impl Writer {
 
   fn matched_reader_remove(&mut self, guid: GUID) -> Option<RtpsReaderProxy> {
     let removed = self.readers.remove(&guid);
+    self.send_buffer.remove_matched_reader(guid);
     if let Some(ref removed_reader) = removed {
       info!(
         "Removed reader proxy. topic={:?} reader={:?}",

@@ -1,6 +1,6 @@
 use std::{
   cmp::max,
-  collections::BTreeMap,
+  collections::{BTreeMap, BTreeSet},
   sync::{Arc, Condvar, Mutex, Weak},
   time::{Duration as StdDuration, Instant},
 };
@@ -69,6 +69,10 @@ struct Inner {
   // Does NOT apply to reliable / opted-in writers, which are bounded by the
   // send window / unsent-backlog and must retain samples for repair.
   max_retain: usize,
+
+  // The readers that the Writer sends to. Maintained by the Writer, for whoever
+  // must not write before a certain reader listens.
+  matched_readers: BTreeSet<GUID>,
 
   // Wakers of async producers / ack-waiters parked because the window was full
   // or acknowledgements were still pending. Drained (woken) on any advance.
@@ -143,6 +147,7 @@ impl WriterSendBuffer {
           backlog_limit: backlog_limit.max(1),
           sent_frontier: SequenceNumber::new(0),
           max_retain: max_retain.max(1),
+          matched_readers: BTreeSet::new(),
           wakers: Vec::new(),
         }),
         progress: Condvar::new(),
@@ -362,6 +367,24 @@ impl WriterSendBuffer {
       inner.sent_frontier = sent_frontier;
       Self::wake_all(&mut inner, &shared.progress);
     }
+  }
+
+  /// Called by the Writer when it has matched a reader.
+  pub fn add_matched_reader(&self, reader: GUID) {
+    self.shared.inner.lock().unwrap().matched_readers.insert(reader);
+  }
+
+  /// Called by the Writer when it has lost a reader.
+  pub fn remove_matched_reader(&self, reader: GUID) {
+    self.shared.inner.lock().unwrap().matched_readers.remove(&reader);
+  }
+
+  pub fn has_matched_reader(&self, is_wanted: impl Fn(&GUID) -> bool) -> bool {
+    self.shared.inner.lock().unwrap().matched_readers.iter().any(is_wanted)
+  }
+
+  pub fn topic_name(&self) -> &str {
+    &self.shared.topic_name
   }
 
   /// The sequence number of the latest allocated sample (0 if none yet).
