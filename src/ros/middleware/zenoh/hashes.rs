@@ -1,6 +1,6 @@
-//! Hashes of the types that the node speaks whatever its inputs are.
+//! Hashes of the types that the node uses independent of its inputs.
 
-/// Those whose definition is not compiled in.
+/// Types without a compiled-in definition.
 ///
 /// # Source
 /// `type_hashes` in `share/<package>/{msg,srv}/<Name>.json` of ROS 2 Kilted; of our action, what
@@ -50,7 +50,7 @@ const HASHES: [(&str, &str); 21] = [
     ),
 ];
 
-/// The hash of a message, service or part of an action that the node speaks, by canonical name.
+/// The hash of a message, service or part of an action that the node uses, by canonical name.
 pub(super) fn of(type_name: &str) -> Option<String> {
     let known = HASHES.iter().find(|(name, _)| *name == type_name).map(|(_, hash)| (*hash).to_owned());
     known.or_else(|| crate::msg::rihs01(type_name))

@@ -12,7 +12,7 @@ use crate::msg::{decode, encode};
 use crate::ros::clock::system_now;
 use crate::ros::middleware::{Answer, Request, Requests};
 
-/// Requests that may wait for those before them.
+/// Maximum number of waiting requests.
 const CAPACITY: usize = 64;
 
 /// Declares what an entity of the graph answers by.
