@@ -31,7 +31,7 @@ enum By {
     TransientLocal(AdvancedPublisher<'static>),
 }
 
-/// Declares what an entity of the graph publishes by.
+/// Declares the publisher of an entity in the graph.
 pub(super) fn declare(session: &Session, entity: Entity, qos: &QosProfile) -> Result<Publisher> {
     let (reliability, congestion) = match qos.reliability {
         qos::Reliability::BestEffort => (Reliability::BestEffort, CongestionControl::Drop),

@@ -15,7 +15,7 @@ use crate::ros::middleware::{Answer, Request, Requests};
 /// Maximum number of waiting requests.
 const CAPACITY: usize = 64;
 
-/// Declares what an entity of the graph answers by.
+/// Declares the queryable of an entity in the graph.
 pub(super) fn declare<Q, A>(session: &Session, entity: Entity) -> Result<Requests<Q, A>>
 where
     Q: Message + 'static,

@@ -54,7 +54,7 @@ struct Waiting {
     last: BTreeMap<[u8; 16], i64>,
 }
 
-/// Declares what an entity of the graph receives by.
+/// Declares the subscriber of an entity in the graph.
 pub(super) fn declare(session: &Session, entity: Entity, qos: &QosProfile) -> Result<Subscription> {
     let inbox = Arc::new(Inbox { depth: depth(qos), waiting: Mutex::default(), ready: Notify::new() });
     let into = Arc::clone(&inbox);
