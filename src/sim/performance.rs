@@ -371,7 +371,7 @@ impl Performer {
         &self.performance
     }
 
-    /// Sets the finger that acts from now on, and how it acts.
+    /// The user who performs trials from now on, with their own force style.
     pub(crate) fn actor<'a>(&'a mut self, style: &'a ForceStyle, noise: &'a mut Noise, pose_s: f64) -> Actor<'a> {
         Actor { hand: &self.hand, style, noise, pose_s, performance: &mut self.performance }
     }

@@ -107,7 +107,7 @@ impl ForceStyle {
     }
 
     /// A touch held at a level, gF; the force departs from the level by `spread` (log-normal) and returns to it. The
-    /// level is the same for all users, however hard they press otherwise.
+    /// level does not depend on how hard this user presses otherwise.
     pub(super) fn hold_at(&self, start_s: f64, end_s: f64, level_gf: f64, spread: f64, noise: &mut Noise) -> Touch {
         let mut knots = Vec::new();
         let mut at_s = start_s;
