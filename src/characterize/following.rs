@@ -186,7 +186,7 @@ impl FollowingReport {
     }
 }
 
-/// Remaining artifact of a donning with shapes of the others; empty if there is little time after its calibration.
+/// Remaining artifact of a donning with shapes of the others; `None` if there is little time after its calibration.
 fn judge(donnings: &[Donning<'_>], left_out: usize, sizes: (usize, usize)) -> Result<Option<LeftInAir>, ArtifactError> {
     let donning = &donnings[left_out];
     let rate_hz = 1.0 / donning.session.period_s;

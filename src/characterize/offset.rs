@@ -244,7 +244,7 @@ impl Lags {
         if 2.0 * half > MAX_WIDTH_MS {
             return Err(Untold::Flat { width_ms: 2.0 * half });
         }
-        // Up to these lags it is the same, falling peak.
+        // Lags within this distance belong to the same peak.
         let reach_ms = 2.5 * half + 2.0 * self.period_ms;
         let is_other = |idx: &usize| (self.lag_ms(*idx as f64) - self.lag_ms(top)).abs() > reach_ms;
         let rivals = (0..left.len()).filter(is_other).filter(|idx| !self.is_ruled_out(*idx, best));
