@@ -89,7 +89,7 @@ pub(super) struct Input {
     pub(super) bindings: Vec<SampleBinding>,
 }
 
-/// Where the engine's messages go.
+/// Destination of the engine's messages.
 #[derive(Debug, Clone)]
 pub(super) struct Outputs {
     pub(super) wrenches: Vec<OutIdx>,
@@ -217,7 +217,7 @@ impl Running {
                 }
             }
             Command::Calibrated(donning, from, reply) => {
-                let _ = reply.send(self.install(&donning, from)); // who asked may be gone
+                let _ = reply.send(self.install(&donning, from)); // the receiver may be gone
             }
             Command::Known(reply) => {
                 let _ = reply.send(self.core.as_ref().map(|core| Donning::of(&core.fusion)).unwrap_or_default());

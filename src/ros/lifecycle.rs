@@ -149,7 +149,7 @@ pub struct NotPossible {
 }
 
 impl NotPossible {
-    /// What is, or what to do.
+    /// The possible transitions, or what to do.
     fn instead(&self) -> String {
         match (self.possible.as_slice(), self.state) {
             ([], State::Finalized) => "its life is over; end the node and start it anew".to_owned(),

@@ -173,7 +173,7 @@ impl Terminal {
         let (lines, receiver) = sync_channel::<String>(MAX_LINES);
         let thread = threads::spawn("stderr", move || {
             for line in receiver {
-                let _ = writeln!(std::io::stderr(), "{line}"); // a closed stderr is nobody to tell
+                let _ = writeln!(std::io::stderr(), "{line}"); // stderr may be closed
             }
         })?;
         Ok(Terminal { lines, thread })
@@ -208,7 +208,7 @@ impl Publishing {
         }
         if let Some(rosout) = &self.rosout {
             let log = Log::new(self.clock.now().into(), severity, &rosout.logger, text);
-            let _ = rosout.publisher.publish(to_cdr(&log)); // whoever reads it there is slow; stderr has it too
+            let _ = rosout.publisher.publish(to_cdr(&log)); // a slow subscriber loses it; stderr has it too
         }
     }
 

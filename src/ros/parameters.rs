@@ -23,7 +23,7 @@ const MAX_SHOWN: usize = 100;
 pub(super) struct Parameters {
     tree: ParamTree,
     cfg: Config,
-    /// What there is doesn't change while the node runs, only its values do.
+    /// The set of parameters is fixed while the node runs; only values change.
     keys: BTreeMap<String, &'static ParamKey>,
 }
 

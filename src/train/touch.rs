@@ -11,7 +11,7 @@ use crate::units::{Newton, Stamp};
 /// Number of windows assembled at once.
 const BATCH: usize = 256;
 
-/// Thresholds tried, as probabilities.
+/// Thresholds tried, in percent.
 const LEVELS: std::ops::Range<u32> = 1..100;
 
 /// A higher threshold is taken, for fewer false touches, as long as the balanced accuracy is within this of the best.

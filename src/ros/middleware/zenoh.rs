@@ -85,7 +85,7 @@ impl Participant {
         let Participant { session, token, .. } = self;
         threads::within(LEAVE, move || {
             drop(token);
-            let _ = session.close().wait(); // what is left of it ends with the process
+            let _ = session.close().wait(); // the rest of it ends with the process
         });
     }
 

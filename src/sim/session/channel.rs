@@ -46,13 +46,13 @@ pub(super) struct Channel {
     phase_s: f64,
     jitter_s: f64,
     stamp_error_s: f64,
-    delay_s: (f64, f64), // at least, and the mean of what is on top
+    delay_s: (f64, f64), // minimum, and mean of the rest
     n_taken: u32,
     next_s: f64,
     last_s: f64,
     last_received_s: f64,
     still_lost: u32,       // samples of an outage that is going on
-    drop_out: Option<f64>, // probability that one begins, where it was asked for
+    drop_out: Option<f64>, // probability that one begins, if set
 }
 
 /// Duration of the drop-outs set by the conditions, s: the time for which fingers hide each other.

@@ -3,8 +3,8 @@
 /// Types without a compiled-in definition.
 ///
 /// # Source
-/// `type_hashes` in `share/<package>/{msg,srv}/<Name>.json` of ROS 2 Kilted; of our action, what
-/// `rosidl_generator_type_description` makes of `action/Calibrate.action`. `tests/node_zenoh.rs` compares them.
+/// `type_hashes` in `share/<package>/{msg,srv}/<Name>.json` of ROS 2 Kilted; of our action, the output of
+/// `rosidl_generator_type_description` for `action/Calibrate.action`. `tests/node_zenoh.rs` compares them.
 const HASHES: [(&str, &str); 21] = [
     ("action_msgs/msg/GoalStatusArray", "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e"),
     ("action_msgs/srv/CancelGoal", "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a"),

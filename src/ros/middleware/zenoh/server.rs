@@ -25,7 +25,7 @@ where
     let Entity { key, token, .. } = entity;
     let queryable = session.declare_queryable(key.clone()).complete(true).callback(move |query: Query| {
         if let Err(mpsc::error::TrySendError::Full(query)) = sender.try_send(query) {
-            let _ = query.reply_err("too many requests wait").wait(); // who asked hears nothing, as of a lost request
+            let _ = query.reply_err("too many requests wait").wait(); // the client gets no answer, as for a lost request
         }
     });
     let declared = (queryable.wait()?, token);
