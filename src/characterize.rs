@@ -1,12 +1,12 @@
-//! What a glove's taxels do when the hand moves: the paper's characterization for any glove. Pure: no I/O.
+//! Effect of hand motion on a glove's taxels: the paper's characterization for any glove. Pure: no I/O.
 //!
-//! [`characterize`] takes every frame of one region from every session and answers: which joints move which taxels, how
-//! pose changes the response to force, how large an artifact is as a tap, how much of it lags, and what a sensor does
-//! at rest. Readings are those of the model's input, baseline subtracted, in the sensor's own unit; `sum` is that of
-//! all taxels of the region.
+//! [`characterize`] takes every frame of one region from every session and answers: which joints affect which taxels,
+//! how pose changes the response to force, how large the artifacts are compared with a tap, how much of them lags, and
+//! how the sensor behaves at rest. Readings are the model's input, baseline subtracted, in the sensor's own unit; `sum`
+//! is the sum over all taxels of the region.
 //!
-//! All frames of all sessions are held in memory, because the joints that matter are known only after all of them have
-//! been seen: 4 bytes for each taxel and joint of a frame, 20 MB for 28 minutes of 6 taxels and 20 joints at 100 Hz.
+//! All frames of all sessions are held in memory, because the relevant joints are known only after all frames were
+//! read: 4 bytes for each taxel and joint of a frame, 20 MB for 28 minutes of 6 taxels and 20 joints at 100 Hz.
 //!
 //! # Source
 //! Pose-aware tactile gloves, Sec. III, Observations 1 to 3.

@@ -1,5 +1,5 @@
-//! Leading a person through a collection protocol: what they are asked to do now, what is annotated, what the sensors
-//! tell meanwhile, and whether that is good enough to train on. Pure: time is an argument.
+//! Leads a user through a collection protocol: current instruction, annotations, sensor values, and whether the data is
+//! good enough to train on. Pure: time is an argument.
 
 mod checks;
 mod done;

@@ -1,7 +1,7 @@
-//! The collection protocol: what a person is asked to do, in which order, and how that is annotated.
+//! The collection protocol: the user's tasks, their order, and their annotations.
 //!
-//! It is data, a YAML file; the paper's is built in. `tpf collect` leads a person through a [`Plan`] of it, and the
-//! synthetic users of `tpf simulate` go through the same.
+//! It is data, a YAML file; the paper's is built in. `tpf collect` leads a user through a [`Plan`] of it, and the
+//! synthetic users of `tpf simulate` follow the same one.
 
 mod annotations;
 mod file;
@@ -14,65 +14,65 @@ pub use annotations::{Annotation, Annotations};
 pub use file::{MAX_BYTES, ProtocolError};
 pub use plan::{Action, Plan, Setting, Step, Trial};
 
-/// A word that annotations carry: the name of a pose, a movement or a substage, in snake_case.
+/// A name used in annotations: a pose, a movement or a substage, in snake_case.
 pub type Name = Arc<str>;
 
-/// What is done in a session.
+/// The content of a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Protocol {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Time to take up a pose before a touch, s.
     pub pose_s: f64,
-    /// How long before the first item, and after a pause, s.
+    /// Time before the first item, and after a pause, s.
     pub lead_s: f64,
-    /// Time to let go of the load cell after a touch, in which nothing is annotated, s. Synthetic users need none.
+    /// Time to let go of the load cell after a touch, s; nothing is annotated then. Synthetic users need none.
     pub let_go_s: f64,
-    /// How hard taps are.
+    /// Force of taps.
     pub levels: ForceLevels,
-    /// What is looked at before it begins.
+    /// Checks before it begins.
     pub checks: Checks,
     substages: Vec<Substage>,
     wording: BTreeMap<Name, String>,
     source: Arc<str>,
 }
 
-/// How hard a person taps, N: from and to.
+/// Force range of taps, N: from and to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ForceLevels {
     /// Light, medium and heavy.
     pub taps: [(f64, f64); 3],
-    /// Never pass this.
+    /// Never exceed this.
     pub most: f64,
 }
 
-/// What is looked at before a session begins.
+/// Checks before a session begins.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checks {
-    /// How long nothing is to move or touch, s.
+    /// How long nothing may move or touch, s.
     pub still_s: f64,
-    /// How far from zero the load cell may be then, N.
+    /// Largest allowed load cell reading during that time, N.
     pub load_cell_zero: f64,
-    /// Messages a second that have to come at least: of taxels, joint angles, and the load cell.
+    /// Minimum message rates, per second: of taxels, joint angles, and the load cell.
     pub rates_hz: [f64; 3],
     /// Longest time without a message, s.
     pub max_gap_s: f64,
-    /// A joint moves when its angle spans this, rad.
+    /// A joint counts as moving if its angle spans this, rad.
     pub min_movement: f64,
-    /// Movements in the air by which joints are told apart.
+    /// Movements in the air that identify the joints.
     pub movements: Vec<CheckMovement>,
 }
 
-/// A movement by which joints are told apart.
+/// A movement that identifies joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckMovement {
-    /// What a person is told.
+    /// Instruction to the user.
     pub ask: String,
     /// Name of the movement, for the annotation.
     pub pose: Name,
-    /// How long, s.
+    /// Duration, s.
     pub seconds: f64,
-    /// Parts of joint names: that which moves most first.
+    /// Parts of joint names, the one that moves most first.
     pub most_first: Vec<String>,
 }
 
@@ -85,15 +85,15 @@ pub struct Substage {
     pub name: Name,
     task: Task,
     repetitions: u16,
-    /// Of one item, s.
+    /// Duration of one item, s.
     seconds: f64,
-    /// Items that the shortest session keeps; seconds, of free movement.
+    /// Number of items in the shortest session; seconds, for free movement.
     at_least: f64,
     ask: String,
     touch: String,
 }
 
-/// What is done in a substage.
+/// The task of a substage.
 #[derive(Debug, Clone, PartialEq)]
 enum Task {
     Hold(Vec<Name>),
@@ -131,7 +131,7 @@ impl Protocol {
         self.substages.iter().map(|substage| (substage.stage, &substage.name))
     }
 
-    /// The trial that an annotation is of; `None` where this protocol has no such substage, or no such pose in it.
+    /// The trial of an annotation; `None` if this protocol has no such substage, or no such pose in it.
     pub fn trial(&self, stage: u8, substage: &str, repetition: u16, pose: &str) -> Option<Trial> {
         let found = self.substages.iter().find(|known| known.stage == stage && &*known.name == substage)?;
         let known = |names: &[Name]| names.iter().find(|name| &***name == pose).cloned();
@@ -156,12 +156,12 @@ impl Protocol {
         Some(Trial { stage, substage: found.name.clone(), repetition, duration_s: found.seconds, action })
     }
 
-    /// What a person is told of a pose or movement.
+    /// Instruction for a pose or movement.
     pub fn wording<'a>(&'a self, name: &'a str) -> &'a str {
         self.wording.get(name).map_or(name, String::as_str)
     }
 
-    /// What a person is told in a step of a trial.
+    /// Instruction for a step of a trial.
     pub fn prompt(&self, trial: &Trial, step: &Step) -> String {
         let of_trial = |substage: &&Substage| substage.stage == trial.stage && substage.name == trial.substage;
         let Some(substage) = self.substages.iter().find(of_trial) else { return String::new() };

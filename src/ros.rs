@@ -1,9 +1,9 @@
-//! The live node: the same core as replay, between the topics of a graph.
+//! The live node: the core that replay uses, connected to the topics of a ROS 2 graph.
 //!
-//! Four threads share the work. One reads inputs and runs the core (`engine`), one publishes (`outbox`), one answers services
-//! (`serving`), and the one that [`run`] is called on waits for the end and leaves in time (`node`). What can be pure is: arguments, environment,
-//! QoS, lifecycle, diagnostics, health, graph, watchdog and calibration take what they need as arguments and are tested without a
-//! network.
+//! Four threads share the work. One reads inputs and runs the core (`engine`), one publishes (`outbox`), one answers
+//! services (`serving`). The thread that calls [`run`] waits for the end and leaves the graph in time (`node`). Pure
+//! parts: arguments, environment, QoS, lifecycle, diagnostics, health, graph, watchdog and calibration take their data
+//! as arguments and are tested without a network.
 
 pub mod args;
 pub mod definitions;

@@ -1,10 +1,10 @@
-//! A **synthetic** glove, hand and load cell: whoever shows a number that came from here says so.
+//! A **synthetic** glove, hand and load cell: any number computed from it must be labelled as synthetic.
 //!
-//! There is no public recording of glove taxels with joint angles and force truth, so the package brings a physical
-//! model of one: a user ([`hand`]) goes through the paper's [`protocol`](crate::protocol) ([`performance`]) wearing one of
-//! three gloves ([`glove`]) and pressing on a load cell ([`load_cell`]), or handles things freely ([`manipulation`]);
-//! [`session`] streams what would be recorded.
-//! Its parameters come from physics and from what the paper observed, never from how well a model does on it.
+//! There is no public recording of glove taxels with joint angles and true force, so the package has a physical
+//! model of one. A user ([`hand`]) goes through the paper's [`protocol`](crate::protocol) ([`performance`]), wearing
+//! one of three gloves ([`glove`]) and pressing on a load cell ([`load_cell`]), or handles objects freely
+//! ([`manipulation`]). [`session`] streams the data that would be recorded. Its parameters come from physics and from
+//! the paper's observations, never from the score of a model on its data.
 //!
 //! Everything is a function of [`SessionSpec`]: random numbers are a seeded ChaCha stream, and transcendental functions
 //! are those of the `libm` crate, because the platform's may differ in the last bit from machine to machine.
@@ -17,7 +17,7 @@ pub mod performance;
 pub mod session;
 pub mod touch;
 
-/// Where a synthetic glove that publishes says that it is one, as `std_msgs/msg/String`.
+/// Topic on which a synthetic glove announces that it is one, as `std_msgs/msg/String`.
 pub const SYNTHETIC_TOPIC: &str = "/synthetic_glove";
 
 pub use session::{

@@ -1,4 +1,4 @@
-//! Sessions of a synthetic glove as bags: the messages that a driver, a tracker, a load cell and a protocol would send.
+//! Sessions of a synthetic glove as bags: the messages of a driver, a tracker, a load cell and a protocol.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,17 +17,17 @@ use crate::units::Stamp;
 pub const TAXELS: &str = "/glove/taxels";
 /// Topic of the joint angles.
 pub const JOINTS: &str = "/hand/joint_states";
-/// Topic of the true force of a glove that has taxels on one finger.
+/// Topic of the true force for a glove with taxels on one finger.
 pub const TRUTH: &str = "/load_cell/wrench";
 
-/// Topic of the true force by the finger that the load cell is under; `None` where only one could be.
+/// Topic of the true force, by the finger above the load cell; `None` if only one is possible.
 pub fn truth_topic(under: Option<Finger>) -> String {
     under.map_or_else(|| TRUTH.to_owned(), |finger| format!("/load_cell/{}/wrench", finger.name()))
 }
 /// Topic of the annotations.
 pub const STAGE: &str = "/stage";
 
-/// Why a session is not written.
+/// The reason why a session is not written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SyntheticError {
@@ -39,7 +39,7 @@ pub enum SyntheticError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Writes one session; the number of its messages.
+/// Writes one session; returns the number of its messages.
 ///
 /// # Errors
 /// [`SyntheticError`] when there is no such session, or the bag can't be written; the bag is absent then.
@@ -105,14 +105,14 @@ impl Topics {
     }
 }
 
-/// A record as it is sent.
+/// A record in its message type.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
     /// On [`TAXELS`].
     Taxels(TaxelArray),
     /// On [`JOINTS`].
     Joints(JointState),
-    /// On the [`truth_topic`] of the finger that the load cell is under.
+    /// On the [`truth_topic`] of the finger above the load cell.
     Truth(Option<Finger>, WrenchStamped),
     /// On [`STAGE`].
     Stage(Stage),

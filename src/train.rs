@@ -1,4 +1,4 @@
-//! Training: annotated recordings in, a model that the node runs out.
+//! Training: from annotated recordings to a model that the node runs.
 //!
 //! The network and its losses are the paper's Sec. V. A [`Dataset`] holds sessions of model input (built by the same
 //! [`features`](crate::fusion) as in the live node), a [`Trainer`] fits a [`Network`] to it, [`onnx_model`] writes it.

@@ -1,4 +1,4 @@
-//! Observation 1: how large an artifact is, as a reading and as the tap that reads the same.
+//! Observation 1: size of an artifact, as a reading and as the force of a tap with the same reading.
 
 use std::collections::BTreeMap;
 
@@ -9,14 +9,14 @@ use super::pose_model::Posed;
 use super::spread::{Spread, quantile};
 use crate::units::{GramForce, Newton};
 
-/// Readings are smoothed over this time, so that noise is no artifact, s.
+/// Readings are smoothed over this time, so that noise does not count as an artifact, s.
 const SMOOTH_S: f64 = 0.05;
 /// The hand counts as straight up to this bend score.
 const STRAIGHT: f64 = 0.1;
-/// A pose needs as much time in a session to be told, s.
+/// Minimum time in a pose per session for a result, s.
 const MIN_POSE_S: f64 = 0.3;
 
-/// How large artifacts are: how far readings in the air are from those of the straight hand.
+/// Size of artifacts: the distance of readings in the air from those of the straight hand.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ArtifactReport {
     /// All time in the air.
@@ -27,23 +27,23 @@ pub struct ArtifactReport {
     pub by_session: Vec<ArtifactSize>,
 }
 
-/// Sizes without sign, all taxels together. Over several sessions, these are medians of the sessions' figures.
+/// Absolute sizes, sum of all taxels. Over several sessions, these are medians of the sessions' figures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ArtifactSize {
     /// Median, in units of the sensor.
     pub median: Option<Spread>,
     /// 95th percentile, in units of the sensor.
     pub p95: Option<Spread>,
-    /// Force of a tap that reads as much as the median, gF; none without a force sensor, and where the artifact is
-    /// larger than anything that was pressed.
+    /// Force of a tap with the same reading as the median, gF; `None` without a force sensor, or if the artifact is
+    /// larger than any press.
     pub median_gf: Option<Spread>,
     /// The same, N.
     pub median_n: Option<Spread>,
-    /// Force of a tap that reads as much as the 95th percentile, gF.
+    /// Force of a tap with the same reading as the 95th percentile, gF.
     pub p95_gf: Option<Spread>,
     /// The same, N.
     pub p95_n: Option<Spread>,
-    /// Sessions in which the 95th percentile is larger than anything that was pressed, and has no force.
+    /// Sessions in which the 95th percentile is larger than any press, and has no force.
     pub n_beyond: usize,
 }
 
@@ -93,7 +93,7 @@ impl ArtifactSize {
 }
 
 impl ArtifactReport {
-    /// The artifacts of all sessions, with the curve of each that turns readings into forces.
+    /// The artifacts of all sessions; the curve of each session converts readings to forces.
     pub(super) fn of(sessions: &[Posed<'_>], curves: &[Option<ForceCurve>]) -> Self {
         let (mut movement, mut by_session) = (Vec::new(), Vec::new());
         let mut by_pose: BTreeMap<&str, (f64, Vec<Size>)> = BTreeMap::new();
@@ -128,7 +128,7 @@ impl ArtifactReport {
     }
 }
 
-/// How far each frame in the air reads from the straight hand, without sign.
+/// Absolute distance of each frame in the air from the reading of the straight hand.
 fn artifacts(posed: &Posed<'_>) -> Vec<(usize, f64)> {
     let session = &posed.session;
     let smooth = session.smoothed_in_air(&session.sum, SMOOTH_S);

@@ -1,14 +1,14 @@
-//! Which joint's motion goes with which taxel's change in the air.
+//! Correlation of each joint's motion with each taxel's change in the air.
 
 use serde::Serialize;
 
 use super::frames::{Prepared, changes, smoothed};
 
-/// Changes are taken over this long: longer than noise, shorter than most movements.
+/// Changes are taken over this time: longer than noise, shorter than most movements.
 const SPAN_S: f64 = 0.3;
-/// What is smoothed before, s.
+/// Smoothing window before that, s.
 const SMOOTH_S: f64 = 0.05;
-/// Changes that are looked at, one every so many seconds; neighbours tell the same.
+/// Interval between the changes used, s; neighbouring changes carry the same information.
 const EVERY_S: f64 = 0.02;
 
 /// Correlation of the changes of joint angles with the changes of readings at zero load.
@@ -23,15 +23,15 @@ pub struct Correlation {
     pub span_s: f64,
     /// Angles and readings are means over this time, centred.
     pub smoothing_s: f64,
-    /// Changes that were looked at.
+    /// Number of changes used.
     pub n_changes: u64,
     /// `[J, T]`: each joint with each taxel, all sessions pooled.
     pub by_taxel: Vec<Vec<Option<f64>>>,
     /// `[J]`: each joint with the sum of all taxels.
     pub of_sum: Vec<Option<f64>>,
-    /// `[J]`: absolute correlation, the mean of all taxels.
+    /// `[J]`: absolute correlation, mean over all taxels.
     pub mean_abs: Vec<Option<f64>>,
-    /// `[S, J]`: `mean_abs` of each session by itself.
+    /// `[S, J]`: `mean_abs` of each session.
     pub mean_abs_by_session: Vec<Vec<Option<f64>>>,
 }
 
@@ -56,7 +56,7 @@ impl Correlation {
         }
     }
 
-    /// Joints by absolute correlation, the mean of all taxels, the largest first.
+    /// Joints by absolute correlation, mean over all taxels, the largest first.
     pub fn ranked(&self) -> Vec<usize> {
         let mut ranked: Vec<usize> = (0..self.mean_abs.len()).collect();
         ranked.sort_by(|a, b| {
@@ -67,7 +67,7 @@ impl Correlation {
     }
 }
 
-/// Sums of products of joints with taxels, the last of which is the sum of all.
+/// Sums of products of joints with taxels; the last column is the sum of all taxels.
 #[derive(Debug, Clone, Default)]
 struct Tally {
     n_joints: usize,
@@ -138,7 +138,7 @@ impl Tally {
         }
     }
 
-    /// Pearson's; `taxel` may be the one after the last, for the sum of all.
+    /// Pearson's correlation; `taxel` may be the index after the last, for the sum of all.
     fn correlation(&self, joint: usize, taxel: usize) -> Option<f64> {
         let (x, y) = (self.x[joint], self.y[taxel]);
         let (xx, yy) = (self.n * self.xx[joint] - x * x, self.n * self.yy[taxel] - y * y);

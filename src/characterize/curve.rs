@@ -1,4 +1,4 @@
-//! From force to reading and back.
+//! Converts force to reading and back.
 
 /// Edges of the bins of true force, gF: fine where taps are light, and about a third wide above.
 pub(super) const EDGES_GF: [f64; 19] = [
@@ -12,14 +12,14 @@ pub(super) fn bin_of(force_gf: f64) -> Option<usize> {
     after.checked_sub(1).filter(|bin| bin + 1 < EDGES_GF.len())
 }
 
-/// What a force adds to the reading, as points by growing force. It begins at no force and no reading.
+/// Reading added by a force, as points by increasing force. It begins at zero force and zero reading.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ForceCurve(Vec<(f64, f64)>);
 
 impl ForceCurve {
-    /// A curve through points (gF, reading) by growing force; `None` for fewer than three.
+    /// A curve through points (gF, reading) by increasing force; `None` for fewer than three.
     ///
-    /// Where a point lies below the one before it, the curve stays level: noise, or too few touches.
+    /// If a point lies below the one before it, the curve stays level: noise, or too few touches.
     pub(super) fn through(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
         let mut curve = vec![(0.0, 0.0)];
         for (force, reading) in points {
@@ -29,7 +29,7 @@ impl ForceCurve {
         (curve.len() > 3).then_some(ForceCurve(curve))
     }
 
-    /// The force that adds this much to the reading, gF; `None` above all that was measured.
+    /// The force that adds this much to the reading, gF; `None` above the measured range.
     pub(super) fn force_gf(&self, reading: f64) -> Option<f64> {
         let after = self.0.partition_point(|point| point.1 < reading.max(0.0));
         let (force, at) = *self.0.get(after)?;

@@ -1,4 +1,4 @@
-//! How the reading at rest wanders over a session.
+//! Drift of the reading at rest over a session.
 
 use serde::Serialize;
 
@@ -10,25 +10,25 @@ use crate::units::{GramForce, Newton};
 
 /// A hand is at rest while none of the chosen joints turns faster, rad/s.
 const REST_RAD_S: f64 = 0.15;
-/// Over which time speeds are taken, s.
+/// Window for speeds, s.
 const SPEED_S: f64 = 0.1;
-/// Readings at rest are gathered over this time, s.
+/// Window for readings at rest, s.
 const PIECE_S: f64 = 5.0;
-/// A piece needs this much rest, s.
+/// Minimum rest per window, s.
 const MIN_REST_S: f64 = 0.3;
-/// Pieces that a slope needs.
+/// Minimum number of windows for a slope.
 const MIN_PIECES: usize = 5;
 
-/// Drift of the reading of all taxels together, at rest in the air, less what the pose explains.
+/// Drift of the sum of all taxels, at rest in the air, minus the effect of the pose.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DriftReport {
     /// A hand is at rest below this speed of the chosen joints, rad/s.
     pub rest_rad_s: f64,
-    /// Slope of each session, sign included, units of the sensor a minute.
+    /// Slope of each session with its sign, units of the sensor per minute.
     pub per_min: Option<Spread>,
     /// Largest distance from the session's median, units of the sensor.
     pub largest: Option<Spread>,
-    /// Force of a tap that reads as much as the largest distance, gF.
+    /// Force of a tap with the same reading as the largest distance, gF.
     pub largest_gf: Option<Spread>,
     /// The same, N.
     pub largest_n: Option<Spread>,
@@ -41,17 +41,17 @@ pub struct DriftReport {
 pub struct SessionDrift {
     /// The session.
     pub session: String,
-    /// Slope by Theil and Sen, units of the sensor a minute.
+    /// Slope by Theil and Sen, units of the sensor per minute.
     pub per_min: Option<f64>,
     /// Largest distance from the median, units of the sensor.
     pub largest: Option<f64>,
-    /// Force of a tap that reads as much, gF.
+    /// Force of a tap with the same reading, gF.
     pub largest_gf: Option<f64>,
     /// Readings at rest: s into the session, units of the sensor.
     pub at_rest: Vec<(f64, f64)>,
-    /// Slope of the force sensor's own tare by Theil and Sen, gF a minute.
+    /// Slope of the force sensor's own tare by Theil and Sen, gF per minute.
     pub truth_gf_per_min: Option<f64>,
-    /// From the least to the greatest tare of the force sensor, gF.
+    /// Range of the force sensor's tare, from minimum to maximum, gF.
     pub truth_range_gf: Option<f64>,
 }
 

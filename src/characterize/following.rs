@@ -1,5 +1,5 @@
-//! What of an artifact is the same in every donning, what is the donning's own, and what following it while the glove is worn
-//! would leave: known before any model is trained.
+//! Parts of an artifact: the part common to all donnings, the part specific to one donning, and the part that would
+//! remain with following while the glove is worn. Computed before any model is trained.
 
 use std::sync::Arc;
 
@@ -10,44 +10,45 @@ use crate::fusion::{
     ArtifactError, ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel, DonningFrames, Following, learn_artifact,
 };
 
-/// Time in the air that a calibration takes, s.
+/// Time in the air used for a calibration, s.
 const CALIBRATION_S: f64 = 10.0;
 
-/// Joints that are followed at most; each costs a gain for every taxel.
+/// Maximum number of joints that are followed; each costs a gain for every taxel.
 const MOST_JOINTS: usize = 6;
 
-/// What is left of the artifact of each donning, by shapes that were learned on the others.
+/// Remaining artifact of each donning, with shapes learned on the others.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FollowingReport {
-    /// Joints that the shapes are of.
+    /// Joints that the shapes depend on.
     pub joints: Vec<String>,
-    /// Over all donnings; absent where it can't be told.
+    /// Over all donnings; absent if it can't be computed.
     pub all: Option<LeftInAir>,
     /// Each donning.
     pub by_session: Vec<(String, LeftInAir)>,
-    /// Why it can't be told.
+    /// The reason why it can't be computed.
     pub missing: Option<String>,
 }
 
 /// Root mean square of the taxels in the air, after a calibration of 10 s, units of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LeftInAir {
-    /// As they are, above the zero.
+    /// Readings above the zero, uncorrected.
     pub as_read: f64,
-    /// Without what a fixed map of pose tells, the same for every donning.
+    /// After subtracting a fixed map from pose, the same for every donning.
     pub fixed_map: f64,
-    /// The same, and without the mean of the donning: an offset.
+    /// The same, and after subtracting the donning's mean: an offset.
     pub with_offset: f64,
-    /// Without a map whose gains and offsets are the donning's own, known from all of its frames.
+    /// After subtracting a map whose gains and offsets are fitted to all frames of the donning.
     pub with_gains: f64,
-    /// Without a map whose gains and offsets a calibration of 10 s found, kept for the rest of the session.
+    /// After subtracting a map whose gains and offsets come from a calibration of 10 s, kept for the rest of the
+    /// session.
     pub calibrated: f64,
-    /// The same, and the gains are followed while the glove is worn, as an adaptive model has it.
+    /// The same, but the gains are followed while the glove is worn, as in an adaptive model.
     pub followed: f64,
 }
 
 impl LeftInAir {
-    /// The share of the variance as read that is gone where `left` is left.
+    /// The fraction of the uncorrected variance that is removed if `left` remains.
     pub fn explained(&self, left: f64) -> f64 {
         1.0 - (left / self.as_read).powi(2)
     }
@@ -67,7 +68,7 @@ impl LeftInAir {
     }
 }
 
-/// A session with the joints that are followed.
+/// A session with the followed joints.
 struct Donning<'a> {
     session: &'a Prepared<'a>,
     pose: Vec<f32>,
@@ -82,7 +83,7 @@ impl<'a> Donning<'a> {
         let pose = (0..n).flat_map(|idx| joints.iter().map(move |joint| session.angle(idx, *joint) as f32)).collect();
         let mut in_air = vec![false; n];
         session.in_air.iter().cloned().flatten().for_each(|idx| in_air[idx] = true);
-        // In the air there is no force, whatever a load cell that hangs there says; elsewhere an unknown one is some.
+        // In the air force is zero, whatever a free load cell reads; elsewhere an unknown force counts as some force.
         let truth = |idx: usize| if in_air[idx] { 0.0 } else { session.truth_gf(idx).unwrap_or(f64::NAN) as f32 };
         Donning { session, pose, truth_gf: (0..n).map(truth).collect(), learned: vec![true; n], in_air }
     }
@@ -97,7 +98,8 @@ impl<'a> Donning<'a> {
         }
     }
 
-    /// Every frame: its taxels, its joints, how many frames after the one before, and whether it is in the air.
+    /// Every frame: its taxels, its joints, its distance from the previous frame in frames, and true if it is in the
+    /// air.
     fn each(&self, mut take: impl FnMut(usize, &[f32], &[f32], i32, bool)) {
         let (n_taxels, stretch) = (self.session.n_taxels, &self.session.frames.stretch);
         let n_joints = self.pose.len() / self.in_air.len().max(1);
@@ -122,7 +124,8 @@ impl<'a> Donning<'a> {
         Ok((fitter.finish(None)?, last))
     }
 
-    /// Sums over the frames in the air after `from`: of the taxels and of their squares, `[taxels]`, and how many frames.
+    /// Sums over the frames in the air after `from`: of the taxels and of their squares, `[taxels]`, and number of
+    /// frames.
     fn left(&self, mut filter: ArtifactFilter, from: usize) -> (Vec<f64>, Vec<f64>, usize) {
         let n_taxels = self.session.n_taxels;
         let (mut sums, mut squares, mut n) = (vec![0.0; n_taxels], vec![0.0; n_taxels], 0);
@@ -145,7 +148,7 @@ impl<'a> Donning<'a> {
 }
 
 impl FollowingReport {
-    /// `chosen`: the joints that tell the artifact, those that add most first.
+    /// `chosen`: the joints that explain the artifact, those that add most first.
     pub(super) fn of<'a>(
         sessions: impl Iterator<Item = &'a Prepared<'a>>,
         joints: &[String],
@@ -183,7 +186,7 @@ impl FollowingReport {
     }
 }
 
-/// What is left of a donning by shapes of the others; nothing where little follows its calibration.
+/// Remaining artifact of a donning with shapes of the others; `None` if there is little time after its calibration.
 fn judge(donnings: &[Donning<'_>], left_out: usize, sizes: (usize, usize)) -> Result<Option<LeftInAir>, ArtifactError> {
     let donning = &donnings[left_out];
     let rate_hz = 1.0 / donning.session.period_s;

@@ -1,30 +1,30 @@
-//! The frames of one region in one session, and what is derived from them for all analyses.
+//! The frames of one region in one session, and values derived from them for all analyses.
 
 use std::ops::Range;
 
 use super::spread::median;
 
-/// One session as one region saw it, frame by frame.
+/// Data of one session for one region, frame by frame.
 ///
 /// # Shapes
 /// n frames, T taxels of the region, J joints of the recording; the same T and J in all sessions.
 #[derive(Debug, Clone, Default)]
 pub struct SessionFrames {
-    /// What results call it.
+    /// Its name in the results.
     pub name: String,
     /// `[n]`: since the first frame, s.
     pub time_s: Vec<f64>,
-    /// `[n]`: changes wherever frames are missing.
+    /// `[n]`: changes at each gap in the frames.
     pub stretch: Vec<u32>,
     /// `[n, T]` row-major, baseline subtracted, in the sensor's own unit.
     pub tactile: Vec<f32>,
     /// `[n, J]` row-major, rad.
     pub pose: Vec<f32>,
-    /// `[n]`: whether nothing touches the glove.
+    /// `[n]`: true if nothing touches the glove.
     pub in_air: Vec<bool>,
-    /// `[n]`: tared true force, gF, NaN where it is unknown; empty where there is no force sensor.
+    /// `[n]`: tared true force, gF, NaN if unknown; empty without a force sensor.
     pub truth_gf: Vec<f64>,
-    /// `[n]`: index into `poses` where an instructed pose or movement has been taken up.
+    /// `[n]`: index into `poses` while an instructed pose or movement is taken up.
     pub instructed: Vec<Option<usize>>,
     /// Names of the instructed poses and movements.
     pub poses: Vec<String>,
@@ -32,7 +32,7 @@ pub struct SessionFrames {
     pub tare: Vec<(f64, f64)>,
 }
 
-/// A session with what every analysis needs of it.
+/// A session with the derived values that every analysis needs.
 #[derive(Debug)]
 pub(super) struct Prepared<'a> {
     pub(super) frames: &'a SessionFrames,
@@ -40,7 +40,7 @@ pub(super) struct Prepared<'a> {
     pub(super) n_joints: usize,
     /// Time between frames, s.
     pub(super) period_s: f64,
-    /// `[n]`: reading of all taxels together.
+    /// `[n]`: sum of all taxels.
     pub(super) sum: Vec<f64>,
     /// Consecutive frames in the air.
     pub(super) in_air: Vec<Range<usize>>,
@@ -64,7 +64,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Frames that a time takes, at least one.
+    /// Number of frames in a time, at least one.
     pub(super) fn n_in(&self, seconds: f64) -> usize {
         ((seconds / self.period_s).round() as usize).max(1)
     }
@@ -79,12 +79,12 @@ impl<'a> Prepared<'a> {
         f64::from(self.frames.tactile[idx * self.n_taxels + taxel])
     }
 
-    /// The tared true force at a frame, gF, where it is known.
+    /// The tared true force at a frame, gF, if known.
     pub(super) fn truth_gf(&self, idx: usize) -> Option<f64> {
         self.frames.truth_gf.get(idx).copied().filter(|force| force.is_finite())
     }
 
-    /// `[n]` values, smoothed within each run of frames in the air and left as they are elsewhere.
+    /// `[n]` values, smoothed within each run of frames in the air and unchanged elsewhere.
     pub(super) fn smoothed_in_air(&self, values: &[f64], seconds: f64) -> Vec<f64> {
         let mut all = values.to_vec();
         for run in &self.in_air {
@@ -99,7 +99,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// Consecutive indices up to `n` that are wanted and that `connects` each with the next.
+/// Runs of consecutive wanted indices up to `n`; `connects` must hold between each and the next.
 pub(super) fn runs(
     n: usize,
     connects: impl Fn(usize, usize) -> bool,
@@ -115,7 +115,7 @@ pub(super) fn runs(
     runs
 }
 
-/// The mean of each value with its neighbours on both sides: smooth, and without lag.
+/// The mean of each value with its neighbours on both sides: smooth, without lag.
 ///
 /// Near the ends there are fewer neighbours, as many on one side as on the other.
 pub(super) fn smoothed(values: &[f64], window: usize) -> Vec<f64> {
@@ -133,8 +133,8 @@ pub(super) fn smoothed(values: &[f64], window: usize) -> Vec<f64> {
         .collect()
 }
 
-/// How much each value grows over `span` frames around it; shorter than `values` by `span`, and empty where that is
-/// too short. Element k is of the frame `k + span / 2`.
+/// Increase of each value over `span` frames around it; shorter than `values` by `span`, and empty if `values` is too
+/// short. Element k belongs to the frame `k + span / 2`.
 pub(super) fn changes(values: &[f64], span: usize) -> Vec<f64> {
     values.iter().zip(values.iter().skip(span)).map(|(from, to)| to - from).collect()
 }

@@ -1,12 +1,12 @@
-//! Ridge regression from sums of products alone, so that any choice of features is fitted without going over the data.
+//! Ridge regression from sums of products, so that any choice of features is fitted without another pass over the data.
 
 use nalgebra::DMatrix;
 
-/// How far weights are pulled to zero, as a share of each feature's own variance: enough to keep joints that move
-/// together from taking opposite weights, too little to matter for one that moves by itself.
+/// Strength of the ridge, as a fraction of each feature's own variance: enough to keep joints that move together from
+/// opposite weights, too little to matter for a joint that moves alone.
 const RIDGE: f64 = 1e-3;
 
-/// Sums of products of features and targets, which go through zero together.
+/// Sums of products of features and targets, without an intercept.
 #[derive(Debug, Clone)]
 pub(super) struct Gram {
     n_features: usize,
@@ -36,12 +36,12 @@ impl Gram {
         Gram { n_features, n_targets, n: 0.0, products: DMatrix::zeros(size, size) }
     }
 
-    /// Takes a row of features and targets.
+    /// Adds a row of features and targets.
     pub(super) fn handle(&mut self, features: &[f64], targets: &[f64]) {
         self.n += 1.0;
         let row: Vec<f64> = features.iter().chain(targets).copied().collect();
         for (column, value) in row.iter().enumerate() {
-            // The lower half; `product` knows.
+            // Only the lower half; `product` accounts for that.
             self.products
                 .column_mut(column)
                 .iter_mut()
@@ -55,7 +55,7 @@ impl Gram {
         self.n == 0.0
     }
 
-    /// Takes all rows of another one.
+    /// Adds all rows of another one.
     pub(super) fn add(&mut self, other: &Gram) {
         self.n += other.n;
         self.products += &other.products;
@@ -69,7 +69,7 @@ impl Gram {
         self.product(feature, self.n_features + target)
     }
 
-    /// The weights of these features that fit the targets best. Features that never vary get none.
+    /// The weights of these features that fit the targets best. Features that never vary get zero.
     pub(super) fn fit(&self, features: &[usize]) -> Weights {
         let scales: Vec<f64> =
             features.iter().map(|&feature| (self.product(feature, feature) / self.n).sqrt()).collect();
@@ -97,12 +97,12 @@ impl Gram {
         Weights { features: features.to_vec(), weights }
     }
 
-    /// Sum of the products of a feature with what weights make of the first target: whether they grow together.
+    /// Sum of the products of a feature with the prediction of the first target: positive if they grow together.
     pub(super) fn along(&self, by: &Weights, feature: usize) -> f64 {
         by.features.iter().enumerate().map(|(k, other)| by.weight(k, 0) * self.product(*other, feature)).sum()
     }
 
-    /// Sum of the squares of the targets in these rows, before and after what weights explain is taken away.
+    /// Sum of the squares of the targets in these rows, before and after subtracting the prediction.
     pub(super) fn squares(&self, by: &Weights) -> [f64; 2] {
         let Weights { features, weights } = by;
         let (mut left, mut total) = (0.0, 0.0);

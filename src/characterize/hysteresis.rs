@@ -1,4 +1,4 @@
-//! What lags: the artifact behind the bend, and the reading behind the force.
+//! Lags: of the artifact behind the bend, and of the reading behind the force.
 
 use serde::Serialize;
 
@@ -10,31 +10,31 @@ use super::spread::{Spread, median, quantile};
 
 /// Scores and readings are smoothed over this time, s.
 const SMOOTH_S: f64 = 0.08;
-/// A sweep goes over this much of the bend score.
+/// Minimum range of the bend score in a sweep.
 const MIN_SWEEP: f64 = 0.4;
-/// A sweep ends where the score comes back by this much.
+/// A sweep ends when the score returns by this much.
 const TURN: f64 = 0.08;
-/// Sweeps that are needed in each direction.
+/// Minimum number of sweeps in each direction.
 const MIN_SWEEPS: usize = 3;
-/// Which part of a sweep is compared: not where it turns.
+/// Part of a sweep that is compared: not its turning points.
 const MIDDLE: (f64, f64) = (0.25, 0.75);
-/// Points of the loop that is shown.
+/// Number of points of the shown loop.
 const N_LOOP: usize = 10;
-/// How fast a force changes when loading is compared with unloading, gF/s: slow enough that 10 ms of lag are 2 gF.
+/// Maximum rate of force when comparing loading with unloading, gF/s: slow enough that 10 ms of lag are 2 gF.
 const SPEED_GF_S: (f64, f64) = (10.0, 200.0);
-/// Loading and unloading are compared at forces from here on, gF.
+/// Minimum force when comparing loading with unloading, gF.
 const MIN_FORCE_GF: f64 = 20.0;
-/// Frames that a touch needs in a bin of force in each direction.
+/// Minimum number of frames of a touch in a bin of force in each direction.
 const MIN_FRAMES: usize = 3;
 
-/// What lags, over all sessions.
+/// Lags over all sessions.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HysteresisReport {
-    /// How much more is read in the air where the hand straightens than where it bends, at an equal pose, as a share of
-    /// the whole range of readings in the air. Whatever lags is in it: friction, creep, and a clock offset.
+    /// How much higher readings in the air are while the hand straightens than while it bends, at an equal pose, as a
+    /// fraction of the whole range of readings in the air. It includes all lags: friction, creep, and a clock offset.
     pub artifact: Option<Spread>,
-    /// How much more is read on unloading than on loading, at an equal force within one touch, as a share of what the
-    /// touch adds; while the force changes slowly.
+    /// How much higher readings are on unloading than on loading, at an equal force within one touch, as a fraction of
+    /// the reading that the touch adds; only while the force changes slowly.
     pub touch: Option<Spread>,
     /// Each session.
     pub by_session: Vec<SessionHysteresis>,
@@ -42,16 +42,16 @@ pub struct HysteresisReport {
     pub artifact_loop: Vec<[f64; 3]>,
 }
 
-/// What lags in one session.
+/// Lags in one session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SessionHysteresis {
     /// The session.
     pub session: String,
-    /// Width of the loop of the artifact, a share of the range.
+    /// Width of the loop of the artifact, as a fraction of the range.
     pub artifact: Option<f64>,
     /// Sweeps of the bend score up and down that were compared.
     pub n_sweeps: [usize; 2],
-    /// Unloading over loading, a share of the reading.
+    /// Unloading over loading, as a fraction of the reading.
     pub touch: Option<f64>,
     /// Touches and forces that were compared.
     pub n_touch_pairs: usize,
@@ -81,9 +81,9 @@ impl HysteresisReport {
     }
 }
 
-/// Width of the loop as a share of the range, and the sweeps that tell it. Adds what they read to the shown loop.
+/// Width of the loop as a fraction of the range, and the sweeps used. Adds their readings to the shown loop.
 ///
-/// What a sweep reads beyond what its poses explain is compared, since two sweeps never go through the same poses.
+/// The reading minus the prediction from pose is compared, since two sweeps never go through the same poses.
 fn artifact(posed: &Posed<'_>, bins: &mut [[(f64, f64); N_LOOP]; 2]) -> (Option<f64>, [usize; 2]) {
     let session = &posed.session;
     let Some(score) = &posed.score else { return (None, [0; 2]) };
@@ -113,7 +113,7 @@ fn artifact(posed: &Posed<'_>, bins: &mut [[(f64, f64); N_LOOP]; 2]) -> (Option<
     (width().filter(|width| width.is_finite() && n_sweeps.iter().all(|n| *n >= MIN_SWEEPS)), n_sweeps)
 }
 
-/// Where a score goes all the way up or down: pairs of the first and the last index.
+/// Sweeps in which a score goes all the way up or down: pairs of the first and the last index.
 fn sweeps(score: &[f64]) -> Vec<(usize, usize)> {
     let mut sweeps = Vec::new();
     let (mut pivot, mut extreme, mut direction) = (0, 0, 0.0);
@@ -135,7 +135,7 @@ fn sweeps(score: &[f64]) -> Vec<(usize, usize)> {
     sweeps
 }
 
-/// Unloading over loading as a share of what a touch adds, and the touches and forces that tell it.
+/// Unloading over loading as a fraction of the reading that a touch adds, and the touches and forces used.
 fn touch(posed: &Posed<'_>) -> (Option<f64>, usize) {
     let session = &posed.session;
     let (window, span) = (session.n_in(SMOOTH_S), session.n_in(SMOOTH_S));
@@ -155,7 +155,7 @@ fn touch(posed: &Posed<'_>) -> (Option<f64>, usize) {
                 let (Some(bin), Some(speed)) = (bin_of(forces[k]), speed(k)) else { continue };
                 if forces[k] >= MIN_FORCE_GF && (SPEED_GF_S.0..SPEED_GF_S.1).contains(&speed.abs()) {
                     let of = &mut bins[bin][usize::from(speed < 0.0)];
-                    // Per force, because a bin is wide.
+                    // Divided by force, because a bin is wide.
                     *of = (of.0 + posed.rise(run.start + k) / forces[k], of.1 + 1);
                 }
             }

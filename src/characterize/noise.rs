@@ -1,15 +1,15 @@
-//! What each taxel does when nothing happens.
+//! Noise and faults of each taxel at rest.
 
 use serde::Serialize;
 
 use super::frames::Prepared;
 use super::spread::{Spread, median};
 
-/// From the median absolute difference of two normal readings to the standard deviation of one.
+/// Factor from the median absolute difference of two normal readings to the standard deviation of one.
 const MEDIAN_TO_SD: f64 = 1.0 / (0.674_49 * std::f64::consts::SQRT_2);
-/// A reading that stays at the end of a taxel's range for so many frames is one that can go no further.
+/// A reading that stays at the end of a taxel's range for this many frames is saturated.
 const MIN_STUCK: usize = 10;
-/// And so much of the session, as a share.
+/// And for this fraction of the session.
 const MIN_STUCK_SHARE: f64 = 1e-3;
 
 /// Noise and faults of taxels.
@@ -17,7 +17,7 @@ const MIN_STUCK_SHARE: f64 = 1e-3;
 pub struct NoiseReport {
     /// `[T]`
     pub by_taxel: Vec<TaxelNoise>,
-    /// Standard deviation of the noise, the median of all taxels, units of the sensor.
+    /// Standard deviation of the noise, median over all taxels, units of the sensor.
     pub sd: Option<Spread>,
 }
 
@@ -26,11 +26,11 @@ pub struct NoiseReport {
 pub struct TaxelNoise {
     /// Index within the region.
     pub taxel: usize,
-    /// Standard deviation of its noise at rest in the air, units of the sensor; slow drift is not in it.
+    /// Standard deviation of its noise at rest in the air, units of the sensor; excludes slow drift.
     pub sd: Option<Spread>,
-    /// Sessions in which it never changed.
+    /// Number of sessions in which it never changed.
     pub n_dead: usize,
-    /// Largest share of a session's frames that it spent at the end of its range; 0 where it never stuck there.
+    /// Largest fraction of a session's frames at the end of its range; 0 if it never stuck there.
     pub saturated_share: f64,
 }
 
@@ -64,12 +64,12 @@ fn noise(session: &Prepared<'_>, at_rest: &[usize], taxel: usize) -> Option<f64>
     let step = |pair: &[usize]| (session.reading(pair[1], taxel) - session.reading(pair[0], taxel)).abs();
     let mut steps: Vec<f64> = neighbours.map(step).collect();
     let typical = median(&mut steps)? * MEDIAN_TO_SD;
-    // More than half of the steps are zero where noise is smaller than a count; their mean square still tells it.
+    // More than half of the steps are zero if noise is smaller than a count; their mean square still measures it.
     let square = steps.iter().map(|step| step * step).sum::<f64>() / steps.len() as f64;
     Some(if typical > 0.0 { typical } else { (0.5 * square).sqrt() })
 }
 
-/// Whether a taxel never changed, and the share of frames that it spent stuck at an end of its range.
+/// True if a taxel never changed, and the fraction of frames in which it stuck at an end of its range.
 fn ends(session: &Prepared<'_>, taxel: usize) -> (bool, f64) {
     let readings: Vec<f64> = (0..session.sum.len()).map(|idx| session.reading(idx, taxel)).collect();
     let extremes =

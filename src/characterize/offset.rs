@@ -1,4 +1,4 @@
-//! How far the clocks of joints and taxels are apart, by when an artifact follows its motion.
+//! Clock offset between joints and taxels, from the delay of an artifact after its motion.
 
 use serde::Serialize;
 
@@ -7,42 +7,42 @@ use super::gram::Gram;
 use super::pose_model::Posed;
 use super::spread::Spread;
 
-/// Lags that are tried, both ways, s.
+/// Range of lags tried, in both directions, s.
 const MAX_LAG_S: f64 = 0.3;
-/// Over which time motion is taken, s.
+/// Window for motion, s.
 const SPAN_S: f64 = 0.06;
-/// Rows that are fitted, one every so many seconds; neighbours tell the same.
+/// Interval between fitted rows, s; neighbouring rows carry the same information.
 const EVERY_S: f64 = 0.02;
-/// A peak that is lower is no estimate.
+/// Minimum peak for an estimate.
 const MIN_PEAK: f64 = 0.4;
-/// Lengths of time that are left out in turn, s: longer than movements take, so that each tells by itself.
+/// Length of the blocks left out in turn, s: longer than movements, so that each block is informative.
 const BLOCK_S: f64 = 4.0;
-/// Fewest and most of them.
+/// Minimum and maximum number of blocks.
 const N_BLOCKS: [usize; 2] = [6, 30];
-/// Standard errors on either side of an estimate that hold the true lag in 95 of 100 cases or more: Student's 2.57 for six
-/// blocks, and some more because neighbouring blocks are not independent.
+/// Standard errors on either side of an estimate for an interval that holds the true lag in at least 95 of 100 cases:
+/// Student's 2.57 for six blocks, and some more because neighbouring blocks are not independent.
 const INTERVAL_ERRORS: f64 = 3.0;
-/// Standard errors by which another lag must be worse to be ruled out. There are 60, so 2 would not do.
+/// Standard errors by which another lag must be worse to be ruled out. There are 60 lags, so 2 would not be enough.
 const RULED_OUT_ERRORS: f64 = 3.0;
-/// An interval that is wider is no estimate, ms.
+/// Maximum width of an interval, ms; a wider one gives no estimate.
 const MAX_WIDTH_MS: f64 = 60.0;
 
-/// What filter, creep and friction of a sensor make by themselves, ms: a clock that is off by less can't be told from it.
+/// Lag from filter, creep and friction of a sensor itself, ms: a smaller clock offset can't be told from it.
 pub const OWN_LAG_MS: [f64; 2] = [0.0, 20.0];
 
-/// When readings in the air change, after the joints that change them.
+/// Delay of reading changes in the air after the joint motion that causes them.
 ///
-/// The lag holds whatever delays the sensor, too: its filter, creep and friction make the taxels late by some 10 ms,
-/// and a clock that is off by less can't be told from that.
+/// The lag includes the delay of the sensor: its filter, creep and friction make the taxels late by some 10 ms, and a
+/// smaller clock offset can't be told from that.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OffsetReport {
-    /// Lag of the taxels behind the joints by their stamps, ms; `None` where no session has an estimate.
+    /// Lag of the taxels behind the joints by their stamps, ms; `None` if no session has an estimate.
     pub lag_ms: Option<Spread>,
-    /// Where it lies in 95 of 100 cases, ms: from the least to the most of what sessions say.
+    /// Interval that holds it in 95 of 100 cases, ms: from the smallest to the largest value over sessions.
     pub interval_ms: Option<[f64; 2]>,
-    /// How far the clocks are apart, ms: the interval without [`OWN_LAG_MS`]. Positive where stamps of taxels are late.
+    /// Clock offset, ms: the interval without [`OWN_LAG_MS`]. Positive if stamps of taxels are late.
     pub clock_offset_ms: Option<[f64; 2]>,
-    /// A peak below this is no estimate.
+    /// Minimum peak for an estimate.
     pub min_peak: f64,
     /// Each session.
     pub by_session: Vec<SessionOffset>,
@@ -53,26 +53,26 @@ pub struct OffsetReport {
 pub struct SessionOffset {
     /// The session.
     pub session: String,
-    /// Lag of the taxels, ms, between two frames by a parabola; `None` where its movements don't tell it.
+    /// Lag of the taxels, ms, interpolated between frames by a parabola; `None` if the movements don't determine it.
     pub lag_ms: Option<f64>,
-    /// Where it lies in 95 of 100 cases, ms.
+    /// Interval that holds it in 95 of 100 cases, ms.
     pub interval_ms: Option<[f64; 2]>,
-    /// Why there is none.
+    /// The reason why there is no estimate.
     pub untold: Option<Untold>,
     /// Correlation at the peak.
     pub peak: Option<f64>,
-    /// Correlation of the change of the reading with what the joints' motion a lag before makes of it, by lag.
+    /// Correlation of the change of the reading with its prediction from the joints' motion a lag before, by lag.
     pub curve: Vec<LagPoint>,
 }
 
-/// Why movements don't tell a lag.
+/// The reason why movements don't determine a lag.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, thiserror::Error)]
 #[serde(rename_all = "snake_case", tag = "why")]
 pub enum Untold {
-    /// Too little of it.
+    /// Too little motion.
     #[error("there is too little time in the air without gaps: {} s are needed", BLOCK_S * N_BLOCKS[0] as f64)]
     TooShort,
-    /// No joint tells enough of the readings at any lag.
+    /// Joints explain too little of the readings at every lag.
     #[error("the joints don't tell what the taxels read in the air at any lag")]
     NoPeak,
     /// The best lag is the first or last that was tried.
@@ -81,12 +81,12 @@ pub enum Untold {
     /// Another lag explains the readings as well, or so nearly that these data can't tell.
     #[error("a lag of {other_ms:.0} ms explains the readings as well as one of {lag_ms:.0} ms")]
     SeveralPeaks {
-        /// The best, ms.
+        /// The best lag, ms.
         lag_ms: f64,
-        /// The one that is the furthest from the best, ms.
+        /// The lag furthest from the best, ms.
         other_ms: f64,
     },
-    /// The peak is so flat that the interval is wider than can be used.
+    /// The peak is so flat that the interval is too wide to be useful.
     #[error("lags within {width_ms:.0} ms explain the readings alike")]
     Flat {
         /// Width of the interval, ms.
@@ -95,7 +95,7 @@ pub enum Untold {
 }
 
 impl Untold {
-    /// What would tell it.
+    /// The remedy.
     pub const REMEDY: &'static str = "record half a minute in the air in which each finger bends and straightens by itself, \
                                       fast, at uneven times, with stops in between";
 }
@@ -110,7 +110,7 @@ pub struct LagPoint {
 }
 
 impl OffsetReport {
-    /// `chosen`: the joints that tell the artifact.
+    /// `chosen`: the joints that explain the artifact.
     pub(super) fn of(sessions: &[Posed<'_>], chosen: &[usize]) -> Self {
         let by_session: Vec<SessionOffset> =
             sessions.iter().map(|posed| SessionOffset::of(&posed.session, chosen)).collect();
@@ -148,7 +148,7 @@ impl SessionOffset {
     }
 }
 
-/// Sums of products of the motion of joints with the change of the reading later, by block of time and lag.
+/// Sums of products of the joints' motion with the later change of the reading, by time block and lag.
 struct Lags {
     /// `[blocks, lags]`
     blocks: Vec<Vec<Gram>>,
@@ -158,7 +158,7 @@ struct Lags {
 }
 
 impl Lags {
-    /// Every lag is judged by the same changes of the reading, those that have all lags of motion around them.
+    /// Every lag is judged by the same changes of the reading: those with motion available at all lags.
     fn of(session: &Prepared<'_>, chosen: &[usize]) -> Self {
         let (span, every) = (session.n_in(SPAN_S), session.n_in(EVERY_S));
         let max_lag = session.n_in(MAX_LAG_S);
@@ -204,7 +204,7 @@ impl Lags {
         self.blocks.iter().map(|block| block[0].squares(&none)[0]).sum()
     }
 
-    /// `[lags]`: what the best mix of joints leaves of the changes in some of the blocks.
+    /// `[lags]`: the residual of the changes in some of the blocks, for the best mix of joints.
     fn left(&self, is_in: impl Fn(usize) -> bool) -> Vec<f64> {
         let of_lag = |idx: usize| {
             let gram = self.sum(idx, &is_in);
@@ -220,7 +220,7 @@ impl Lags {
         sum
     }
 
-    /// The lag and its interval, ms, from what is left at each lag.
+    /// The lag and its interval, ms, from the residual at each lag.
     fn told(&self, left: &[f64]) -> Result<(f64, [f64; 2]), Untold> {
         if self.blocks.len() < N_BLOCKS[0] {
             return Err(Untold::TooShort);
@@ -244,7 +244,7 @@ impl Lags {
         if 2.0 * half > MAX_WIDTH_MS {
             return Err(Untold::Flat { width_ms: 2.0 * half });
         }
-        // Up to there the same peak falls off.
+        // Lags within this distance belong to the same peak.
         let reach_ms = 2.5 * half + 2.0 * self.period_ms;
         let is_other = |idx: &usize| (self.lag_ms(*idx as f64) - self.lag_ms(top)).abs() > reach_ms;
         let rivals = (0..left.len()).filter(is_other).filter(|idx| !self.is_ruled_out(*idx, best));
@@ -256,7 +256,7 @@ impl Lags {
         Ok((lag_ms, [lag_ms - half, lag_ms + half]))
     }
 
-    /// Whether a lag explains the blocks so much worse than the best one that chance doesn't make it.
+    /// True if a lag explains the blocks so much worse than the best one that chance can't explain it.
     fn is_ruled_out(&self, idx: usize, best: usize) -> bool {
         let fit = |idx: usize| self.sum(idx, &|_| true).fit(&self.features);
         let (of_other, of_best) = (fit(idx), fit(best));
@@ -276,7 +276,7 @@ fn least(left: &[f64]) -> usize {
     (0..left.len()).min_by(|a, b| left[*a].total_cmp(&left[*b])).unwrap_or(0)
 }
 
-/// Where the least lies between two lags, by a parabola; `None` for the first and the last.
+/// Position of the minimum between two lags, by a parabola; `None` for the first and the last.
 fn between(left: &[f64]) -> Option<f64> {
     let best = least(left);
     let (before, after) = (left.get(best.checked_sub(1)?)?, left.get(best + 1)?);
@@ -291,18 +291,18 @@ mod tests {
     use super::*;
     use crate::random::Noise;
 
-    /// How joints move.
+    /// Motion of the joints.
     #[derive(Debug, Clone, Copy)]
     enum Motion {
-        /// Each by itself, quickly and at uneven times, as people do when asked to.
+        /// Each joint alone, quickly and at uneven times, as people do when asked to.
         Lively,
-        /// One slow sine wave, and the joints a quarter of it apart.
+        /// One slow sine wave, with a phase of a quarter period between the joints.
         SlowWaves,
         /// One fast sine wave, which is the same a period later.
         FastWave,
         /// As `Lively`, the second joint a while after the first.
         InTurn,
-        /// Slowly and smoothly, now here and now there.
+        /// Slowly and smoothly, at random.
         Slow,
     }
 
@@ -344,7 +344,7 @@ mod tests {
         }
     }
 
-    /// A session whose taxels come `lag_ms` after their joints, with noise that is this share of what motion makes.
+    /// A session whose taxels come `lag_ms` after their joints, with noise as this fraction of the motion's effect.
     fn session(kind: Motion, lag_ms: f64, noise: f64, seconds: usize, seed: u64) -> SessionFrames {
         let mut random = Noise::named(&format!("offset {seed}"));
         let margin = 400;
@@ -374,7 +374,7 @@ mod tests {
         }
     }
 
-    /// How many of some sessions have an estimate; each must hold the lag that was put in, and be near it.
+    /// Number of sessions with an estimate; each estimate must contain and be near the lag that was put in.
     fn n_told(kind: Motion, noise: f64, lags_ms: &[f64]) -> usize {
         let mut n_told = 0;
         for seed in 0..6 {

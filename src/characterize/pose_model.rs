@@ -1,4 +1,4 @@
-//! What a pose reads in the air: one number for how far the hand is bent, and the reading that goes with a pose.
+//! Reading of a pose in the air: one score for the bend of the hand, and the reading expected for a pose.
 
 use serde::Serialize;
 
@@ -7,16 +7,16 @@ use super::gram::Gram;
 use super::selection::{Sample, changes, features, means};
 use super::spread::quantile;
 
-/// Shares of the time in the air below which the score is 0 and above which it is 1.
+/// Quantiles over the time in the air at which the score is 0 and 1.
 const SCORE_ENDS: [f64; 2] = [0.01, 0.99];
 
-/// A session with its pose told as a score, and as the reading that it has in the air.
+/// A session with its pose as a score, and as the expected reading in the air.
 #[derive(Debug)]
 pub(super) struct Posed<'a> {
     pub(super) session: Prepared<'a>,
-    /// `[n]`: bend score, where there is one.
+    /// `[n]`: bend score, if there is one.
     pub(super) score: Option<Vec<f64>>,
-    /// `[n]`: what the taxels together read in the air at the pose of the frame.
+    /// `[n]`: expected sum of all taxels in the air at the pose of the frame.
     pub(super) in_air: Vec<f64>,
 }
 
@@ -28,36 +28,37 @@ impl<'a> Posed<'a> {
         Posed { score: score.map(|score| score.of_session(&session)), in_air, session }
     }
 
-    /// What the taxels together read beyond what the pose explains.
+    /// Sum of all taxels minus the prediction from pose.
     pub(super) fn rise(&self, idx: usize) -> f64 {
         self.session.sum[idx] - self.in_air[idx]
     }
 }
 
-/// How far the hand is bent as the taxels see it: 0 and 1 at the ends of what was seen in the air.
+/// Bend of the hand as it affects the taxels: 0 and 1 at the ends of the range in the air.
 ///
-/// The mix of the chosen joints whose changes go best with those of the sum of all taxels in the air, so that it grows where the first of them
-/// does. Where that joint's flexion is positive, as it should be, 0 is the straight hand.
+/// The mix of the chosen joints whose changes correlate best with those of the sum of all taxels in the air, with the
+/// sign that makes it grow with the first joint. If that joint's flexion is positive, as it should be, 0 is the
+/// straight hand.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BendScore {
     /// Names of the joints in it.
     pub joints: Vec<String>,
-    /// `[joints]`: change of the score by each, 1/rad.
+    /// `[joints]`: change of the score per joint, 1/rad.
     pub per_rad: Vec<f64>,
-    /// Score where all of them are at 0 rad.
+    /// Score with all of them at 0 rad.
     pub at_zero: f64,
     #[serde(skip)]
     joint_idxs: Vec<usize>,
 }
 
 impl BendScore {
-    /// The score by these joints; `None` where they tell nothing, or there are none.
+    /// The score by these joints; `None` if they explain nothing, or there are none.
     pub(super) fn of(sessions: &[Vec<Sample>], joints: &[String], chosen: &[usize]) -> Option<Self> {
         let mut gram = Gram::new(chosen.len(), 1);
         let pick = |sample: &Sample| -> Vec<f64> { chosen.iter().map(|joint| sample.angles[*joint]).collect() };
         let sum = |sample: &Sample| sample.readings.iter().sum::<f64>();
         for samples in sessions {
-            // Of each session the same weight: a glove that is worn tighter reads more of the same.
+            // Each session has the same weight: a glove that is worn tighter reads more of the same.
             let size = changes(samples).map(|(from, to)| (sum(to) - sum(from)).powi(2)).sum::<f64>().sqrt();
             for (from, to) in changes(samples).filter(|_| size > 0.0) {
                 let turned: Vec<f64> = pick(to).iter().zip(pick(from)).map(|(to, from)| to - from).collect();
@@ -65,7 +66,7 @@ impl BendScore {
             }
         }
         let weights = gram.fit(&(0..chosen.len()).collect::<Vec<_>>());
-        // The first joint's own weight may be of either sign, because others that move with it share its part.
+        // The first joint's own weight may have either sign, because joints that move with it share its part.
         let along = chosen.first().map(|_| gram.along(&weights, 0)).filter(|along| *along != 0.0)?.signum();
         let weights: Vec<f64> = (0..chosen.len()).map(|k| weights.weight(k, 0) * along).collect();
         let mut mixes: Vec<f64> = sessions
@@ -94,7 +95,7 @@ impl BendScore {
     }
 }
 
-/// What the taxels of one session read in the air by pose, all together: linear and quadratic in the chosen joints.
+/// Sum of all taxels of one session in the air by pose: linear and quadratic in the chosen joints.
 #[derive(Debug)]
 struct AirReading {
     chosen: Vec<usize>,
@@ -105,7 +106,7 @@ struct AirReading {
 }
 
 impl AirReading {
-    /// Fitted on a session's time in the air; `None` where it has none.
+    /// Fitted on a session's time in the air; `None` if it has none.
     fn of(samples: &[Sample], chosen: &[usize]) -> Option<Self> {
         let pick = |sample: &Sample| -> Vec<f64> { chosen.iter().map(|joint| sample.angles[*joint]).collect() };
         let rows: Vec<Vec<f64>> = samples.iter().map(pick).collect();
@@ -126,7 +127,7 @@ impl AirReading {
         Some(AirReading { chosen: chosen.to_vec(), centre, feature_means, weights, mean })
     }
 
-    /// Reading that the pose of a frame has in the air.
+    /// Expected reading in the air at the pose of a frame.
     fn at(&self, session: &Prepared<'_>, idx: usize) -> f64 {
         let angles: Vec<f64> = self.chosen.iter().map(|joint| session.angle(idx, *joint)).collect();
         let parts = features(&angles, &self.centre);

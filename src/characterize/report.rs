@@ -1,4 +1,4 @@
-//! Everything about one region, from the frames of its sessions.
+//! The full report about one region, from the frames of its sessions.
 
 use serde::Serialize;
 
@@ -15,10 +15,10 @@ use super::response::{ResponseReport, session_curve};
 use super::selection::{Sample, Selection, samples};
 use super::spread::quantile;
 
-/// Shares of a session's frames below and above which an angle is left out of the range of its joint.
+/// Quantiles of a session's angles; angles outside are left out of a joint's range.
 const RANGE_QUANTILES: [f64; 2] = [0.005, 0.995];
 
-/// What is found of one region.
+/// Results for one region.
 ///
 /// # Shapes
 /// J joints of the recording, T taxels of the region, S sessions.
@@ -30,58 +30,58 @@ pub struct RegionReport {
     pub n_taxels: usize,
     /// `[S]`
     pub sessions: Vec<RegionSession>,
-    /// Which joints move with which taxels.
+    /// Correlation of joints with taxels.
     pub correlation: Correlation,
-    /// Which joints tell the artifact.
+    /// Joints that explain the artifact.
     pub selection: Selection,
-    /// Quantiles that `pose_range` lies between.
+    /// Quantiles that bound `pose_range`.
     pub pose_range_quantiles: [f64; 2],
     /// Range of each chosen joint, loaded or not.
     pub pose_range: Vec<JointRange>,
-    /// The mix of chosen joints that classes, sweeps and lags go by; `None` without a chosen joint.
+    /// The mix of chosen joints used for classes, sweeps and lags; `None` without a chosen joint.
     pub bend_score: Option<BendScore>,
-    /// Response to force; `None` without a known force.
+    /// Response to force; `None` if no force is known.
     pub response: Option<ResponseReport>,
     /// Size of artifacts.
     pub artifact: ArtifactReport,
-    /// What of it is the donning's own, and what following it would leave.
+    /// The part of them specific to a donning, and the part that would remain with following.
     pub following: FollowingReport,
-    /// What lags.
+    /// Lags.
     pub hysteresis: HysteresisReport,
     /// Drift at rest.
     pub drift: DriftReport,
     /// Noise and faults of taxels.
     pub noise: NoiseReport,
-    /// Clocks of joints and taxels.
+    /// Clock offset between joints and taxels.
     pub offset: OffsetReport,
 }
 
-/// How much one session gave.
+/// Amount of data of one session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RegionSession {
     /// The session.
     pub session: String,
     /// Time with taxels and all joints, s.
     pub seconds: f64,
-    /// Of it in the air, s.
+    /// Time in the air, s.
     pub in_air_s: f64,
     /// Frames that are not in the air and have a known force.
     pub n_loaded: usize,
 }
 
-/// Where a joint was, rad.
+/// Range of a joint, rad.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointRange {
     /// Its name.
     pub joint: String,
-    /// Least.
+    /// Minimum.
     pub min: f64,
-    /// Greatest.
+    /// Maximum.
     pub max: f64,
 }
 
-/// Characterizes one region by all of its sessions; a joint is chosen as long as it adds `min_gain` to the share of the
-/// artifact that is explained.
+/// Characterizes one region by all of its sessions; a joint is chosen as long as it adds `min_gain` to the explained
+/// fraction of the artifact.
 ///
 /// # Shapes
 /// `joints`: `[J]`, the joints of every session.

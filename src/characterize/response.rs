@@ -7,15 +7,15 @@ use super::pose_model::Posed;
 use super::spread::{Spread, quantile};
 use crate::units::{GramForce, Newton};
 
-/// A frame below this is no touch; the paper's threshold.
+/// Minimum force of a touch frame; the paper's threshold.
 pub(super) const TOUCH_GF: f64 = 2.5;
-/// A point of a curve needs as many frames.
+/// Minimum number of frames for a point of a curve.
 const MIN_FRAMES: usize = 20;
-/// Gains are compared at forces from here on, gF: below, what a touch adds is not much more than what a pose does.
+/// Minimum force when comparing gains, gF: below, a touch adds not much more than a pose does.
 const MIN_GAIN_GF: f64 = 35.0;
-/// A gain is compared at as many bins of force.
+/// Minimum number of bins of force for a comparison of gains.
 const MIN_GAIN_BINS: usize = 3;
-/// And as many touches of the straight and of the bent hand: each reads otherwise, by a tenth or more.
+/// Minimum number of touches of the straight and of the bent hand: touches differ by a tenth or more.
 const MIN_GAIN_TOUCHES: usize = 5;
 /// Thirds of the bend score.
 const STRAIGHT: Class = ("low", f64::NEG_INFINITY, 1.0 / 3.0);
@@ -23,20 +23,20 @@ const HALF_BENT: Class = ("middle", 1.0 / 3.0, 2.0 / 3.0);
 const BENT: Class = ("high", 2.0 / 3.0, f64::INFINITY);
 const ALL: &str = "all";
 
-/// Name, and from and up to which bend score.
+/// Name, and lower and upper bend score.
 type Class = (&'static str, f64, f64);
 
-/// Response to force, for all poses and apart by how far the hand is bent.
+/// Response to force, for all poses and by bend of the hand.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResponseReport {
     /// All loaded frames.
     pub all: ClassCurve,
-    /// Thirds of the bend score; empty without one.
+    /// Thirds of the bend score; empty if there is no score.
     pub by_bend: Vec<ClassCurve>,
-    /// How much more the bent hand reads at equal force, of each session: what a touch adds at a high bend score over
-    /// what it adds at a low one.
+    /// How much more the bent hand reads at equal force, of each session: the reading that a touch adds at a high bend
+    /// score over the one at a low bend score.
     pub gain_by_session: Vec<SessionGain>,
-    /// The same over all sessions; `None` where none tells it.
+    /// The same over all sessions; `None` if no session has it.
     pub gain: Option<Spread>,
 }
 
@@ -45,15 +45,15 @@ pub struct ResponseReport {
 pub struct ClassCurve {
     /// `all`, or the third of the bend score: `low`, `middle`, `high`.
     pub class: &'static str,
-    /// Touches that have frames in it. One touch reads otherwise than the next, so that few make no curve.
+    /// Number of touches with frames in it. Touches differ, so a few of them are not enough for a curve.
     pub n_touches: usize,
     /// Loaded frames with a known force.
     pub n_frames: usize,
-    /// By growing force; bins with too few frames are left out.
+    /// By increasing force; bins with too few frames are left out.
     pub points: Vec<CurvePoint>,
 }
 
-/// What is read at about one force.
+/// Readings in one bin of force.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CurvePoint {
     /// Lower edge of the bin of force, gF.
@@ -62,29 +62,29 @@ pub struct CurvePoint {
     pub force_gf: f64,
     /// The same, N.
     pub force_n: f64,
-    /// Frames.
+    /// Number of frames.
     pub n_frames: usize,
-    /// Median reading of all taxels together.
+    /// Median of the sum of all taxels.
     pub sum: f64,
-    /// A quarter of the frames reads less, and a quarter more, all taxels together.
+    /// Lower and upper quartile of the sum of all taxels.
     pub sum_quartiles: [f64; 2],
-    /// Median of what the touch adds: the reading less what the pose alone reads in the air.
+    /// Median of the reading that the touch adds: the reading minus that of the pose alone in the air.
     pub rise: f64,
     /// `[T]`: median reading.
     pub by_taxel: Vec<f64>,
 }
 
-/// How a session's gain differs between the bent and the straight hand.
+/// Difference of a session's gain between the bent and the straight hand.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SessionGain {
     /// The session.
     pub session: String,
-    /// Ratio of what a touch adds at equal force, bent over straight; `None` for too few touches, and
-    /// where their forces have too little in common.
+    /// Ratio of the readings that a touch adds at equal force, bent over straight; `None` if there are too few touches
+    /// or their forces overlap too little.
     pub at_equal_force: Option<f64>,
     /// Ratio of the slopes over force, bent over straight.
     pub of_slopes: Option<f64>,
-    /// Bins of force that were compared.
+    /// Number of bins of force that were compared.
     pub n_bins: usize,
     /// Touches of the straight and of the bent hand.
     pub n_touches: [usize; 2],
@@ -108,7 +108,7 @@ struct Gathered {
 }
 
 impl Gathered {
-    /// The loaded frames of a class of poses; of all poses without one.
+    /// The loaded frames of a class of poses; of all poses if no class is given.
     fn of<'p>(class: Option<Class>, sessions: impl IntoIterator<Item = &'p Posed<'p>>) -> Self {
         let (mut bins, mut n_touches) = (vec![Bin::default(); EDGES_GF.len() - 1], 0);
         for posed in sessions {
@@ -167,20 +167,20 @@ impl Bin {
 }
 
 impl ClassCurve {
-    /// The curve that turns a reading of all taxels into the force of a tap that adds as much.
+    /// The curve that converts a reading of all taxels to the force of a tap that adds as much.
     pub(super) fn to_force(&self) -> Option<ForceCurve> {
         ForceCurve::through(self.points.iter().map(|point| (point.force_gf, point.rise)))
     }
 }
 
-/// What one session's straight hand reads under force, or its hand in all poses where that is not enough.
+/// Readings of one session's straight hand under force, or of its hand in all poses if that is too little data.
 pub(super) fn session_curve(posed: &Posed<'_>) -> Option<ForceCurve> {
     let curve = |class| Gathered::of(class, [posed]).finish().to_force();
     curve(Some(STRAIGHT)).or_else(|| curve(None))
 }
 
 impl ResponseReport {
-    /// The response of all sessions; `None` where no loaded frame has a known force.
+    /// The response of all sessions; `None` if no loaded frame has a known force.
     pub(super) fn of(sessions: &[Posed<'_>]) -> Option<Self> {
         let all = Gathered::of(None, sessions).finish();
         if all.n_frames == 0 {
@@ -211,7 +211,7 @@ impl SessionGain {
             .filter(|(straight, bent)| straight.force_gf.min(bent.force_gf) >= MIN_GAIN_GF)
             .collect();
         let enough = pairs.len() >= MIN_GAIN_BINS && n_touches.iter().all(|n| *n >= MIN_GAIN_TOUCHES);
-        // Per force, because the frames of a bin differ a little in force from class to class.
+        // Divided by force, because the frames of a bin differ a little in force from class to class.
         let gain = |point: &CurvePoint| point.rise / point.force_gf;
         let mut ratios: Vec<f64> = pairs.iter().map(|(straight, bent)| gain(bent) / gain(straight)).collect();
         let straight = slope(pairs.iter().map(|pair| &pair.0));
@@ -226,7 +226,7 @@ impl SessionGain {
     }
 }
 
-/// Least-squares slope of what a touch adds over its force.
+/// Least-squares slope of the reading that a touch adds over its force.
 fn slope<'p>(points: impl Iterator<Item = &'p CurvePoint> + Clone) -> f64 {
     let n = points.clone().count() as f64;
     let mean = |of: fn(&CurvePoint) -> f64| points.clone().map(of).sum::<f64>() / n;

@@ -1,42 +1,42 @@
-//! Which joints tell the artifact: each by what it explains beyond those that were chosen before it.
+//! Joints that explain the artifact: each is chosen by what it explains beyond those chosen before it.
 
 use serde::Serialize;
 
 use super::frames::Prepared;
 use super::gram::Gram;
 
-/// Frames are averaged over this long: an artifact is no faster than a finger, s.
+/// Window for averaging frames: an artifact is no faster than a finger, s.
 const SAMPLE_S: f64 = 0.05;
-/// Changes are over so many samples, 0.3 s: slow drift is not in them.
+/// Changes are over this many samples, 0.3 s: this excludes slow drift.
 const SPAN: usize = 6;
-/// Length of the stretches of time in the air that are fitted or held out, s; shorter where there is little.
+/// Length of the blocks of time in the air that are fitted or held out, s; shorter if there is little time.
 const STRETCH_S: f64 = 10.0;
-/// Stretches go to so many folds in turn, each of which is held out once.
+/// Number of folds; blocks are assigned to them in turn, and each fold is held out once.
 const N_FOLDS: usize = 3;
-/// Joints that are chosen at most.
+/// Maximum number of chosen joints.
 const MAX_JOINTS: usize = 16;
 
-/// Joints chosen one after the other, by what they explain of the readings in the air.
+/// Joints chosen one after the other, by how much they explain of the readings in the air.
 ///
-/// Joints move together, so that one which only moves with another correlates as well as that one. Here a joint counts
+/// Joints move together, so a joint that only moves with another correlates as well as that one. Here a joint counts
 /// for what it adds: ridge regression of the changes of all taxels on the changes of angles and of their squares, for
-/// each session by itself, fitted on two of every three stretches of its time in the air and judged on the third, and
-/// so on until each stretch has been held out once.
+/// each session separately. It is fitted on two of every three blocks of the time in the air and judged on the third,
+/// until each block has been held out once.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Selection {
-    /// `[J]`: share of the held-out changes' variance that each joint explains alone, all sessions together.
+    /// `[J]`: fraction of the held-out changes' variance that each joint explains alone, all sessions together.
     pub alone: Vec<Option<f64>>,
-    /// The joints that were chosen, in their order.
+    /// The chosen joints, in order.
     pub chosen: Vec<Step>,
     /// The best of the others, which adds too little.
     pub next: Option<Step>,
-    /// Share that all joints together explain.
+    /// Fraction that all joints together explain.
     pub all: Option<f64>,
-    /// A joint is chosen as long as it adds this share.
+    /// A joint is chosen as long as it adds this fraction.
     pub min_gain: f64,
 }
 
-/// One joint's place among the chosen.
+/// A chosen joint.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
     /// Index of the joint.
@@ -44,13 +44,13 @@ pub struct Step {
     pub joint_idx: usize,
     /// Its name.
     pub joint: String,
-    /// Share of the held-out changes' variance that it and those before it explain.
+    /// Fraction of the held-out changes' variance that it and those before it explain.
     pub explained: f64,
-    /// What it adds.
+    /// The fraction that it adds.
     pub gain: f64,
 }
 
-/// Angles and readings of a moment in the air.
+/// Angles and readings at one moment in the air.
 #[derive(Debug, Clone)]
 pub(super) struct Sample {
     /// `[J]`, rad.
@@ -82,7 +82,7 @@ pub(super) fn samples(session: &Prepared<'_>) -> Vec<Sample> {
     samples
 }
 
-/// Samples of one run in the air, each with the one that comes a span later.
+/// Samples of one run in the air, each paired with the one a span later.
 pub(super) fn changes(samples: &[Sample]) -> impl Iterator<Item = (&Sample, &Sample)> {
     samples.iter().zip(samples.iter().skip(SPAN)).filter(|(from, to)| from.run == to.run)
 }
@@ -98,13 +98,13 @@ pub(super) fn means<'r>(rows: impl Iterator<Item = &'r [f64]>) -> Vec<f64> {
     sums.iter().map(|sum| sum / n).collect()
 }
 
-/// Angles and their squares, around the session's mean.
+/// Angles and their squares, relative to the session's mean.
 pub(super) fn features(angles: &[f64], centre: &[f64]) -> Vec<f64> {
     let around: Vec<f64> = angles.iter().zip(centre).map(|(angle, mean)| angle - mean).collect();
     around.iter().copied().chain(around.iter().map(|angle| angle * angle)).collect()
 }
 
-/// Products of changes within one session, of the rows to fit and of those that are held out, fold by fold.
+/// Products of changes within one session, of the fitted rows and of the held-out rows, fold by fold.
 fn of_changes(samples: &[Sample], n_joints: usize, n_taxels: usize) -> [[Gram; 2]; N_FOLDS] {
     let mut folds = [(); N_FOLDS].map(|()| Gram::new(2 * n_joints, n_taxels));
     let centre = means(samples.iter().map(|sample| sample.angles.as_slice()));
@@ -159,7 +159,7 @@ impl Selection {
         }
     }
 
-    /// Indices of the chosen joints, in their order.
+    /// Indices of the chosen joints, in order.
     pub fn chosen_idxs(&self) -> Vec<usize> {
         self.chosen.iter().map(|step| step.joint_idx).collect()
     }

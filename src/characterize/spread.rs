@@ -1,22 +1,22 @@
-//! Robust figures of a few numbers: medians, quantiles, slopes, and how sessions differ.
+//! Robust statistics of a few numbers: medians, quantiles, slopes, and spread over sessions.
 
 use serde::Serialize;
 
-/// How a figure differs from session to session.
+/// Spread of a figure over sessions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
     /// Median of the sessions that have it.
     pub median: f64,
-    /// Least of them.
+    /// Minimum.
     pub min: f64,
-    /// Greatest of them.
+    /// Maximum.
     pub max: f64,
-    /// Number of them.
+    /// Number of sessions that have it.
     pub n_sessions: usize,
 }
 
 impl Spread {
-    /// The spread of the figures that are there; `None` where no session has one.
+    /// The spread of the available figures; `None` if no session has one.
     pub fn of(figures: impl IntoIterator<Item = Option<f64>>) -> Option<Self> {
         let mut known: Vec<f64> = figures.into_iter().flatten().filter(|figure| figure.is_finite()).collect();
         let median = median(&mut known)?;
@@ -34,7 +34,7 @@ pub(super) fn median(numbers: &mut [f64]) -> Option<f64> {
     quantile(numbers, 0.5)
 }
 
-/// The number below which a share lies, interpolated between order statistics. Reorders the numbers, which are finite.
+/// The quantile, interpolated between order statistics. Reorders the numbers, which are finite.
 pub(super) fn quantile(numbers: &mut [f64], share: f64) -> Option<f64> {
     let last = numbers.len().checked_sub(1)?;
     let position = share.clamp(0.0, 1.0) * last as f64;
@@ -44,7 +44,7 @@ pub(super) fn quantile(numbers: &mut [f64], share: f64) -> Option<f64> {
     Some(lower + (position - below as f64) * (upper - lower))
 }
 
-/// Slope of the line through points that outliers don't tilt: the median of the slopes of all pairs.
+/// Slope of the line through points, robust to outliers: the median of the slopes of all pairs.
 ///
 /// # Source
 /// Theil (1950), Sen (1968).

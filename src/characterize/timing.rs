@@ -1,29 +1,29 @@
-//! How steadily a stream is sampled.
+//! Timing of a stream's samples.
 
 use serde::Serialize;
 
 use super::spread::{median, quantile};
 use crate::units::Stamp;
 
-/// How a stream's samples follow each other, by their stamps.
+/// Intervals between a stream's samples, by their stamps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StreamTiming {
-    /// Samples.
+    /// Number of samples.
     pub n_samples: usize,
-    /// Samples a second, by the median interval.
+    /// Samples per second, from the median interval.
     pub rate_hz: f64,
-    /// Standard deviation of the intervals that are less than twice the median one, ms: jitter without loss.
+    /// Standard deviation of the intervals shorter than twice the median, ms: jitter without loss.
     pub jitter_ms: f64,
     /// 99th percentile of the intervals, ms.
     pub interval_p99_ms: f64,
     /// Longest interval, ms.
     pub interval_max_ms: f64,
-    /// Intervals of twice the median one or more: samples that were lost, or never sent.
+    /// Number of intervals of twice the median or more: samples that were lost, or never sent.
     pub n_gaps: usize,
 }
 
 impl StreamTiming {
-    /// The timing of samples in the order in which they came; `None` for fewer than three.
+    /// The timing of samples in order of arrival; `None` for fewer than three.
     pub fn of(stamps: &[Stamp]) -> Option<Self> {
         let mut intervals: Vec<f64> =
             stamps.windows(2).map(|pair| pair[1].nanos_since(pair[0]) as f64 * 1e-6).filter(|ms| *ms > 0.0).collect();

@@ -1,22 +1,22 @@
-//! What is looked at before a session begins, so that an afternoon isn't lost to a broken line or a wrong name.
+//! Checks before a session begins, so that an afternoon isn't lost to a broken line or a wrong name.
 
 use super::senses::{Layout, Stream, Window};
 use crate::protocol::{Annotation, CheckMovement, Checks, Protocol};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
-/// Substage in the annotations while checks go on.
+/// Substage in the annotations during the checks.
 const SUBSTAGE: &str = "checks";
 
-/// How long the graph gets to find every stream, ns.
+/// Time for the discovery of every stream, ns.
 const LATE_NS: i64 = 3 * NANOS_PER_SEC;
 
-/// How long a person gets to let go of things and to come to rest, ns.
+/// Time for the user to let go of objects and come to rest, ns.
 const SETTLE_NS: i64 = 3 * NANOS_PER_SEC / 2;
 
-/// By how much a joint that should move less has to move more before its name is doubted: hands differ.
+/// Margin by which the wrong joint must move more before a joint's name is doubted: hands differ.
 const CLEARLY: f64 = 1.1;
 
-/// Something that is wrong, as a line: what was expected, what came, and what to do.
+/// A problem, as a line: what was expected, what was received, and what to do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem(pub String);
 
@@ -31,11 +31,11 @@ impl std::fmt::Display for Problem {
 pub struct Preflight {
     checks: Checks,
     layout: Layout,
-    /// Which check goes on: 0 is to keep still, the others are the movements.
+    /// The current check: 0 is to keep still, the others are the movements.
     at: usize,
     first: Option<Stamp>,
     began: Option<Stamp>,
-    /// Whether a person gets to let go of things and to come to rest.
+    /// True while the user has time to let go of objects and come to rest.
     settling: bool,
     all: Window,
     problems: Vec<Problem>,
@@ -43,7 +43,7 @@ pub struct Preflight {
 }
 
 impl Preflight {
-    /// Checks that have not begun.
+    /// The checks before they begin.
     pub fn new(protocol: &Protocol, layout: &Layout) -> Self {
         Preflight {
             checks: protocol.checks.clone(),
@@ -58,9 +58,9 @@ impl Preflight {
         }
     }
 
-    /// Goes on, and takes what was sensed whenever a check is over; whether there is more to check.
+    /// Moves on in time, and takes the sensor data when a check is over; true if there is more to check.
     ///
-    /// Checks begin when every stream was heard, or is late.
+    /// Checks begin when every stream has sent data, or is late.
     pub fn handle_time(&mut self, now: Stamp, all_heard: bool, take_window: &mut dyn FnMut() -> Window) -> bool {
         if self.at > self.checks.movements.len() {
             return false;
@@ -87,7 +87,7 @@ impl Preflight {
             Some(movement) => self.problems.extend(moved(&window, &self.layout, movement, self.checks.min_movement)),
         }
         self.at += 1;
-        // Nobody needs to move for a driver that isn't running.
+        // The user need not move while a driver isn't running.
         if self.at == 1 && !self.problems.is_empty() {
             self.at = self.checks.movements.len() + 1;
             self.annotations.push(Annotation::outside(now));
@@ -102,7 +102,7 @@ impl Preflight {
         true
     }
 
-    /// What the person is told now.
+    /// The current instruction to the user.
     pub fn prompt(&self) -> &str {
         match self.at.checked_sub(1).and_then(|movement| self.checks.movements.get(movement)) {
             None => "In the air, away from the load cell: keep the hand still",
@@ -110,24 +110,24 @@ impl Preflight {
         }
     }
 
-    /// When the check that goes on began and ends.
+    /// Start and end of the current check.
     pub fn span(&self) -> Option<(Stamp, Stamp)> {
         let began = self.began?;
         Some((began, self.end(began)))
     }
 
-    /// Which check goes on, from 1, and of how many.
+    /// Number of the current check, from 1, and the number of checks.
     pub fn progress(&self) -> (usize, usize) {
         let n = 1 + self.checks.movements.len();
         ((self.at + 1).min(n), n)
     }
 
-    /// The next annotation to be published.
+    /// The next annotation to publish.
     pub fn poll(&mut self) -> Option<Annotation> {
         (!self.annotations.is_empty()).then(|| self.annotations.remove(0))
     }
 
-    /// What is wrong, as far as is known.
+    /// Problems found so far.
     pub fn problems(&self) -> &[Problem] {
         &self.problems
     }
@@ -157,7 +157,7 @@ impl Preflight {
     }
 }
 
-/// Streams that are silent, slow or full of holes; joints that nobody sends; a load cell away from zero.
+/// Streams that are silent, slow or have gaps; joints that no source sends; a load cell away from zero.
 fn still(window: &Window, layout: &Layout, checks: &Checks) -> Vec<Problem> {
     let mut problems = Vec::new();
     for stream in layout.streams() {
@@ -205,7 +205,7 @@ fn still(window: &Window, layout: &Layout, checks: &Checks) -> Vec<Problem> {
 
 /// Joints that did not move, or not in the order in which this movement moves them.
 fn moved(window: &Window, layout: &Layout, movement: &CheckMovement, at_least: f64) -> Vec<Problem> {
-    // Of several regions, each has a finger of its own; the one that is asked for is that which moved most.
+    // With several regions, each has its own finger; the finger that moved most is taken as the instructed one.
     let spans = |part: &str| {
         let of_part = layout.joints.iter().filter(|joint| is_part(joint, part));
         let spans = of_part.filter_map(|joint| window.joints.get(joint).map(|spread| (joint.as_str(), spread.span())));
@@ -233,12 +233,12 @@ fn moved(window: &Window, layout: &Layout, movement: &CheckMovement, at_least: f
     problems.into_iter().map(Problem).collect()
 }
 
-/// Whether a joint's name has a part in it: `index_mcp_flex` has `mcp_flex`.
+/// True if a joint's name contains a part: `index_mcp_flex` has `mcp_flex`.
 fn is_part(joint: &str, part: &str) -> bool {
     joint == part || joint.ends_with(&format!("_{part}")) || joint.contains(&format!("_{part}_"))
 }
 
-/// Taxels that read the same throughout, or are at the end of their range.
+/// Taxels whose reading never changed, or is at the end of their range.
 fn dead_taxels(all: &Window, layout: &Layout) -> Vec<Problem> {
     let mut problems = Vec::new();
     for ((name, _), spreads) in layout.taxels.iter().zip(&all.taxels) {

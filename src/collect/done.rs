@@ -1,14 +1,14 @@
-//! What the annotations of a collection say has been done.
+//! Finds the completed items of a collection from its annotations.
 
 use std::collections::BTreeSet;
 
 use crate::protocol::{Annotation, Annotations, Plan, Protocol, Step, Trial};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
-/// How much before its end an item may have been ended and still be whole, s: annotations come with the screen's clock.
+/// How much before its end an item may have been ended and still be complete, s: annotations follow the screen's clock.
 const EARLY_S: f64 = 0.1;
 
-/// The items of a plan that were done from beginning to end, and the stamps of items that were begun and not ended.
+/// The completed items of a plan, and the stamps of items that were begun and not completed.
 pub fn done(annotations: &Annotations, protocol: &Protocol, plan: &Plan) -> (BTreeSet<usize>, Vec<Stamp>) {
     let mut done = BTreeSet::new();
     let mut broken = Vec::new();
@@ -35,7 +35,7 @@ pub fn done(annotations: &Annotations, protocol: &Protocol, plan: &Plan) -> (BTr
     (done, broken)
 }
 
-/// The trial that annotations begin with, how many of them are its steps, and how long it takes.
+/// The trial that the annotations begin with, the number of them that are its steps, and its duration.
 fn begun(protocol: &Protocol, plan: &Plan, annotations: &[Annotation]) -> Option<(usize, usize, f64)> {
     let first = annotations.first()?;
     let of = |trial: &Trial, annotation: &Annotation| {

@@ -1,33 +1,33 @@
-//! Whether what was done is what was asked for, by the force sensor: item by item, and in sum for a stage.
+//! Compares touches with the instruction, by the force sensor: per item, and in sum for a stage.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::protocol::{Action, ForceLevels, Trial};
 use crate::units::Newton;
 
-/// A touch begins above this and ends below half of it, N: well above a load cell's noise, below any tap asked for.
+/// A touch begins above this and ends below half of it, N: well above a load cell's noise, below any instructed tap.
 const TOUCH: f64 = 0.1;
 
-/// Of a press that is asked for, this much is to be pressed at least.
+/// Minimum fraction of an instructed press that must be pressed.
 const PRESSED: f64 = 0.5;
 
-/// Readings without load that the zero is taken from: some seconds.
+/// Number of readings without load used for the zero: some seconds.
 const ZERO_READINGS: usize = 300;
 
-/// How an item went.
+/// Quality of an item.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ItemQuality {
     /// Peak of each touch, N.
     pub peaks: Vec<f64>,
-    /// What is wrong, a line each.
+    /// Problems, a line each.
     pub problems: Vec<String>,
 }
 
-/// How a stage went.
+/// Quality of a stage.
 #[derive(Debug, Clone)]
 pub struct StageQuality {
     levels: ForceLevels,
-    /// Readings without load, the last ones, and the middle one of them, N.
+    /// Last readings without load, and their median, N.
     at_rest: VecDeque<f64>,
     zero: f64,
     items: BTreeMap<usize, ItemQuality>,
@@ -46,7 +46,7 @@ struct Doing {
 }
 
 impl StageQuality {
-    /// A stage of which nothing has been done.
+    /// A stage before its first item.
     pub fn new(levels: &ForceLevels) -> Self {
         StageQuality {
             levels: levels.clone(),
@@ -57,20 +57,20 @@ impl StageQuality {
         }
     }
 
-    /// An item begins; what came of it before is forgotten.
+    /// Begins an item; its earlier results are dropped.
     pub fn handle_begin(&mut self, item: usize) {
         self.items.remove(&item);
         self.doing = Some(Doing { item, ..Doing::default() });
     }
 
-    /// The force sensor reads this, in a step at zero load or not.
+    /// Takes a reading of the force sensor, in a step at zero load or not.
     pub fn handle_force(&mut self, force: Newton, zero_load: bool) {
         let over_zero = force.0 - self.zero;
         let Some(doing) = &mut self.doing else { return };
         if zero_load {
             doing.most_in_air = doing.most_in_air.max(over_zero);
             doing.n_air += 1;
-            // What is touched by mistake must not become the zero.
+            // An accidental touch must not become the zero.
             if over_zero.abs() < TOUCH || self.at_rest.is_empty() {
                 self.at_rest.push_back(force.0);
                 if self.at_rest.len() > ZERO_READINGS {
@@ -94,7 +94,7 @@ impl StageQuality {
         doing.n_pressed += u32::from(touching);
     }
 
-    /// The item is over; how it went.
+    /// Ends the item; returns its quality.
     pub fn handle_end(&mut self, trial: &Trial) -> Option<&ItemQuality> {
         let doing = self.doing.take()?;
         let levels = &self.levels;
@@ -125,29 +125,29 @@ impl StageQuality {
         self.items.get(&doing.item)
     }
 
-    /// An item is broken off, or no longer counts.
+    /// Drops an item that was broken off or no longer counts.
     pub fn handle_undo(&mut self, item: usize) {
         self.doing.take_if(|doing| doing.item == item);
         self.items.remove(&item);
     }
 
-    /// How each item went, by its number in the plan.
+    /// Quality of each item, by its number in the plan.
     pub fn items(&self) -> &BTreeMap<usize, ItemQuality> {
         &self.items
     }
 
-    /// Items with something wrong.
+    /// Items with problems.
     pub fn flagged(&self) -> Vec<usize> {
         self.items.iter().filter(|(_, item)| !item.problems.is_empty()).map(|(idx, _)| *idx).collect()
     }
 
-    /// What the force sensor reads without load, as far as is known, N.
+    /// Reading of the force sensor without load, if known, N.
     pub fn zero(&self) -> f64 {
         self.zero
     }
 }
 
-/// Whether three taps are a light, a medium and a heavy one.
+/// Checks that three taps are a light, a medium and a heavy one.
 fn levels_met(peaks: &[f64], levels: &ForceLevels) -> Option<String> {
     let names = ["light", "medium", "heavy"];
     let off = peaks.iter().zip(levels.taps).zip(names).find(|((peak, (from, to)), _)| !(*from..=*to).contains(*peak));

@@ -1,13 +1,13 @@
-//! What the sensors tell: their values now, how often they come, and how far they spread over a stretch of time.
+//! Sensor data: current values, rates, and the spread of values over a time window.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
-/// How long rates are counted over, ns.
+/// Window over which rates are counted, ns.
 const RATE_NS: i64 = 2 * NANOS_PER_SEC;
 
-/// What there is to be sensed.
+/// The expected sensor data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     /// Tactile sources: name, and number of taxels.
@@ -31,7 +31,7 @@ pub enum Stream {
     Force(usize),
 }
 
-/// How a value spread.
+/// Spread of a value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Number of values.
@@ -51,7 +51,7 @@ impl Default for Spread {
 }
 
 impl Spread {
-    /// Takes a value; one that is not finite is left out.
+    /// Adds a value; one that is not finite is left out.
     pub fn handle(&mut self, value: f64) {
         if !value.is_finite() {
             return;
@@ -64,7 +64,7 @@ impl Spread {
         self.squares += from_mean * (value - self.mean);
     }
 
-    /// Takes what another one has.
+    /// Adds the values of another spread.
     pub fn merge(&mut self, other: &Spread) {
         if other.n == 0 {
             return;
@@ -77,7 +77,7 @@ impl Spread {
         (self.min, self.max) = (self.min.min(other.min), self.max.max(other.max));
     }
 
-    /// Its middle; `None` without a value.
+    /// Its mean; `None` without a value.
     pub fn mean(&self) -> Option<f64> {
         (self.n > 0).then_some(self.mean)
     }
@@ -87,28 +87,28 @@ impl Spread {
         (self.n > 1).then(|| (self.squares / (self.n - 1) as f64).sqrt())
     }
 
-    /// From the smallest to the largest; 0 without a value.
+    /// Range from the smallest to the largest value; 0 without a value.
     pub fn span(&self) -> f64 {
         if self.n == 0 { 0.0 } else { self.max - self.min }
     }
 }
 
-/// What came over a stretch of time.
+/// Data received in a time window.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Window {
     /// Samples (rows) of each stream, and the longest time without one, s.
     pub streams: BTreeMap<Stream, (u64, f64)>,
-    /// `[source][taxel]`: readings as they were sent.
+    /// `[source][taxel]`: readings as sent.
     pub taxels: Vec<Vec<Spread>>,
     /// Joints by name, rad.
     pub joints: BTreeMap<String, Spread>,
     /// `[force sensor]`, N.
     pub force: Vec<Spread>,
-    /// How long, s.
+    /// Duration, s.
     pub seconds: f64,
 }
 
-/// The sensors, as they are heard.
+/// The state of the sensors, from their messages.
 #[derive(Debug, Clone)]
 pub struct Senses {
     layout: Layout,
@@ -123,7 +123,7 @@ pub struct Senses {
 }
 
 impl Senses {
-    /// Sensors that have not been heard yet.
+    /// Sensors before their first message.
     pub fn new(layout: Layout) -> Self {
         let force = vec![None; layout.force.len()];
         let mut senses = Senses {
@@ -142,10 +142,10 @@ impl Senses {
         senses
     }
 
-    /// Takes rows of taxels as they were sent.
+    /// Adds rows of taxels as sent.
     ///
     /// # Shapes
-    /// `values`: `[rows, taxels]`; others are left out, and counted by whoever decoded them.
+    /// `values`: `[rows, taxels]`; others are left out, and counted by the decoder.
     pub fn handle_taxels(&mut self, source: usize, values: &[f32], now: Stamp) {
         let n_taxels = self.layout.taxels[source].1;
         if n_taxels == 0 || values.is_empty() || !values.len().is_multiple_of(n_taxels) {
@@ -161,7 +161,7 @@ impl Senses {
         }
     }
 
-    /// Takes joint angles, rad.
+    /// Adds joint angles, rad.
     pub fn handle_joints(&mut self, source: usize, names: &[String], angles: &[f64], now: Stamp) {
         self.arrived(Stream::Joints(source), 1, now);
         for (name, angle) in names.iter().zip(angles) {
@@ -171,7 +171,7 @@ impl Senses {
         }
     }
 
-    /// Takes what a force sensor reads, positive under pressure.
+    /// Adds a force sensor reading, positive under pressure.
     pub fn handle_force(&mut self, sensor: usize, force: Newton, now: Stamp) {
         self.arrived(Stream::Force(sensor), 1, now);
         self.force[sensor] = Some(force);
@@ -179,7 +179,7 @@ impl Senses {
         self.ever.force[sensor].handle(force.0);
     }
 
-    /// What came since this was last called.
+    /// The data received since the last call.
     pub fn take_window(&mut self, now: Stamp) -> Window {
         let empty = self.empty();
         let mut window = std::mem::replace(&mut self.window, empty);
@@ -194,34 +194,34 @@ impl Senses {
         window
     }
 
-    /// How far values spread since the beginning; it counts no streams.
+    /// Spread of the values since the beginning; it counts no streams.
     pub fn ever(&self) -> &Window {
         &self.ever
     }
 
-    /// What there is to be sensed.
+    /// The expected sensor data.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Samples a second of a stream over the last two seconds.
+    /// Samples per second of a stream over the last two seconds.
     pub fn rate_hz(&self, stream: Stream, now: Stamp) -> f64 {
         let Some(arrivals) = self.arrivals.get(&stream) else { return 0.0 };
         let recent = arrivals.iter().filter(|(at, _)| now.nanos_since(*at) <= RATE_NS);
         recent.map(|(_, rows)| *rows).sum::<usize>() as f64 / seconds(RATE_NS)
     }
 
-    /// Time since a stream was last heard, s; `None` when it never was.
+    /// Time since the last message of a stream, s; `None` if there was none.
     pub fn age_s(&self, stream: Stream, now: Stamp) -> Option<f64> {
         self.last.get(&stream).map(|last| seconds(now.nanos_since(*last)))
     }
 
-    /// Whether every stream was heard.
+    /// True if every stream has sent a message.
     pub fn all_heard(&self) -> bool {
         self.layout.streams().iter().all(|stream| self.last.contains_key(stream))
     }
 
-    /// The last readings of a tactile source; NaN where there is none yet.
+    /// The last readings of a tactile source; NaN if there is none yet.
     pub fn taxels(&self, source: usize) -> &[f64] {
         &self.taxels[source]
     }
@@ -231,7 +231,7 @@ impl Senses {
         self.joints.get(name).copied()
     }
 
-    /// Names of all joints that were heard.
+    /// Names of all joints received.
     pub fn joint_names(&self) -> impl Iterator<Item = &str> {
         self.joints.keys().map(String::as_str)
     }
@@ -265,14 +265,14 @@ impl Senses {
 }
 
 impl Layout {
-    /// All streams, in the order in which people think of them.
+    /// All streams, in the order shown to users.
     pub fn streams(&self) -> Vec<Stream> {
         let taxels = (0..self.taxels.len()).map(Stream::Taxels);
         let joints = (0..self.joint_sources.len()).map(Stream::Joints);
         taxels.chain(joints).chain((0..self.force.len()).map(Stream::Force)).collect()
     }
 
-    /// What a stream is called.
+    /// The name of a stream.
     pub fn name(&self, stream: Stream) -> &str {
         match stream {
             Stream::Taxels(idx) => &self.taxels[idx].0,
@@ -283,7 +283,7 @@ impl Layout {
 }
 
 impl Window {
-    /// Takes what another stretch has.
+    /// Adds the data of another window.
     pub fn merge(&mut self, other: &Window) {
         for (stream, (n, gap_s)) in &other.streams {
             let mine = self.streams.entry(*stream).or_default();

@@ -1,33 +1,33 @@
-//! A session of a protocol as it is gone through: which item is done now, and what comes of pausing, repeating, skipping.
+//! A session of a protocol in progress: the current item, and the effect of pausing, repeating and skipping.
 
 use std::collections::{BTreeSet, VecDeque};
 
 use crate::protocol::{Annotation, Plan, Protocol, Step, Trial};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
-/// What the person says.
+/// A command from the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
-    /// Go on: with the first item, after a pause, with the next stage.
+    /// Continue: with the first item, after a pause, with the next stage.
     Go,
-    /// Pause, after which the item begins anew.
+    /// Pause; the current item is started again afterwards.
     Pause,
-    /// Do the last item again, and forget how it went.
+    /// Do the last item again, and drop its result.
     Repeat,
-    /// Leave this item out.
+    /// Skip this item.
     Skip,
 }
 
-/// What comes of time and commands.
+/// An event caused by time or a command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Happened {
-    /// An annotation is to be published and recorded.
+    /// Publish and record an annotation.
     Marked(Annotation),
     /// An item begins.
     Began(usize),
-    /// An item was done from beginning to end.
+    /// An item was completed.
     Did(usize),
-    /// An item no longer counts as done: it was broken off, or is to be repeated.
+    /// An item no longer counts as done: it was broken off, or will be repeated.
     Undid(usize),
     /// Every item of a stage was done or skipped.
     StageOver(u8),
@@ -35,34 +35,34 @@ pub enum Happened {
     Over,
 }
 
-/// Where a session is.
+/// State of a session.
 #[derive(Debug, Clone, PartialEq)]
 pub enum State {
-    /// Nothing goes on until the person says so.
+    /// Waiting for the user.
     Waiting,
-    /// The next item begins at a moment.
+    /// Waiting for the start of the next item.
     Getting {
-        /// When it begins.
+        /// Start of the item.
         until: Stamp,
-        /// Which.
+        /// The item.
         item: usize,
-        /// Whether whatever is touched is to be let go of meanwhile.
+        /// True if the user should let go of the object meanwhile.
         letting_go: bool,
     },
-    /// An item is being done.
+    /// An item is in progress.
     Doing {
-        /// Which.
+        /// The item.
         item: usize,
-        /// Which of its steps.
+        /// Its current step.
         step: usize,
-        /// When the item began.
+        /// Start of the item.
         began: Stamp,
     },
-    /// There is nothing left to do.
+    /// All items are finished.
     Over,
 }
 
-/// A session that is gone through.
+/// A session in progress.
 #[derive(Debug, Clone)]
 pub struct Session {
     protocol: Protocol,
@@ -71,9 +71,9 @@ pub struct Session {
     done: BTreeSet<usize>,
     skipped: BTreeSet<usize>,
     state: State,
-    /// Items done in this run with the stamps of their annotations, the last one last.
+    /// Items done in this run with the stamps of their annotations, in order.
     history: Vec<(usize, Vec<Stamp>)>,
-    /// Stamps of the annotations of the item that is being done.
+    /// Stamps of the annotations of the current item.
     marked: Vec<Stamp>,
     happened: VecDeque<Happened>,
 }
@@ -96,9 +96,9 @@ impl Session {
         }
     }
 
-    /// Takes note of what time it is.
+    /// Advances to the current time.
     pub fn handle_time(&mut self, now: Stamp) {
-        // Several steps may be due, when whoever calls was held up.
+        // Several steps may be due if the caller was delayed.
         loop {
             match self.state {
                 State::Getting { until, item, .. } if now >= until => self.begin(item, now),
@@ -118,7 +118,7 @@ impl Session {
         }
     }
 
-    /// Takes what the person says.
+    /// Handles a command from the user.
     pub fn handle_command(&mut self, command: Command, now: Stamp) {
         match (command, &self.state) {
             (Command::Go, State::Waiting) => self.get_ready(now, false, self.protocol.lead_s),
@@ -143,7 +143,7 @@ impl Session {
         }
     }
 
-    /// Items that are to be done again, whatever was made of them. Those of this run no longer count.
+    /// Marks items to be done again, done or skipped. Items done in this run no longer count.
     pub fn handle_redo(&mut self, items: &[usize], now: Stamp) {
         self.break_off(now);
         for item in items {
@@ -155,12 +155,12 @@ impl Session {
         self.state = State::Waiting;
     }
 
-    /// What has come of it, one after the other.
+    /// The pending events, one after the other.
     pub fn poll(&mut self) -> Option<Happened> {
         self.happened.pop_front()
     }
 
-    /// Where it is.
+    /// The state.
     pub fn state(&self) -> &State {
         &self.state
     }
@@ -170,22 +170,22 @@ impl Session {
         &self.protocol
     }
 
-    /// All items in their order.
+    /// All items in order.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Whether an item was done.
+    /// True if an item was done.
     pub fn is_done(&self, item: usize) -> bool {
         self.done.contains(&item)
     }
 
-    /// Whether an item was left out.
+    /// True if an item was skipped.
     pub fn is_skipped(&self, item: usize) -> bool {
         self.skipped.contains(&item)
     }
 
-    /// The item that is being done or comes next; `None` when there is none left.
+    /// The current or next item; `None` if none is left.
     pub fn current(&self) -> Option<usize> {
         match self.state {
             State::Doing { item, .. } | State::Getting { item, .. } => Some(item),
@@ -204,7 +204,7 @@ impl Session {
         &self.steps[item][step]
     }
 
-    /// When the step or the wait that is going on began and ends.
+    /// Start and end of the current step or wait.
     pub fn span(&self) -> Option<(Stamp, Stamp)> {
         match self.state {
             State::Getting { until, letting_go, .. } => {
@@ -219,7 +219,7 @@ impl Session {
         }
     }
 
-    /// How long what is left takes without pauses, s.
+    /// Remaining time without pauses, s.
     pub fn left_s(&self) -> f64 {
         let open = (0..self.plan.trials().len()).filter(|item| self.is_open(*item));
         open.map(|item| self.trial(item).duration_s + self.let_go_s(item)).sum()
@@ -237,7 +237,7 @@ impl Session {
         (0..self.plan.trials().len()).find(|item| self.is_open(*item))
     }
 
-    /// How long a person gets to let go of the load cell after an item, s.
+    /// Time for a user to let go of the load cell after an item, s.
     fn let_go_s(&self, item: usize) -> f64 {
         match self.steps[item].iter().any(|step| !step.zero_load) {
             true => self.protocol.let_go_s,
@@ -280,7 +280,7 @@ impl Session {
         self.go_on(item, now, self.let_go_s(item) > 0.0);
     }
 
-    /// On to the next item, or to the end of a stage.
+    /// Moves on to the next item, or to the end of a stage.
     fn go_on(&mut self, item: usize, now: Stamp, letting_go: bool) {
         let stage = self.trial(item).stage;
         let next = self.first_open();
@@ -301,7 +301,7 @@ impl Session {
         }
     }
 
-    /// Ends whatever goes on, as if it had not been begun.
+    /// Breaks off the current item or wait, as if it had not begun.
     fn break_off(&mut self, now: Stamp) {
         if let State::Doing { item, .. } = self.state {
             let stamps = std::mem::take(&mut self.marked);
@@ -317,7 +317,7 @@ impl Session {
     }
 }
 
-/// So many seconds after a stamp.
+/// A stamp this many seconds later.
 fn after(stamp: Stamp, seconds: f64) -> Stamp {
     stamp.offset((seconds * NANOS_PER_SEC as f64).round() as i64)
 }
@@ -338,7 +338,7 @@ mod tests {
         after(Stamp(0), seconds)
     }
 
-    /// Goes on until a moment, 20 times a second.
+    /// Runs the session until a time, 20 times a second.
     fn go(session: &mut Session, from_s: f64, to_s: f64) -> Vec<Happened> {
         let mut all = Vec::new();
         for k in 0..=((to_s - from_s) * 20.0) as u32 {

@@ -1,11 +1,11 @@
-//! What was asked for, and when: the annotations of a recording.
+//! The annotations of a recording: each task and its time.
 
 use crate::units::Stamp;
 
-/// What holds from a stamp until the next annotation.
+/// An annotation that holds from a stamp until the next annotation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Annotation {
-    /// From when on.
+    /// Start of the annotation.
     pub from: Stamp,
     /// Stage of the protocol, 1 to 3; 0 outside of it.
     pub stage: u8,
@@ -15,23 +15,23 @@ pub struct Annotation {
     pub pose: String,
     /// Repetition of the pose within the substage, from 0.
     pub repetition: u16,
-    /// Whether nothing touches the glove.
+    /// True if nothing touches the glove.
     pub zero_load: bool,
 }
 
 impl Annotation {
-    /// Nothing is asked for: between items, or instead of an annotation that no longer holds.
+    /// No task: between items, or in place of an annotation that no longer holds.
     pub fn outside(from: Stamp) -> Self {
         Annotation { from, stage: 0, substage: String::new(), pose: String::new(), repetition: 0, zero_load: false }
     }
 }
 
-/// All annotations of a recording, in the order of their stamps. Of two with one stamp the one that came later holds.
+/// All annotations of a recording, in the order of their stamps. Of two with the same stamp, the later added one holds.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Annotations(Vec<Annotation>);
 
 impl Annotations {
-    /// Takes one more, in any order.
+    /// Adds an annotation, in any order.
     pub fn handle(&mut self, annotation: Annotation) {
         match self.0.binary_search_by_key(&annotation.from, |known| known.from) {
             Ok(at) => self.0[at] = annotation,
@@ -39,7 +39,7 @@ impl Annotations {
         }
     }
 
-    /// Whether there is none.
+    /// True if there is none.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -49,17 +49,17 @@ impl Annotations {
         &self.0
     }
 
-    /// The one that holds at a stamp; `None` before the first.
+    /// The annotation that holds at a stamp; `None` before the first.
     pub fn at(&self, stamp: Stamp) -> Option<&Annotation> {
         self.idx_at(stamp).map(|idx| &self.0[idx])
     }
 
-    /// Index of the one that holds at a stamp; `None` before the first.
+    /// Index of the annotation that holds at a stamp; `None` before the first.
     pub fn idx_at(&self, stamp: Stamp) -> Option<usize> {
         self.0.partition_point(|annotation| annotation.from <= stamp).checked_sub(1)
     }
 
-    /// Each annotation and where it ends; the last one at `end`.
+    /// Each annotation and its end; the last one ends at `end`.
     pub fn spans(&self, end: Stamp) -> impl Iterator<Item = (&Annotation, Stamp)> {
         self.0.iter().zip(self.0.iter().skip(1).map(|next| next.from).chain([end]))
     }

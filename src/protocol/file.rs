@@ -9,16 +9,16 @@ use serde::Deserialize;
 
 use super::{CheckMovement, Checks, ForceLevels, Name, Protocol, Settings, Substage, Task};
 
-/// The longest file that is read; the paper's protocol takes a fiftieth of it.
+/// Size limit of the file; the paper's protocol takes a fiftieth of it.
 pub const MAX_BYTES: u64 = 512 << 10;
 
-/// Most items of a session; the paper's has 370.
+/// Maximum number of items in a session; the paper's has 370.
 const MAX_ITEMS: usize = 10_000;
 
-/// Longest time of one item, s.
+/// Maximum duration of one item, s.
 const MAX_SECONDS: f64 = 600.0;
 
-/// Why there is no such protocol. Each text is one line.
+/// The reason why a protocol can't be loaded. Each text is one line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum ProtocolError {
@@ -131,7 +131,7 @@ impl Protocol {
     /// A protocol from a file.
     ///
     /// # Errors
-    /// [`ProtocolError`] when it can't be read, or what it says is refused.
+    /// [`ProtocolError`] when it can't be read, or its content is refused.
     pub fn load(path: &Path) -> Result<Self, ProtocolError> {
         let failed = |reason: String| ProtocolError::Read { path: path.to_path_buf(), reason };
         let mut text = String::new();
@@ -146,7 +146,7 @@ impl Protocol {
     /// A protocol from the text of a file.
     ///
     /// # Errors
-    /// [`ProtocolError`] when it is none, or what it says is refused.
+    /// [`ProtocolError`] when it is not a protocol, or its content is refused.
     pub fn parse(text: &str) -> Result<Self, ProtocolError> {
         let file: ProtocolFile = serde_saphyr::from_str(text).map_err(|error| {
             let text = error.to_string();
@@ -199,7 +199,7 @@ impl Protocol {
 }
 
 impl Substage {
-    /// Items of a whole session.
+    /// Number of items in a whole session.
     fn n_items(&self) -> usize {
         let each = match &self.task {
             Task::Hold(names) | Task::Move { movements: names, .. } => names.len(),

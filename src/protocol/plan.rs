@@ -1,11 +1,11 @@
-//! A session of a protocol: which trial follows which, for how long.
+//! A session of a protocol: the order of its trials and their durations.
 
 use std::collections::BTreeSet;
 
 use super::{Name, Protocol, Settings, Substage, Task};
 use crate::random::Noise;
 
-/// Where a touch happens.
+/// Pose or movement during a touch.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Setting {
     /// At a pose.
@@ -16,16 +16,16 @@ pub enum Setting {
     Free,
 }
 
-/// What a person is asked to do in a trial.
+/// The user's task in a trial.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
-    /// Take a pose in the air and hold it.
+    /// Take up a pose in the air and hold it.
     Hold(Name),
     /// A movement in the air.
     Move {
-        /// Which.
+        /// The movement.
         movement: Name,
-        /// Whether the other fingers do the same.
+        /// True if the other fingers do the same.
         all_fingers: bool,
     },
     /// Move all fingers freely in the air.
@@ -38,9 +38,9 @@ pub enum Action {
     PressThrough(Vec<Name>),
     /// Press, go through movements, unpress.
     PressSequence {
-        /// Which, one after the other.
+        /// The movements, one after the other.
         movements: Vec<Name>,
-        /// Whether the other fingers do the same.
+        /// True if the other fingers do the same.
         all_fingers: bool,
     },
 }
@@ -54,25 +54,25 @@ pub struct Trial {
     pub substage: Name,
     /// Repetition within the substage, from 0.
     pub repetition: u16,
-    /// How long it takes, s.
+    /// Duration, s.
     pub duration_s: f64,
-    /// What is to be done.
+    /// The task.
     pub action: Action,
 }
 
-/// A part of a trial with an annotation of its own.
+/// A part of a trial with its own annotation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
-    /// When it begins, s into the trial.
+    /// Start, s into the trial.
     pub at_s: f64,
     /// Instructed pose or movement; empty when free.
     pub pose: Name,
-    /// Whether nothing touches the fingertip. False also while a touch is only expected.
+    /// True if nothing touches the fingertip. False also while a touch is only expected.
     pub zero_load: bool,
 }
 
 impl Trial {
-    /// What is annotated when.
+    /// The annotations and their times.
     pub fn steps(&self, protocol: &Protocol) -> Vec<Step> {
         let alone = |pose: &Name, zero_load: bool| vec![Step { at_s: 0.0, pose: pose.clone(), zero_load }];
         match &self.action {
@@ -98,18 +98,19 @@ impl Trial {
     }
 }
 
-/// The trials of a session in their order. The default is no protocol: no trial.
+/// The trials of a session in order. The default has no protocol and no trials.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plan {
     trials: Vec<Trial>,
 }
 
 impl Plan {
-    /// A session of about so many minutes, or of the whole protocol.
+    /// A session of about this many minutes, or of the whole protocol.
     ///
-    /// A shorter session has fewer repetitions of each substage, and below one repetition not every pose; each
-    /// substage, each of the movements, and the order of substages stay, so it is never shorter than [`shortest_s`](Self::shortest_s).
-    /// `order` names the random stream that orders poses: the same name, the same plan.
+    /// A shorter session has fewer repetitions of each substage, and below one repetition not every pose. Every
+    /// substage, every movement, and the order of substages stay, so it is never shorter than
+    /// [`shortest_s`](Self::shortest_s).
+    /// `order` names the random stream that orders poses: the same name gives the same plan.
     pub fn new(protocol: &Protocol, minutes: Option<f64>, order: &str) -> Plan {
         let of_share = |share: f64| Plan::of_share(protocol, share, &mut Noise::named(order));
         let Some(minutes) = minutes else { return of_share(1.0) };
@@ -124,17 +125,17 @@ impl Plan {
         of_share(high)
     }
 
-    /// How long the shortest session of a protocol takes, s.
+    /// Duration of the shortest session of a protocol, s.
     pub fn shortest_s(protocol: &Protocol) -> f64 {
         Plan::of_share(protocol, 0.0, &mut Noise::named("")).duration_s()
     }
 
-    /// The trials in their order.
+    /// The trials in order.
     pub fn trials(&self) -> &[Trial] {
         &self.trials
     }
 
-    /// How long the session takes, s.
+    /// Duration of the session, s.
     pub fn duration_s(&self) -> f64 {
         self.trials.iter().map(|trial| trial.duration_s).sum()
     }
@@ -152,7 +153,7 @@ impl Plan {
         self.trials.iter().filter(is_press).count()
     }
 
-    /// The stages that it has, in order.
+    /// The stages of the session, in order.
     pub fn stages(&self) -> BTreeSet<u8> {
         self.trials.iter().map(|trial| trial.stage).collect()
     }
@@ -199,7 +200,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Adds the share of all repetitions of `actions`, in another random order each repetition.
+    /// Adds the fraction of all repetitions of `actions`, in another random order each repetition.
     fn add_each(&mut self, substage: &Substage, mut actions: Vec<Action>) {
         let mut left = self.share_of(substage, actions.len());
         for repetition in 0..substage.repetitions {
@@ -211,7 +212,7 @@ impl Builder<'_> {
         }
     }
 
-    /// One press a repetition, through all poses in another order each.
+    /// One press per repetition, through all poses, in a different order each time.
     fn add_transitions(&mut self, substage: &Substage, poses: &[Name]) {
         let mut left = self.share_of(substage, poses.len());
         for repetition in 0..substage.repetitions {
@@ -231,7 +232,7 @@ impl Builder<'_> {
         self.trials.push(Trial { stage, substage, repetition, duration_s, action });
     }
 
-    /// How many of all items of a substage are done; `n_actions` of them make a repetition.
+    /// Number of items of a substage to do; `n_actions` of them make a repetition.
     fn share_of(&self, substage: &Substage, n_actions: usize) -> usize {
         let full = usize::from(substage.repetitions) * n_actions;
         ((full as f64 * self.share).round() as usize).clamp((substage.at_least as usize).min(full), full)

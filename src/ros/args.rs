@@ -1,45 +1,45 @@
-//! What stands after `--ros-args`, by the rules of rcl.
+//! Arguments after `--ros-args`, by the rules of rcl.
 
 use std::path::PathBuf;
 
 use super::remap::Remap;
 use super::security::Enclave;
 
-/// Everything that `--ros-args` may say.
+/// All options of `--ros-args`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RosArgs {
-    /// `-p`: overrides of parameters, as they were written.
+    /// `-p`: overrides of parameters, as text.
     pub params: Vec<String>,
     /// `--params-file`, in order.
     pub params_files: Vec<PathBuf>,
-    /// `-r`, in order: the first that matches wins.
+    /// `-r`, in order: the first match wins.
     pub remaps: Vec<Remap>,
-    /// `--log-level`: what is said at all.
+    /// `--log-level`: the lowest severity that is logged.
     pub log_level: Severity,
-    /// Whether logs go to `/rosout`.
+    /// True if logs go to `/rosout`.
     pub rosout: bool,
-    /// Whether logs go to stderr.
+    /// True if logs go to stderr.
     pub stderr: bool,
-    /// `--enclave`: the name under which SROS2 keeps this process's keys.
+    /// `--enclave`: the name of the enclave with this process's SROS2 keys.
     pub enclave: Enclave,
 }
 
-/// How grave a line of the log is. The numbers are those of `rcl_interfaces/msg/Log`.
+/// Severity of a log line. The numbers are those of `rcl_interfaces/msg/Log`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// For who looks for a fault.
+    /// For debugging.
     Debug = 10,
-    /// What one wants to know.
+    /// Normal operation.
     Info = 20,
-    /// Something is not as it should be, and the node goes on.
+    /// Something is wrong, but the node goes on.
     Warn = 30,
-    /// Something that was asked for can't be done.
+    /// A request can't be carried out.
     Error = 40,
     /// The node can't go on.
     Fatal = 50,
 }
 
-/// Arguments that rcl would refuse, or that this node can't follow.
+/// Arguments that rcl would refuse, or that this node doesn't support.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum RosArgsError {
@@ -72,7 +72,7 @@ impl Default for RosArgs {
 }
 
 impl RosArgs {
-    /// Reads arguments that begin with `--ros-args`; several such groups may follow each other, each ended by `--`.
+    /// Reads arguments that begin with `--ros-args`. There may be several such groups, each ended by `--`.
     ///
     /// # Errors
     /// [`RosArgsError`] naming the argument that can't be read.
@@ -105,7 +105,7 @@ impl RosArgs {
                 "--disable-rosout-logs" => parsed.rosout = false,
                 "--enable-stdout-logs" => parsed.stderr = true,
                 "--disable-stdout-logs" => parsed.stderr = false,
-                // rcl's logging to a file by an external library, which launch may switch: there is none here.
+                // rcl can log to a file by an external library, which launch may switch on or off; this node has none.
                 "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
                 _ => return Err(RosArgsError::Unknown { got: arg.to_owned() }),
             }

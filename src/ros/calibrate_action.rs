@@ -1,4 +1,4 @@
-//! The `~/calibrate` action and the calibration that it and `~/tare` run.
+//! The `~/calibrate` action, and the calibration that it shares with `~/tare`.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
@@ -28,22 +28,23 @@ use super::threads::Vital;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 use crate::zero::{Donning, Zero, ZeroFrom};
 
-/// How often it is looked how far a calibration is; a person calibrates for seconds.
+/// How often the progress of a calibration is checked; a calibration takes seconds.
 const POLL: Duration = Duration::from_millis(20);
 
-/// How often feedback is given.
+/// How often feedback is sent.
 const FEEDBACK: Duration = Duration::from_millis(500);
 
-/// Results that are kept for clients that ask for them late.
+/// Number of results kept for clients that ask late.
 const KEPT_RESULTS: usize = 16;
 
-/// Clients that may wait for the result of a goal; whoever comes then is told that it is unknown.
+/// Number of clients that may wait for the result of a goal; any further client gets "unknown".
 const MAX_ASKED: usize = 64;
 
 /// Longest calibration that a goal may ask for, as in the table of parameters.
 const MAX_DURATION: Duration = Duration::from_secs(600);
 
-/// Collects for a while, judges what came, and has the engine use it. What became of it is in the result.
+/// Collects samples for a while, judges them, and applies the calibration in the engine. The result reports the
+/// outcome.
 pub(super) async fn calibrate(
     shared: &Shared,
     purpose: Purpose,
@@ -89,7 +90,7 @@ async fn conclude(
     cfg: crate::config::Config,
     purpose: Purpose,
 ) -> CalibrateResult {
-    // A tare keeps the gains that are known: in a few seconds the hand may not have moved.
+    // A tare keeps the known gains: in a few seconds the hand may not have moved.
     let mut before = Donning::default();
     if purpose == Purpose::Tare {
         let (reply, known) = oneshot::channel();
@@ -137,7 +138,7 @@ async fn conclude(
     result
 }
 
-/// A goal that is being worked on.
+/// A goal in progress.
 struct Active {
     goal: GoalId,
     cancelled: Rc<Cell<bool>>,
@@ -145,7 +146,7 @@ struct Active {
     result: oneshot::Receiver<CalibrateResult>,
 }
 
-/// What is known of goals.
+/// The known goals.
 struct Goals {
     feedback: Sender<FeedbackMessage<CalibrateFeedback>>,
     status: Sender<GoalStatusArray>,
@@ -218,7 +219,7 @@ impl Goals {
         tokio::task::spawn_local(async move {
             let _vital = Vital::new("calibrate");
             let give = |feedback| {
-                let _ = feedback_sender.send(feedback); // the action server is there as long as the node is
+                let _ = feedback_sender.send(feedback); // the action server lives as long as the node
             };
             let result = calibrate(&shared, Purpose::Calibrate, duration, give, || cancel.get()).await;
             let _ = result_sender.send(result);
@@ -253,7 +254,7 @@ impl Goals {
         let _ = answer(GetResultResponse { status, result }).await; // the client may ask again
     }
 
-    /// Answers who asked for the result of a goal that is not at work.
+    /// Answers requests for the result of a goal that is not in progress.
     async fn answer_results(&mut self) {
         let at_work = |goal: &GoalId| self.active.as_ref().is_some_and(|active| active.goal == *goal);
         let (waiting, due): (Vec<_>, Vec<_>) = self.asked.drain(..).partition(|(goal, _)| at_work(goal));

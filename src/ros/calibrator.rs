@@ -1,5 +1,5 @@
-//! A calibration in the air while the node runs: samples are collected, then judged by the model before their baseline
-//! is taken. Pure but for the time it is told.
+//! A calibration in the air while the node runs: samples are collected, then the model judges them before their
+//! baseline is used. Pure: time is an argument.
 
 use std::time::Duration;
 
@@ -12,10 +12,10 @@ use crate::msg::{CalibrateFeedback, CalibrateResult, Duration as WireDuration};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp, nanos};
 use crate::zero::{self, ArtifactCollector, ArtifactTimes, Donning, LoadCheck, Movement, Rest, ZeroError, ZeroFrom};
 
-/// All of a calibration is at rest.
+/// The hand is at rest during the whole calibration.
 const EVER: Rest = Rest { from: Stamp(i64::MIN), to: Stamp(i64::MAX) };
 
-/// An event that owns what it holds, so that it can be kept.
+/// An event that owns its data, so that it can be stored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Sample {
     /// As [`TactileBlock`].
@@ -73,16 +73,16 @@ impl Sample {
     }
 }
 
-/// What a calibration is for.
+/// The purpose of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// A new calibration, in which the hand goes through its poses.
+    /// A full calibration, in which the hand goes through its poses.
     Calibrate,
-    /// A quick new zero, in which the hand may be still.
+    /// A quick new zero, in which the hand may stay still.
     Tare,
 }
 
-/// A calibration that is under way.
+/// A calibration in progress.
 pub struct Calibrator {
     cfg: Config,
     purpose: Purpose,
@@ -94,7 +94,7 @@ pub struct Calibrator {
 }
 
 impl Calibrator {
-    /// One that collects for `duration`.
+    /// A calibration that collects for `duration`.
     pub fn new(cfg: &Config, purpose: Purpose, duration: Duration) -> Self {
         let hole_ns = nanos(cfg.fusion.timing.max_gap).max(NANOS_PER_SEC / 2);
         let sources = &cfg.fusion.tactile_sources;
@@ -131,7 +131,7 @@ impl Calibrator {
         self.samples.push(sample);
     }
 
-    /// How far it has come.
+    /// Progress of the calibration.
     pub fn feedback(&self, elapsed: Duration) -> CalibrateFeedback {
         let (joints, joint_span) = self.movement.spans();
         CalibrateFeedback {
@@ -144,10 +144,10 @@ impl Calibrator {
         }
     }
 
-    /// Ends it: what is to be used, or nothing where the result says why not.
+    /// Ends the calibration. Returns the baselines to use, or `None`; the result then gives the reason.
     ///
-    /// `judge` is a core of the same configuration that nothing was shown yet; `before` what was known of the donning and is
-    /// still true.
+    /// `judge` is a core of the same configuration that has received no input yet. `before`: the facts about the
+    /// donning that were known before and are still true.
     pub fn finish(self, judge: Fusion, before: &Donning) -> (Option<Donning>, CalibrateResult) {
         let (joints, joint_span) = self.movement.spans();
         let mut result = CalibrateResult {
@@ -176,7 +176,7 @@ impl Calibrator {
         }
     }
 
-    /// What was found, and what is to be said about it.
+    /// The findings, and the messages about them.
     fn judged(&self, judge: Fusion, before: &Donning) -> Result<(Donning, String), String> {
         let limits = zero::limits(&self.cfg.calibration);
         let limits = CalibrationLimits { min_s: limits.min_s.min(self.duration.as_secs_f64() / 2.0), ..limits };
@@ -195,7 +195,7 @@ impl Calibrator {
         Ok((donning, noted.join("; ")))
     }
 
-    /// The artifacts of what was collected, where models tell artifacts.
+    /// The artifacts of the collected samples, for models that estimate artifacts.
     fn artifacts(
         &self,
         judge: &Fusion,
@@ -217,7 +217,7 @@ impl Calibrator {
         collector.finish(before)
     }
 
-    /// Has the models read what was collected.
+    /// Runs the models on the collected samples.
     fn check_load(
         &self,
         mut judge: Fusion,
@@ -248,7 +248,7 @@ impl Calibrator {
         self.cfg.fusion.tactile_sources.iter().map(|source| source.n_taxels as u32).collect()
     }
 
-    /// Noise of each taxel so far; NaN where there is none yet.
+    /// Noise of each taxel so far; NaN if there is none yet.
     fn noise(&self) -> Vec<f32> {
         let limits = CalibrationLimits { min_s: 0.0, max_force: Newton(f64::MAX), max_loaded_fraction: 1.0 };
         let of_source = |(builder, source): (&BaselineBuilder, &crate::fusion::TactileSource)| {

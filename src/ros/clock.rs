@@ -1,4 +1,4 @@
-//! What time it is: that of the system, or that of `/clock`.
+//! The node's time: system time or the time on `/clock`.
 
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -9,7 +9,7 @@ use crate::units::Stamp;
 #[derive(Debug)]
 pub(super) struct Clock {
     started: Instant,
-    /// ns of `/clock`; none where the time is that of the system.
+    /// Time of `/clock`, ns; `None` if system time is used.
     sim: Option<AtomicI64>,
 }
 
@@ -18,19 +18,19 @@ impl Clock {
         Clock { started: Instant::now(), sim: use_sim_time.then(|| AtomicI64::new(0)) }
     }
 
-    /// Takes the time of `/clock`.
+    /// Stores the time from `/clock`.
     pub(super) fn handle_clock(&self, time: Stamp) {
         if let Some(sim) = &self.sim {
             sim.store(time.0, Ordering::Relaxed);
         }
     }
 
-    /// ROS time. Under sim time it is 0 until `/clock` was heard.
+    /// ROS time. With sim time it is 0 until the first message on `/clock`.
     pub(super) fn now(&self) -> Stamp {
         self.sim.as_ref().map_or_else(system_now, |sim| Stamp(sim.load(Ordering::Relaxed)))
     }
 
-    /// Whether the time is that of `/clock`.
+    /// True if the time is that of `/clock`.
     pub(super) fn is_sim(&self) -> bool {
         self.sim.is_some()
     }

@@ -1,39 +1,39 @@
-//! The numbers behind `/diagnostics`: rates, ages, jitter, latency, and whether they keep their budgets. Pure: time is
-//! an argument, as the span since any fixed moment.
+//! The numbers behind `/diagnostics`: rates, ages, jitter, latency, and their budgets. Pure: time is an argument, as
+//! the span since any fixed moment.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// How well something is. The numbers are those of `diagnostic_msgs/msg/DiagnosticStatus`.
+/// Status level. The numbers are those of `diagnostic_msgs/msg/DiagnosticStatus`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// As it should be.
+    /// Normal.
     Ok = 0,
-    /// Not as it should be.
+    /// Something is wrong.
     Warn = 1,
-    /// Not as it should be for longer than can be borne.
+    /// Something has been wrong for longer than its limit.
     Error = 2,
-    /// There is nothing.
+    /// There is no data.
     Stale = 3,
 }
 
-/// What is said of one part of the node.
+/// Status of one part of the node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
-    /// Which part.
+    /// Name of the part.
     pub name: String,
-    /// How well it is.
+    /// Its level.
     pub level: Level,
-    /// In a few words.
+    /// Summary in a few words.
     pub message: String,
-    /// Names and values.
+    /// Keys and values.
     pub values: Vec<(String, String)>,
 }
 
-/// Longest stretch of arrivals that a rate is taken over.
+/// Longest window over which a rate is computed.
 const RATE_WINDOW: Duration = Duration::from_secs(2);
 
-/// Most arrivals that are kept for a rate: 2 s at 4 kHz.
+/// Maximum number of arrivals kept for a rate: 2 s at 4 kHz.
 const MAX_ARRIVALS: usize = 8192;
 
 /// Rate, jitter and age of a stream.
@@ -45,7 +45,7 @@ pub struct RateMeter {
 }
 
 impl RateMeter {
-    /// Takes note of an arrival.
+    /// Records an arrival.
     pub fn handle_arrival(&mut self, now: Duration) {
         self.n_total += 1;
         self.last = Some(now);
@@ -55,14 +55,14 @@ impl RateMeter {
         self.arrivals.push_back(now);
     }
 
-    /// Forgets arrivals that are too long ago to tell the rate of now.
+    /// Drops arrivals that are too old for the current rate.
     pub fn poll(&mut self, now: Duration) {
         while self.arrivals.front().is_some_and(|first| now.saturating_sub(*first) > RATE_WINDOW) {
             self.arrivals.pop_front();
         }
     }
 
-    /// Arrivals a second over the last two; none below two arrivals.
+    /// Arrivals per second over the last two seconds; `None` below two arrivals.
     pub fn rate_hz(&self) -> Option<f64> {
         let span = self.arrivals.back()?.saturating_sub(*self.arrivals.front()?).as_secs_f64();
         (span > 0.0).then(|| (self.arrivals.len() - 1) as f64 / span)
@@ -85,13 +85,13 @@ impl RateMeter {
         self.last.map(|last| now.saturating_sub(last))
     }
 
-    /// All that ever arrived.
+    /// Total number of arrivals.
     pub fn n_total(&self) -> u64 {
         self.n_total
     }
 }
 
-/// Most latencies that are kept between two reports: 16 s at 1 kHz.
+/// Maximum number of latencies kept between two reports: 16 s at 1 kHz.
 const MAX_LATENCIES: usize = 16_384;
 
 /// Latencies since the last report.
@@ -100,26 +100,26 @@ pub struct Latencies {
     nanos: Vec<i64>,
 }
 
-/// Latencies of a stretch of time, ms.
+/// Latencies of a time window, ms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Percentiles {
-    /// Half are below.
+    /// Median.
     pub p50: f64,
-    /// 99 of 100 are below.
+    /// 99th percentile.
     pub p99: f64,
-    /// The largest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Latencies {
-    /// Takes one. Those beyond what is kept are left out.
+    /// Records a latency. Latencies beyond the maximum number are dropped.
     pub fn handle(&mut self, nanos: i64) {
         if self.nanos.len() < MAX_LATENCIES {
             self.nanos.push(nanos);
         }
     }
 
-    /// What was taken since the last call; none when nothing was.
+    /// The latencies since the last call; `None` if there were none.
     pub fn take(&mut self) -> Option<Percentiles> {
         self.nanos.sort_unstable();
         // Nearest rank: the smallest value with at least that share at or below it.
@@ -131,7 +131,7 @@ impl Latencies {
     }
 }
 
-/// A limit that may be passed for a while.
+/// A limit that may be exceeded for a while.
 #[derive(Debug, Clone)]
 pub struct Budget {
     sustained: Duration,
@@ -139,12 +139,12 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// A budget that is an error once it was not kept for `sustained`.
+    /// A budget that becomes an error after it was exceeded for `sustained`.
     pub fn new(sustained: Duration) -> Self {
         Budget { sustained, over_since: None }
     }
 
-    /// Takes whether the budget is kept at `now`.
+    /// Records whether the budget is kept at `now`.
     pub fn handle(&mut self, now: Duration, kept: bool) -> Level {
         if kept {
             self.over_since = None;

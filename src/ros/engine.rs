@@ -1,4 +1,4 @@
-//! The thread that reads inputs and runs the core. It never publishes and never waits for anyone who does.
+//! The thread that reads inputs and runs the core. It never publishes and never waits for the publisher.
 
 mod report;
 
@@ -28,78 +28,78 @@ use crate::msg::{Outgoing, Slot, to_cdr};
 use crate::units::{Stamp, nanos};
 use crate::zero::Donning;
 
-/// What is recorded, in the order in which it was handled.
+/// A record for the recording, in the order of handling.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Record {
-    /// A message came in.
+    /// An input message.
     Input {
         /// Index into [`Names::inputs`](super::Names::inputs).
         input: usize,
-        /// When it came.
+        /// Its receipt time.
         received: Stamp,
         /// The message.
         cdr: Vec<u8>,
     },
-    /// A message went out, or would have gone if the node were active.
+    /// An output message. It is recorded even while the node is inactive and does not publish it.
     Output {
-        /// Which one.
+        /// Which output.
         slot: Slot,
-        /// When the input came that completed it.
+        /// Receipt time of the input that completed it.
         received: Stamp,
         /// The message.
         cdr: Vec<u8>,
     },
 }
 
-/// What the engine is told by the rest of the node.
+/// Commands to the engine from the rest of the node.
 pub(super) enum Command {
-    /// These models and baselines are to run.
+    /// Run these models and baselines.
     Configure(Box<Core>),
-    /// Nothing is to run.
+    /// Run nothing.
     CleanUp,
-    /// Whether to publish.
+    /// True to publish.
     Active(bool),
-    /// Contact thresholds, one a region.
+    /// Contact thresholds, one per region.
     Thresholds(Vec<ContactThresholds>),
-    /// What a calibration found, and where it is from; answers whether it is in use.
+    /// The result of a calibration and its origin; replies true if it is in use.
     Calibrated(Box<Donning>, String, oneshot::Sender<Result<(), String>>),
-    /// Answers what is known of the donning beside its baselines.
+    /// Replies with the known facts about the donning, except its baselines.
     Known(oneshot::Sender<Donning>),
-    /// Send a copy of each sample there, until that end is dropped.
+    /// Send a copy of each sample to this channel, until its receiver is dropped.
     Tap(mpsc::UnboundedSender<Sample>),
-    /// The end.
+    /// Stop.
     Stop,
 }
 
-/// What is there while the node is configured.
+/// The engine's data while the node is configured.
 pub(super) struct Core {
     pub(super) fusion: Fusion,
-    /// What runs each model, for people.
+    /// The backend of each model, for log messages.
     pub(super) models: Vec<(String, String)>,
-    /// Where the baseline is from; none where there is none.
+    /// Origin of the baseline; `None` if there is no baseline.
     pub(super) calibration: Option<String>,
 }
 
 /// A topic that feeds the core.
 pub(super) struct Input {
-    /// What each source wants of it.
+    /// The requirements of each source for this topic.
     pub(super) wanted: Vec<Wanted>,
     pub(super) subscription: Subscription,
-    /// One a source that reads from it.
+    /// One per source that reads from it.
     pub(super) bindings: Vec<SampleBinding>,
 }
 
-/// Where the engine's messages go.
+/// Destination of the engine's messages.
 #[derive(Debug, Clone)]
 pub(super) struct Outputs {
     pub(super) wrenches: Vec<OutIdx>,
     pub(super) contacts: OutIdx,
     pub(super) diagnostics: OutIdx,
-    /// Topics of estimates, and the QoS that they are offered with.
+    /// Topics of estimates, and the QoS offered on them.
     pub(super) offers: Vec<(String, QosProfile)>,
 }
 
-/// How long it may take to handle what came before the end.
+/// Time limit for handling the messages received before the end.
 const LAST_INPUTS_LIMIT: Duration = Duration::from_millis(100);
 
 pub(super) struct Engine {
@@ -111,7 +111,7 @@ pub(super) struct Engine {
     pub(super) neighbours: Option<Neighbours>,
 }
 
-/// What runs while messages come.
+/// The engine's state while messages are handled.
 struct Running {
     engine: Engine,
     watched: Watched,
@@ -122,9 +122,9 @@ struct Running {
     watchdog: Watchdog,
     order: Order,
     budgets: BTreeMap<String, Budget>,
-    /// Tactile sources that were said to be stale.
+    /// Tactile sources that were reported stale.
     said_stale: BTreeSet<usize>,
-    /// When it was said last that no source comes.
+    /// Time of the last report that no source sends anything.
     silent_said: Option<Duration>,
     tap: Option<mpsc::UnboundedSender<Sample>>,
     received: Stamp,
@@ -133,7 +133,7 @@ struct Running {
 }
 
 impl Engine {
-    /// Reads and estimates until it is told to stop.
+    /// Reads inputs and computes estimates until it is stopped.
     pub(super) async fn run(self, inputs: Vec<Input>, mut commands: mpsc::UnboundedReceiver<Command>) {
         let mut running = Running {
             watchdog: Watchdog::new(
@@ -164,7 +164,7 @@ impl Engine {
             .enumerate()
             .map(|(idx, input)| input.subscription.arrivals().map(move |incoming| (idx, incoming)));
         let mut incoming = futures::stream::select_all(streams);
-        // As fine as the watchdog needs to be within a tenth of its limit.
+        // Short enough that the watchdog is accurate to a tenth of its limit.
         let timeout = running.engine.cfg.live.tactile_timeout;
         let mut watch = tokio::time::interval((timeout / 10).max(Duration::from_millis(1)));
         watch.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
@@ -182,7 +182,7 @@ impl Engine {
                 Some((idx, message)) = incoming.next() => running.handle_incoming(idx, message),
             }
         }
-        // What had come by then is in the recording, too.
+        // The recording also holds all messages received by then.
         let leaving = Instant::now();
         while leaving.elapsed() < LAST_INPUTS_LIMIT
             && let Some(Some((idx, message))) = incoming.next().now_or_never()
@@ -217,7 +217,7 @@ impl Running {
                 }
             }
             Command::Calibrated(donning, from, reply) => {
-                let _ = reply.send(self.install(&donning, from)); // who asked may be gone
+                let _ = reply.send(self.install(&donning, from)); // the receiver may be gone
             }
             Command::Known(reply) => {
                 let _ = reply.send(self.core.as_ref().map(|core| Donning::of(&core.fusion)).unwrap_or_default());
@@ -250,9 +250,9 @@ impl Running {
             self.watched.inputs[source].handle_arrival(now, publisher);
         }
         let stamp = if self.engine.clock.is_sim() { self.engine.clock.now() } else { arrived };
-        // Receipts only grow, so that a recording replays in the order in which it was handled.
+        // Receipt times only increase, so that a recording replays in the order of handling.
         self.received = stamp.max(self.received.offset(1));
-        // Without a core nothing handles it, and replay must not either.
+        // Without a core the message is not handled, and replay must not handle it either.
         if let Some(recorder) = self.engine.recorder.as_ref().filter(|_| self.core.is_some()) {
             let record = Record::Input { input, received: self.received, cdr: cdr.clone() };
             if let Err(error) = recorder.try_send(record) {
@@ -273,7 +273,7 @@ impl Running {
         (0..self.bindings[input].len()).for_each(|part| self.handle_part(input, part, &cdr, arrived));
     }
 
-    /// Takes what a message holds for one of the sources that read from its topic.
+    /// Reads a message for one of the sources that use its topic.
     fn handle_part(&mut self, input: usize, part: usize, cdr: &[u8], arrived: Stamp) {
         let now = self.engine.clock.running();
         let source = self.source_of(input, part);
@@ -295,7 +295,7 @@ impl Running {
         self.drain(arrived);
     }
 
-    /// Leaves what the core has ready to be published.
+    /// Queues the core's outputs for publishing.
     fn drain(&mut self, arrived: Stamp) {
         let (Some(core), Some(outgoing)) = (&mut self.core, &mut self.outgoing) else { return };
         let failure = loop {
@@ -323,7 +323,7 @@ impl Running {
         self.outgoing = None;
     }
 
-    /// Says which tactile sources have stopped, so that nobody goes on with their last force.
+    /// Reports tactile sources that have stopped, so that no subscriber goes on with their last force.
     fn watch(&mut self) {
         let now = self.engine.clock.running();
         if self.core.is_none() {
@@ -332,7 +332,7 @@ impl Running {
         let mut barked = false;
         while let Some((source_idx, silence, first)) = self.watchdog.poll(now) {
             let source = &self.engine.cfg.fusion.tactile_sources[source_idx];
-            // One that was never heard is said with the other inputs, once the graph has had time to be found.
+            // A source that never sent anything is reported with the other inputs, after time for discovery.
             if first && self.watched.inputs[source_idx].meter().n_total() > 0 {
                 self.said_stale.insert(source_idx);
                 let what = match silence {
@@ -345,7 +345,7 @@ impl Running {
             }
             barked = true;
         }
-        // Where a source still comes, the contacts of its frames say which others don't.
+        // If another source still sends, the contacts of its frames report which sources are missing.
         let regions = &self.engine.cfg.fusion.regions;
         if !barked || !regions.iter().all(|region| self.watchdog.is_stale(region.source.0)) {
             return;
@@ -356,7 +356,7 @@ impl Running {
             let time = self.engine.clock.now();
             let stamps = regions.iter().map(|region| self.order.silent(region.source.0, time));
             let contacts = outgoing.silent(stamps.max().unwrap_or(time));
-            // Not recorded: that time passed is no event, so replay could not say it again.
+            // Not recorded: elapsed time is not an event, so replay could not reproduce it.
             self.engine.outbox.send(self.engine.outputs.contacts, to_cdr(&contacts), None);
         }
     }
@@ -406,7 +406,7 @@ fn outgoing(fusion: &Fusion) -> Outgoing {
     Outgoing::new(fusion.config(), &contracts)
 }
 
-/// Leaves the messages of a tick to be published and to be recorded.
+/// Queues the messages of a tick for publishing and for the recording.
 fn send(
     engine: &Engine,
     recorder: Option<&SyncSender<Record>>,

@@ -18,19 +18,19 @@ use crate::config::{Config, NameError, NodeName};
 use crate::leave;
 use crate::msg::EstimateTopics;
 
-/// How often it is looked whether the middleware is at work.
+/// How often the middleware is checked.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// The names that the node's inputs and outputs go by.
+/// The names of the node's inputs and outputs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Names {
     /// Each topic once, in the order in which tactile sources, then joint sources, first name it.
     pub inputs: Vec<InputName>,
-    /// Where estimates go.
+    /// Topics of the estimates.
     pub estimates: EstimateTopics,
 }
 
-/// A topic that feeds the core, once, however many sources read from it.
+/// A topic that feeds the core; listed once, even if several sources read from it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InputName {
     /// Its name.
@@ -44,7 +44,7 @@ pub struct InputName {
 }
 
 impl Names {
-    /// The names that a configuration and remaps make.
+    /// The names from a configuration and remaps.
     ///
     /// # Errors
     /// [`NameError`] when a remap's names can't be expanded.
@@ -68,7 +68,7 @@ impl Names {
     }
 }
 
-/// The input of a name and type: the one that is there, or a new one.
+/// The input of a name and type: an existing one, or a new one.
 fn named<'n>(inputs: &'n mut Vec<InputName>, topic: String, type_name: &str) -> &'n mut InputName {
     let known = inputs.iter().position(|input| input.topic == topic && input.type_name == type_name);
     let idx = known.unwrap_or_else(|| {
@@ -78,18 +78,18 @@ fn named<'n>(inputs: &'n mut Vec<InputName>, topic: String, type_name: &str) -> 
     &mut inputs[idx]
 }
 
-/// What makes entities. Dropped, it leaves the graph: a DDS participant that is only dropped may still be discovering others.
+/// Creates entities. Dropping it leaves the graph: a DDS participant that is only dropped may still run discovery.
 pub(super) struct Graph {
-    /// `None` once it has left.
+    /// `None` after leaving.
     participant: Option<Participant>,
-    /// Whether it has, for who watches over the middleware.
+    /// True after leaving; read by the check of the middleware.
     left: Arc<AtomicBool>,
     name: NodeName,
     remaps: Vec<Remap>,
 }
 
 impl Graph {
-    /// Joins the graph as a node. Where the middleware sends and receives nothing any more, the process is to end.
+    /// Joins the graph as a node. If the middleware stops sending and receiving, the process ends.
     pub(super) fn join(name: &NodeName, environment: &Environment, remaps: &[Remap]) -> Result<Self, NodeError> {
         let participant = Participant::join(name, environment)?;
         let (mut pulse, left) = (participant.pulse(), Arc::new(AtomicBool::new(false)));
@@ -105,22 +105,22 @@ impl Graph {
         Ok(Graph { participant: Some(participant), left, name: name.clone(), remaps: remaps.to_vec() })
     }
 
-    /// What a person should know about the graph that was joined.
+    /// Notes for the user about the graph.
     pub(super) fn note(&self) -> Option<String> {
         self.participant.as_ref().and_then(Participant::note)
     }
 
-    /// Who else is in the graph, where the middleware is asked.
+    /// The other nodes' entities in the graph, if the middleware provides them.
     pub(super) fn neighbours(&self) -> Option<Neighbours> {
         self.participant.as_ref().and_then(Participant::neighbours)
     }
 
-    /// What waits until reliable subscribers have what was published.
+    /// Waits until reliable subscribers have received everything published.
     pub(super) fn settle(&self) -> Settle {
         self.participant.as_ref().expect("only dropping takes it").settle()
     }
 
-    /// Leaves the graph, when everything that was made here has been dropped.
+    /// Leaves the graph, after all entities created here have been dropped.
     pub(super) fn leave(self) {
         drop(self);
     }
@@ -197,7 +197,7 @@ pub(super) fn service_qos() -> QosProfile {
     QosProfile::publisher_default().history(History::KeepLast { depth: 10 })
 }
 
-/// Reliable, the last `depth`, and never waiting for a reader.
+/// Reliable, the last `depth`, never waiting for a subscriber.
 pub(super) fn reliable_qos(depth: usize, durability: Durability) -> QosProfile {
     let qos = QosProfile::publisher_default().reliability(Reliability::Reliable { when_full: WhenFull::Fail });
     qos.history(History::KeepLast { depth }).durability(durability)

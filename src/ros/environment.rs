@@ -1,37 +1,37 @@
-//! What the environment says to every ROS 2 process.
+//! The environment variables that every ROS 2 process reads.
 
 use std::path::PathBuf;
 
 use super::security::{Enclave, Security};
 
-/// The environment, as far as this node follows it.
+/// The environment variables that this node supports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Environment {
     /// `ROS_DOMAIN_ID`.
     pub domain_id: u16,
-    /// Whether other hosts are out of reach: `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST` or `ROS_LOCALHOST_ONLY=1`.
+    /// True if other hosts are out of reach: `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST` or `ROS_LOCALHOST_ONLY=1`.
     pub localhost_only: bool,
-    /// What is spoken, by `RMW_IMPLEMENTATION`.
+    /// The middleware, from `RMW_IMPLEMENTATION`.
     pub middleware: Middleware,
-    /// DDS security, where `ROS_SECURITY_ENABLE=true` and this build has it.
+    /// DDS security, if `ROS_SECURITY_ENABLE=true` and this build has it.
     pub security: Option<Security>,
     /// `AMENT_PREFIX_PATH`: where installed packages keep their message definitions.
     pub prefixes: Vec<PathBuf>,
-    /// What a person should know, a line each.
+    /// Notes for the user, one line each.
     pub notes: Vec<String>,
 }
 
-/// What carries messages from node to node.
+/// The middleware that carries messages between nodes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Middleware {
-    /// DDS, and whose way of calling services.
+    /// DDS, and which vendor's mapping of services.
     Dds(ServiceStyle),
-    /// Zenoh, as rmw_zenoh speaks it.
+    /// Zenoh, compatible with rmw_zenoh.
     #[cfg(feature = "zenoh")]
     Zenoh(ZenohVars),
 }
 
-/// What rmw_zenoh is told by variables of its own.
+/// The variables that only rmw_zenoh reads.
 #[cfg(feature = "zenoh")]
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ZenohVars {
@@ -41,7 +41,7 @@ pub struct ZenohVars {
     pub overrides: String,
 }
 
-/// How requests and replies are told apart on the wire. DDS vendors differ in it.
+/// How requests and replies are matched on the wire. DDS vendors differ in this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ServiceStyle {
     /// Fast DDS, the default of ROS 2, and Connext.
@@ -50,7 +50,7 @@ pub enum ServiceStyle {
     Cyclone,
 }
 
-/// A variable that this node can't follow.
+/// A variable with a value that this node doesn't support.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{variable}={value}: {reason}")]
 pub struct EnvironmentError {
@@ -59,15 +59,15 @@ pub struct EnvironmentError {
     reason: &'static str,
 }
 
-/// The last domain whose ports exist: RTPS 2.5, 9.6.2.3 has them at 7400 + 250 x domain.
+/// The last domain with valid ports: RTPS 2.5, 9.6.2.3 has them at 7400 + 250 x domain.
 const MAX_DOMAIN_ID: u16 = 232;
 
 impl Environment {
-    /// Reads the variables through `var`, which gives the value of one that is set, for a process that `--enclave` gives
-    /// this enclave.
+    /// Reads the variables through `var`, which returns the value of a variable that is set. `--enclave` gives the
+    /// process this enclave.
     ///
     /// # Errors
-    /// [`EnvironmentError`] for a value that can't be read, or asks for what this node has not.
+    /// [`EnvironmentError`] for a value that can't be read, or asks for something that this node doesn't have.
     pub fn from_vars(var: impl Fn(&str) -> Option<String>, enclave: &Enclave) -> Result<Self, EnvironmentError> {
         let set = |variable: &str| var(variable).filter(|value| !value.is_empty());
         let refuse = |variable, value: &str, reason| EnvironmentError { variable, value: value.to_owned(), reason };
@@ -153,7 +153,7 @@ impl Environment {
     }
 }
 
-/// Security as it is asked for; rcl knows a strategy by its exact name and takes any other as Permissive.
+/// The requested security; rcl accepts a strategy by its exact name and takes any other as Permissive.
 fn security(set: impl Fn(&str) -> Option<String>, enclave: &Enclave) -> Result<Security, EnvironmentError> {
     let variable = "ROS_SECURITY_ENCLAVE_OVERRIDE";
     let enclave = match set(variable) {
@@ -170,7 +170,7 @@ fn security(set: impl Fn(&str) -> Option<String>, enclave: &Enclave) -> Result<S
     })
 }
 
-/// Why a process can't have security, where it can't.
+/// The reason why a process can't have security, if it can't.
 fn no_security(middleware: &Middleware) -> Option<&'static str> {
     match middleware {
         #[cfg(feature = "zenoh")]

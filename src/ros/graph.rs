@@ -1,41 +1,41 @@
-//! Why nothing comes on a topic, from who was discovered in the graph. Pure.
+//! Explains why no messages arrive on a topic, from the entities discovered in the graph. Pure.
 
 use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, Reliability};
 
-/// A publisher or subscription of somebody else.
+/// A publisher or subscription of another node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Endpoint {
     /// Absolute name of its topic.
     pub topic: String,
     /// Canonical name of its type.
     pub type_name: String,
-    /// RIHS01 hash of its type, where it tells one.
+    /// RIHS01 hash of its type, if it announces one.
     pub type_hash: Option<String>,
-    /// What it offers, or asks for.
+    /// QoS that it offers or requests.
     pub qos: QosProfile,
 }
 
-/// A subscription of ours.
+/// A subscription of this node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wanted {
-    /// The parameters that it is made from: `tactile.glove`.
+    /// The parameters that define it: `tactile.glove`.
     pub key: String,
     /// Absolute name of its topic.
     pub topic: String,
     /// Canonical name of its type.
     pub type_name: String,
-    /// RIHS01 hash of its type as this node has it.
+    /// RIHS01 hash of its type in this node.
     pub type_hash: String,
-    /// What it asks for.
+    /// QoS that it requests.
     pub qos: QosProfile,
 }
 
-/// Most other topics that are named.
+/// Maximum number of other topics named.
 const SHOWN: usize = 3;
 
 impl Wanted {
-    /// Why nothing comes, and what to do.
+    /// Why no messages arrive, and what to do.
     pub fn why_absent(&self, publishers: &[Endpoint]) -> String {
         let Wanted { key, topic, type_name, .. } = self;
         let on_topic: Vec<&Endpoint> = publishers.iter().filter(|endpoint| endpoint.topic == *topic).collect();
@@ -77,7 +77,7 @@ impl Wanted {
         }
     }
 
-    /// That a publisher has another definition of the type than this node, whose messages are read wrongly.
+    /// Warning that a publisher has another definition of the type than this node, so its messages are read wrongly.
     pub fn other_definition(&self, publishers: &[Endpoint]) -> Option<String> {
         let Wanted { topic, type_name, type_hash, .. } = self;
         let differs = |endpoint: &&Endpoint| endpoint.type_hash.as_ref().is_some_and(|hash| hash != type_hash);
@@ -89,7 +89,7 @@ impl Wanted {
     }
 }
 
-/// That a subscription of ours' messages gets nothing, because it asks for more than is offered.
+/// Warning that a subscription to our messages gets nothing, because it requests more than is offered.
 ///
 /// `offered`: QoS of our publisher of `topic`.
 pub fn why_unheard(topic: &str, offered: &QosProfile, subscriptions: &[Endpoint]) -> Option<String> {
@@ -100,10 +100,10 @@ pub fn why_unheard(topic: &str, offered: &QosProfile, subscriptions: &[Endpoint]
     ))
 }
 
-/// The first policy by which a subscription doesn't match a publisher, and how.
+/// The first policy in which a subscription doesn't match a publisher, and how.
 fn incompatible(offered: &QosProfile, asked: &QosProfile) -> Option<(&'static str, &'static str)> {
     let is_reliable = |qos: &QosProfile| matches!(qos.reliability, Reliability::Reliable { .. });
-    // No limit is the longest one.
+    // No limit counts as the longest.
     let is_longer = |offered: Option<std::time::Duration>, asked: Option<std::time::Duration>| match (offered, asked) {
         (_, None) => false,
         (None, Some(_)) => true,

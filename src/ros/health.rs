@@ -1,5 +1,5 @@
-//! Whether the node's user gets what they think: what is wrong with inputs, what became of frames, and when a person is
-//! told. Pure: time is an argument, as the span since any fixed moment.
+//! Health of the node: problems of inputs, frames by outcome, and when to log them. Pure: time is an argument, as the
+//! span since any fixed moment.
 
 mod announcer;
 mod inputs;

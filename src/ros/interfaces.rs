@@ -1,4 +1,4 @@
-//! Messages and services of ROS 2 itself that only the live node speaks. Fields stand in the order of the `.msg` texts.
+//! ROS 2 messages and services that only the live node uses. Fields are in the order of the `.msg` files.
 
 use ros2_client::Message;
 use serde::{Deserialize, Serialize};
@@ -44,7 +44,7 @@ pub(super) struct Log {
 }
 
 impl Log {
-    /// A line of a logger, from nowhere in particular.
+    /// A log line without a source location.
     pub(super) fn new(stamp: Time, severity: Severity, logger: &str, text: &str) -> Self {
         Log { stamp, level: severity as u8, name: logger.to_owned(), msg: text.to_owned(), ..Log::default() }
     }
@@ -77,7 +77,7 @@ struct KeyValue {
 }
 
 impl DiagnosticArray {
-    /// The message of these.
+    /// A message with these statuses.
     pub(super) fn new(stamp: Time, hardware_id: &str, statuses: Vec<Status>) -> Self {
         let value = |(key, value)| KeyValue { key, value };
         let status = |status: Status| DiagnosticStatus {
@@ -99,18 +99,18 @@ impl WireType for DiagnosticArray {
 /// The type of `/diagnostics`.
 pub const DIAGNOSTICS_TYPE: &str = "diagnostic_msgs/msg/DiagnosticArray";
 
-/// What some node says on `/diagnostics` of a part of it.
+/// Status of a part of some node on `/diagnostics`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Health {
     /// OK, WARN, ERROR or STALE.
     pub level: &'static str,
-    /// Which part; those of the live node begin with the node's name.
+    /// Name of the part; those of the live node begin with the node's name.
     pub name: String,
-    /// In a few words.
+    /// Summary in a few words.
     pub message: String,
 }
 
-/// What a message of `/diagnostics` says; `None` for bytes that are none.
+/// Reads a message of `/diagnostics`; `None` if the bytes are no such message.
 pub fn read_diagnostics(cdr: &[u8]) -> Option<Vec<Health>> {
     let array: DiagnosticArray = from_cdr(cdr).ok()?;
     let level = |level: u8| *["OK", "WARN", "ERROR", "STALE"].get(usize::from(level)).unwrap_or(&"?");
@@ -165,7 +165,7 @@ pub(super) struct TransitionEvent {
 }
 
 impl TransitionEvent {
-    /// The event of a step at a time in ns.
+    /// The event of a transition at a time in ns.
     pub(super) fn new(nanos: i64, step: &lifecycle::Transition) -> Self {
         TransitionEvent { timestamp: nanos.unsigned_abs(), description: step.into() }
     }
@@ -199,13 +199,13 @@ pub(super) struct GetAvailableStatesResponse {
     pub(super) available_states: Vec<State>,
 }
 
-/// `lifecycle_msgs/srv/GetAvailableTransitions`, the response: of what is possible now, or of all there is.
+/// `lifecycle_msgs/srv/GetAvailableTransitions`, the response: the transitions possible now, or all of them.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct GetAvailableTransitionsResponse {
     pub(super) available_transitions: Vec<TransitionDescription>,
 }
 
-/// The goal that a client of an action wants to be cancelled: `action_msgs/srv/CancelGoal`, the request.
+/// The goal that an action client wants to cancel: `action_msgs/srv/CancelGoal`, the request.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct CancelGoal {
     pub(super) goal_id: [u8; 16],

@@ -1,9 +1,9 @@
-//! The life of a managed node as `lifecycle_msgs` tells it: states, transitions and which follows which. Pure.
+//! The lifecycle of a managed node as `lifecycle_msgs` defines it: states and transitions. Pure.
 //!
 //! # Source
 //! The numbers and names are those of `lifecycle_msgs/msg/State` and `Transition`, the table that of rcl_lifecycle.
 
-/// Where a node is in its life. The numbers are those of `lifecycle_msgs/msg/State`.
+/// Lifecycle state of a node. The numbers are those of `lifecycle_msgs/msg/State`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum State {
@@ -13,7 +13,7 @@ pub enum State {
     Inactive = 2,
     /// It publishes.
     Active = 3,
-    /// It is over.
+    /// It has ended.
     Finalized = 4,
     /// Between unconfigured and inactive.
     Configuring = 10,
@@ -25,12 +25,12 @@ pub enum State {
     Activating = 13,
     /// Between active and inactive.
     Deactivating = 14,
-    /// Something failed badly.
+    /// Handling an error.
     ErrorProcessing = 15,
 }
 
 impl State {
-    /// All of them, in the order of their numbers.
+    /// All states, in the order of their numbers.
     pub const ALL: [State; 10] = [
         State::Unconfigured,
         State::Inactive,
@@ -44,12 +44,12 @@ impl State {
         State::ErrorProcessing,
     ];
 
-    /// As `lifecycle_msgs` numbers it.
+    /// Its number in `lifecycle_msgs`.
     pub fn id(self) -> u8 {
         self as u8
     }
 
-    /// As rcl_lifecycle calls it.
+    /// Its name in rcl_lifecycle.
     pub fn label(self) -> &'static str {
         match self {
             State::Unconfigured => "unconfigured",
@@ -66,16 +66,16 @@ impl State {
     }
 }
 
-/// A step from one state to another.
+/// A transition from one state to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Transition {
-    /// As `lifecycle_msgs` numbers it.
+    /// Its number in `lifecycle_msgs`.
     pub id: u8,
-    /// As rcl_lifecycle calls it.
+    /// Its name in rcl_lifecycle.
     pub label: &'static str,
-    /// From where.
+    /// Start state.
     pub start: State,
-    /// To where.
+    /// End state.
     pub goal: State,
 }
 
@@ -83,7 +83,7 @@ const fn step(id: u8, label: &'static str, start: State, goal: State) -> Transit
     Transition { id, label, start, goal }
 }
 
-/// Every transition there is.
+/// All transitions.
 pub const TRANSITIONS: [Transition; 25] = {
     use State::*;
     [
@@ -115,12 +115,12 @@ pub const TRANSITIONS: [Transition; 25] = {
     ]
 };
 
-/// What a node does on the way.
+/// The work of a transition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Work {
     /// Load models and calibration.
     Configure,
-    /// Forget them.
+    /// Drop them.
     CleanUp,
     /// Begin to publish.
     Activate,
@@ -130,16 +130,16 @@ pub enum Work {
     ShutDown,
 }
 
-/// Most characters of a label that is asked for and isn't there.
+/// Maximum number of characters shown of an unknown label.
 const MAX_SHOWN: usize = 60;
 
-/// The life of one node.
+/// The lifecycle of one node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lifecycle {
     state: State,
 }
 
-/// A transition that was asked for and does not start from where the node is.
+/// A requested transition that does not start from the current state.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{asked} is not possible in state {}: {}", state.label(), self.instead())]
 pub struct NotPossible {
@@ -149,7 +149,7 @@ pub struct NotPossible {
 }
 
 impl NotPossible {
-    /// What is, or what to do.
+    /// The possible transitions, or what to do.
     fn instead(&self) -> String {
         match (self.possible.as_slice(), self.state) {
             ([], State::Finalized) => "its life is over; end the node and start it anew".to_owned(),
@@ -166,10 +166,10 @@ impl Default for Lifecycle {
 }
 
 impl Lifecycle {
-    /// Starts a transition, by its label where there is one and else by its number; what to do, and the step that was taken.
+    /// Starts a transition, by its label if given and else by its number. Returns the work to do and the transition.
     ///
     /// # Errors
-    /// [`NotPossible`] naming those that are; the state is what it was then.
+    /// [`NotPossible`] naming the possible transitions; the state has not changed.
     pub fn handle_request(&mut self, id: u8, label: &str) -> Result<(Work, Transition), NotPossible> {
         let asked = |step: &&Transition| if label.is_empty() { step.id == id } else { step.label == label };
         let found = self.available().find(asked).copied().and_then(|step| Some((work(step.id)?, step)));
@@ -179,7 +179,7 @@ impl Lifecycle {
                 None => format!("transition {label:?}"),
                 Some((end, _)) => format!("transition {:?}...", &label[..end]),
             };
-            // How a transition that is under way ends is not for others to say.
+            // A caller can't decide how a transition in progress ends.
             let possible = self.available().filter(|step| work(step.id).is_some()).map(|step| step.label).collect();
             return Err(NotPossible { asked, state: self.state, possible });
         };
@@ -187,7 +187,7 @@ impl Lifecycle {
         Ok((work, step))
     }
 
-    /// Ends the transition that was started; the step that was taken. `None` where there is nothing to end.
+    /// Ends the transition in progress and returns the transition. `None` if none is in progress.
     pub fn handle_outcome(&mut self, succeeded: bool) -> Option<Transition> {
         let label = if succeeded { "transition_success" } else { "transition_failure" };
         let step = *self.available().find(|step| step.label == label)?;
@@ -195,12 +195,12 @@ impl Lifecycle {
         Some(step)
     }
 
-    /// Where the node is.
+    /// The current state.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// The transitions that start from where the node is.
+    /// The transitions that start from the current state.
     pub fn available(&self) -> impl Iterator<Item = &'static Transition> {
         let state = self.state;
         TRANSITIONS.iter().filter(move |step| step.start == state)

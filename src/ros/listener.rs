@@ -1,4 +1,4 @@
-//! A node that hears topics as bytes, and publishes messages now and then: what a tool beside the live node is made of.
+//! A node that receives topics as bytes and sometimes publishes messages: the base of tools beside the live node.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,43 +22,43 @@ use crate::config::NodeName;
 use crate::msg::{WireType, to_cdr};
 use crate::units::Stamp;
 
-/// Messages that wait for whoever listens: some seconds of a fast glove.
+/// Messages that may wait for the reader: some seconds of a fast glove.
 const CAPACITY: usize = 16_384;
 
-/// How long the thread that listens gets to end.
+/// Time limit for the listening thread to end.
 const LISTEN_LIMIT: Duration = Duration::from_millis(300);
 
-/// A topic that is heard, by the order of subscribing.
+/// Index of a subscribed topic, in the order of subscribing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct HeardTopic(pub usize);
 
-/// A topic that is published.
+/// Index of a published topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SpokenTopic(usize);
 
 /// How a topic's messages are delivered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
-    /// Best effort, the last 100: fast data. A subscription of it hears publishers of either kind.
+    /// Best effort, the last 100: fast data. Such a subscription matches best effort and reliable publishers.
     Data,
-    /// Reliable, everything in order, without waiting for a reader that is slow: what is said once.
+    /// Reliable, everything in order, without waiting for a slow subscriber: for data sent once.
     Words,
-    /// As `Words`, and the last of what was said before.
+    /// As `Words`, and late subscribers get the last message.
     Latched,
 }
 
-/// Something that came.
+/// A received message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Heard {
-    /// On which topic.
+    /// Its topic.
     pub topic: HeardTopic,
-    /// The message in CDR, or why there is none.
+    /// The message in CDR, or the reason why there is none.
     pub cdr: Result<Vec<u8>, String>,
-    /// When it came, by the system's clock.
+    /// Receipt time, by the system clock.
     pub received: Stamp,
 }
 
-/// A node before it listens.
+/// A node before it starts listening.
 pub struct Listening {
     graph: Graph,
     node: NodeName,
@@ -67,7 +67,7 @@ pub struct Listening {
     publishers: Vec<Publisher>,
 }
 
-/// A node that listens, on a thread of its own.
+/// A node that listens, on its own thread.
 pub struct Listener {
     graph: Graph,
     publishers: Vec<Publisher>,
@@ -92,7 +92,7 @@ impl Listening {
         })
     }
 
-    /// What a person should know about the graph that was joined.
+    /// Notes for the user about the graph.
     pub fn note(&self) -> Option<String> {
         self.graph.note()
     }
@@ -117,10 +117,10 @@ impl Listening {
         Ok(SpokenTopic(self.publishers.len() - 1))
     }
 
-    /// Begins to listen.
+    /// Starts listening.
     ///
     /// # Errors
-    /// [`NodeError`] when there is no thread to be had.
+    /// [`NodeError`] when no thread can be started.
     pub fn start(self) -> Result<Listener, NodeError> {
         let Listening { graph, subscriptions, publishers, .. } = self;
         let (sender, heard) = sync_channel(CAPACITY);
@@ -134,32 +134,32 @@ impl Listening {
 }
 
 impl Listener {
-    /// What came next; waits for it at most so long.
+    /// The next message; waits for it up to this limit.
     pub fn next(&self, timeout: Duration) -> Option<Heard> {
         self.heard.recv_timeout(timeout).ok()
     }
 
-    /// What has come already.
+    /// The messages that have already arrived.
     pub fn poll(&self) -> Option<Heard> {
         self.heard.try_recv().ok()
     }
 
-    /// Messages that came and were dropped, because whoever listens was too far behind.
+    /// Messages that were dropped because the reader was too far behind.
     pub fn missed(&self) -> u64 {
         self.missed.load(Ordering::Relaxed)
     }
 
-    /// Publishes a message; whether it went to everyone who is to have it.
+    /// Publishes a message; true if everyone who should get it was sent it.
     pub fn say<M: WireType>(&self, topic: SpokenTopic, message: &M) -> bool {
         self.say_cdr(topic, to_cdr(message))
     }
 
-    /// As [`say`](Self::say), of a message in little-endian CDR.
+    /// As [`say`](Self::say), for a message in little-endian CDR.
     pub fn say_cdr(&self, topic: SpokenTopic, cdr: Vec<u8>) -> bool {
         self.publishers[topic.0].publish(cdr).is_ok()
     }
 
-    /// Looks at who else is in the graph, for what is said of inputs that don't come.
+    /// Lists the other entities in the graph, to explain why inputs are silent.
     pub fn look_around(&self, watched: &mut Watched, now: Duration) {
         watched.look_around(now, self.graph.neighbours().as_ref());
     }

@@ -1,4 +1,4 @@
-//! From the configuration to a core that runs: models, and the calibration that belongs to them.
+//! Builds a running core from the configuration: models, and the calibration that belongs to them.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::fusion::{Fusion, FusionConfig, Receipts};
 use crate::model::{self, ModelInfo};
 use crate::zero::{self, KnownModels, ModelHashes};
 
-/// A core, and what is to be said about it.
+/// A core, and the messages about it.
 pub(super) struct Loaded {
     pub(super) core: Core,
     /// SHA-256 of each model, by its name in the parameters.
@@ -19,8 +19,8 @@ pub(super) struct Loaded {
 
 /// Loads models and calibration.
 ///
-/// A calibration that was asked for by name must fit. The one of the parameters may be missing or of something else:
-/// then the node starts uncalibrated, says why, and waits to be calibrated.
+/// A calibration requested by name must fit. The calibration from the parameters may be missing or may not fit:
+/// then the node starts uncalibrated, gives the reason, and waits to be calibrated.
 ///
 /// # Errors
 /// One line that names the file and what is wrong.
@@ -63,7 +63,7 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
     Ok(Loaded { core, hashes: known.hashes, notes })
 }
 
-/// A core that nothing was shown yet, without a baseline.
+/// A core that has received no input yet, without a baseline.
 ///
 /// # Errors
 /// One line that names the model and what is wrong.
@@ -80,7 +80,7 @@ pub(super) fn fusion(cfg: &Config) -> Result<(Fusion, Vec<ModelInfo>), String> {
     Ok((fusion, infos))
 }
 
-/// Gives a core the baselines of a file that fits; the file's name, and what is to be said about it.
+/// Gives a core the baselines of a file that fits. Returns the file's name and the messages about it.
 fn install(
     fusion: &mut Fusion,
     cfg: &Config,

@@ -1,4 +1,4 @@
-//! The lifecycle at work: what configuring, activating and the rest do.
+//! Runs the lifecycle: configures, activates, deactivates and so on.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use super::outbox::OutIdx;
 use super::serving::Shared;
 use crate::msg::to_cdr;
 
-/// The lifecycle of a node, and what it needs to go on in it.
+/// The lifecycle of a node, and the data that its transitions need.
 pub(super) struct Managed {
     pub(super) life: RefCell<Lifecycle>,
     events: OutIdx,
@@ -25,10 +25,10 @@ impl Managed {
         Managed { life: RefCell::default(), events, calibration }
     }
 
-    /// Configures and activates, unless a manager is to do it.
+    /// Configures and activates, unless a lifecycle manager does it.
     ///
     /// # Errors
-    /// What keeps it from being configured.
+    /// The reason why it can't be configured.
     pub(super) async fn autostart(&self, shared: &Shared) -> Result<(), NodeError> {
         if !shared.parameters.borrow().config().live.autostart {
             shared.outbox.log(Severity::Info, "autostart is false: waiting for a lifecycle manager");
@@ -40,10 +40,10 @@ impl Managed {
         Ok(())
     }
 
-    /// Goes through a transition.
+    /// Runs a transition.
     ///
     /// # Errors
-    /// Why it is not possible or failed; the state is what it was then.
+    /// The reason why it is not possible or failed; the state has not changed.
     pub(super) async fn change(&self, shared: &Shared, id: u8, label: &str) -> Result<(), String> {
         let begun = self.life.borrow_mut().handle_request(id, label);
         let (work, step) = begun.map_err(|error| error.to_string())?;
@@ -59,7 +59,7 @@ impl Managed {
         done
     }
 
-    /// Where the node is.
+    /// The current state.
     pub(super) fn state(&self) -> State {
         self.life.borrow().state()
     }
@@ -69,7 +69,7 @@ impl Managed {
             Work::Configure => {
                 let cfg = shared.parameters.borrow().config().clone();
                 let calibration = self.calibration.clone();
-                // Models take a while to load; services are answered meanwhile.
+                // Models take a while to load; services are answered in the meantime.
                 let loading = tokio::task::spawn_blocking(move || loading::load(&cfg, calibration.as_deref()));
                 let Loaded { core, hashes, notes } = loading.await.map_err(|error| error.to_string())??;
                 notes.into_iter().for_each(|(severity, text)| shared.outbox.log(severity, text));

@@ -1,4 +1,4 @@
-//! The seam to the middleware. What is above it names neither DDS nor Zenoh, and has one path for both.
+//! The interface to the middleware. Code above it names neither DDS nor Zenoh, and has one path for both.
 
 mod dds;
 #[cfg(feature = "zenoh")]
@@ -23,14 +23,14 @@ use crate::msg::definition::TypeTree;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 use crate::units::Stamp;
 
-/// How long a middleware gets to leave.
+/// Time limit for a middleware to leave.
 const LEAVE: Duration = Duration::from_millis(700);
 
-/// A node in the graph, which makes entities by their absolute names.
+/// A node in the graph, which creates entities by their absolute names.
 pub(super) enum Participant {
     /// On DDS.
     Dds(Box<dds::Participant>),
-    /// On Zenoh, as rmw_zenoh has it.
+    /// On Zenoh, compatible with rmw_zenoh.
     #[cfg(feature = "zenoh")]
     Zenoh(Box<zenoh::Participant>),
 }
@@ -38,9 +38,9 @@ pub(super) enum Participant {
 /// The type of a topic.
 #[derive(Debug, Clone, Copy)]
 pub enum TopicType<'a> {
-    /// One that this node has a struct for, by its canonical name.
+    /// A type with a struct in this node, by its canonical name.
     Known(&'a str),
-    /// Any other, with its definition.
+    /// Any other type, with its definition.
     Defined(&'a TypeTree),
 }
 
@@ -59,42 +59,42 @@ pub(super) trait Publish: Send {
     /// Sends a message in little-endian CDR, after its encapsulation header.
     ///
     /// # Errors
-    /// [`Refused`] when nobody was sent it.
+    /// [`Refused`] when the message was sent to nobody.
     fn publish(&self, cdr: Vec<u8>) -> Result<(), Refused>;
 }
 
 /// Receives the messages of a topic.
 pub(super) trait Subscribe: Send {
-    /// What comes, for ever.
+    /// The messages, without end.
     fn arrivals(&self) -> LocalBoxStream<'_, Result<Arrival, Fault>>;
 }
 
-/// Tells why the middleware sends or receives nothing any more, if it doesn't. It is asked all the time.
+/// Returns the reason if the middleware no longer sends or receives. It is polled all the time.
 pub(super) type Pulse = Box<dyn FnMut() -> Option<String> + Send>;
 
 pub(super) type Publisher = Box<dyn Publish>;
 pub(super) type Subscription = Box<dyn Subscribe>;
 
-/// The middleware didn't take a message: a reliable subscriber has not acknowledged those before.
+/// The middleware refused a message: a reliable subscriber has not acknowledged earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Refused;
 
-/// A message as it came.
+/// A received message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Arrival {
     /// The message in CDR, after its encapsulation header.
     pub(super) cdr: Vec<u8>,
-    /// When it came, by the system's clock.
+    /// Receipt time, by the system clock.
     pub(super) received: Stamp,
-    /// Who sent it, where the middleware tells.
+    /// Its sender, if the middleware reports it.
     pub(super) publisher: Option<[u8; 16]>,
 }
 
-/// Waits until reliable subscribers have what was published, no longer than it is told. Publishers that are dropped before send
-/// nothing again.
+/// Waits until reliable subscribers have received everything published, up to a limit. Publishers dropped before that
+/// resend nothing.
 pub(super) type Settle = Box<dyn Fn(Duration) + Send>;
 
-/// Who else is in the graph.
+/// The other nodes' entities in the graph.
 pub(super) trait Discovered: Send {
     /// Publishers of others.
     fn publishers(&self) -> Vec<Endpoint>;
@@ -102,10 +102,10 @@ pub(super) trait Discovered: Send {
     fn subscriptions(&self) -> Vec<Endpoint>;
 }
 
-/// Tells who else is in the graph, for as long as it is kept.
+/// Reports the other nodes' entities in the graph, as long as it is kept.
 pub(super) type Neighbours = Box<dyn Discovered>;
 
-/// Messages that came to nothing before they could be read.
+/// Messages lost before they could be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Fault {
     pub(super) n_messages: u64,
@@ -113,8 +113,8 @@ pub(super) struct Fault {
     pub(super) text: String,
 }
 
-/// The requests of a service as they come; the service is there as long as this is. An item that is no request says why
-/// one can't be read.
+/// The requests of a service as they arrive; dropping this ends the service. An item that is not a request gives the
+/// reason why a request can't be read.
 pub(super) type Requests<Q, A> = LocalBoxStream<'static, Result<Request<Q, A>, String>>;
 
 /// A request that waits for its answer.
@@ -123,7 +123,7 @@ pub(super) struct Request<Q, A> {
     pub(super) answer: Answer<A>,
 }
 
-/// Sends a response to whoever asked; an error says why it couldn't.
+/// Sends a response to the client; an error gives the reason why it couldn't.
 pub(super) type Answer<A> = Box<dyn FnOnce(A) -> LocalBoxFuture<'static, Result<(), String>>>;
 
 /// The three services and two topics of our `Calibrate` action.
@@ -159,7 +159,7 @@ impl Participant {
         }
     }
 
-    /// What a person should know about the graph that was joined.
+    /// Notes for the user about the graph.
     pub(super) fn note(&self) -> Option<String> {
         match self {
             Participant::Dds(participant) => participant.note(),
@@ -168,7 +168,7 @@ impl Participant {
         }
     }
 
-    /// What tells whether the middleware is at work.
+    /// The check of whether the middleware still works.
     pub(super) fn pulse(&self) -> Pulse {
         match self {
             Participant::Dds(participant) => participant.pulse(),
@@ -177,7 +177,7 @@ impl Participant {
         }
     }
 
-    /// What waits for subscribers. On Zenoh, that is what leaving does.
+    /// The wait for subscribers. On Zenoh, leaving does this.
     pub(super) fn settle(&self) -> Settle {
         match self {
             Participant::Dds(participant) => participant.settle(),
@@ -186,7 +186,7 @@ impl Participant {
         }
     }
 
-    /// Who else is in the graph; none where the middleware isn't asked, which is on Zenoh.
+    /// The other nodes' entities in the graph; `None` if the middleware isn't asked, as on Zenoh.
     pub(super) fn neighbours(&self) -> Option<Neighbours> {
         match self {
             Participant::Dds(participant) => Some(participant.neighbours()),
@@ -195,7 +195,7 @@ impl Participant {
         }
     }
 
-    /// Leaves the graph, when everything that was made here has been dropped. Takes less than a second.
+    /// Leaves the graph, after all entities created here have been dropped. Takes less than a second.
     pub(super) fn leave(self) {
         match self {
             Participant::Dds(participant) => participant.leave(),

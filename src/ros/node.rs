@@ -31,28 +31,28 @@ use crate::msg::binding::{BindingError, JointBinding, SampleBinding, TaxelBindin
 use crate::msg::definition::TypeTree;
 use crate::msg::{ContactArray, WireType, WrenchStamped, type_hash};
 
-/// How often it is looked whether the node is to end.
+/// How often the node checks if it should end.
 const LOOK: Duration = Duration::from_millis(20);
 
-// How long each part gets to end, so that the node is out of the graph within two seconds whatever holds one of them.
+// Time limit for each part to end, so that the node leaves the graph within two seconds even if one of them hangs.
 const SERVING_LIMIT: Duration = Duration::from_millis(200);
 const ENGINE_LIMIT: Duration = Duration::from_millis(400);
 const PUBLISHING_LIMIT: Duration = Duration::from_millis(300);
 
-/// What a node is made from.
+/// Inputs for building a node.
 #[derive(Debug)]
 pub struct Setup {
-    /// What the parameters say.
+    /// The configuration from the parameters.
     pub cfg: Config,
     /// The parameters themselves.
     pub tree: ParamTree,
-    /// What stood after `--ros-args`.
+    /// The arguments after `--ros-args`.
     pub args: RosArgs,
-    /// What the environment says.
+    /// The settings from the environment.
     pub environment: Environment,
-    /// Calibration file instead of that of the parameters.
+    /// Calibration file that replaces the one from the parameters.
     pub calibration: Option<PathBuf>,
-    /// Where handled inputs and outputs are recorded to.
+    /// File for recording handled inputs and outputs.
     pub recorder: Option<SyncSender<Record>>,
 }
 
@@ -83,8 +83,8 @@ pub enum NodeError {
 /// Runs a node until SIGINT or SIGTERM, and leaves the graph.
 ///
 /// # Errors
-/// [`NodeError`] when it can't start: a topic, type, model or calibration is not what the parameters say. Also when a thread
-/// of it or of the middleware has ended.
+/// [`NodeError`] when it can't start: a topic, type, model or calibration doesn't match the parameters. Also when one
+/// of its threads or the middleware's has ended.
 pub fn run(setup: Setup) -> Result<(), NodeError> {
     leave::listen();
     let Setup { cfg, tree, args, environment, calibration, recorder } = setup;
@@ -148,7 +148,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     let (graph, outcome) = watch(&news);
     outbox.log(Severity::Info, "leaving");
     let _ = commands.send(Command::Stop);
-    // An inference takes well under a millisecond, but whatever holds a part must not hold the node in the graph.
+    // An inference takes well under a millisecond, but a part that hangs must not keep the node in the graph.
     let graph = graph.or_else(|| serving.last_news(&news));
     serving.end(SERVING_LIMIT);
     threads::ends_within(&reading, ENGINE_LIMIT);
@@ -160,7 +160,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     }
 }
 
-/// Waits until the process is to end or the node can't be started; its graph, if it is there by then.
+/// Waits until the process should end or the node can't be started; returns its graph, if it exists by then.
 fn watch(news: &Receiver<News>) -> (Option<Graph>, Result<(), NodeError>) {
     let mut graph = None;
     while !leave::asked() {
@@ -179,10 +179,10 @@ pub(super) fn runtime() -> Result<tokio::runtime::Runtime, NodeError> {
     runtime.map_err(|source| NodeError::System { what: "runtime", source })
 }
 
-/// The type of each input and what turns its messages into samples: one binding a source, tactile sources first.
+/// The type of each input, and the binding that turns its messages into samples: one per source, tactile sources first.
 ///
 /// # Errors
-/// [`NodeError`] when a type is not known, or has not what the parameters say.
+/// [`NodeError`] when a type is unknown, or lacks something that the parameters ask for.
 pub fn input_bindings(
     cfg: &Config,
     names: &Names,
@@ -226,10 +226,10 @@ fn inputs(
     Ok(inputs)
 }
 
-/// What the sources of each input want of it. `[inputs][sources]`
+/// The requirements of the sources for each input. `[inputs][sources]`
 ///
 /// # Errors
-/// [`NodeError`] for an override of QoS that can't be followed.
+/// [`NodeError`] for an override of QoS that this node doesn't support.
 pub fn wanted(
     cfg: &Config,
     tree: &ParamTree,

@@ -1,18 +1,18 @@
-//! Keeps the stamps of what is published from running backwards. Pure: time is an argument.
+//! Keeps the published stamps from going backwards. Pure: time is an argument.
 
 use crate::units::Stamp;
 
-/// What was published of each tactile source, and which stamps may follow.
+/// The stamps published for each tactile source, and which stamps may follow.
 #[derive(Debug, Clone)]
 pub struct Order {
     sources: Vec<Source>,
-    /// Farthest that a first frame may lie behind what was said of its source before, ns.
+    /// Largest step back allowed from a source's stale report to its first frame, ns.
     max_step_back_ns: i64,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Source {
-    /// Newest stamp that was published.
+    /// Newest published stamp.
     published: Option<Stamp>,
     /// Stamp of the last frame, and the node's time when it was handled.
     frame: Option<(Stamp, Stamp)>,
@@ -20,16 +20,16 @@ struct Source {
 }
 
 impl Order {
-    /// Nothing was published yet of `n_sources`. A source whose first frame lies `max_step_back_ns` or more behind what was
-    /// said while there was none has another clock, and is heard.
+    /// Nothing was published yet for `n_sources`. A first frame `max_step_back_ns` or more behind the stale reports
+    /// sent before it means that the source has another clock; its frames are accepted.
     pub fn new(n_sources: usize, max_step_back_ns: i64) -> Self {
         Order { sources: vec![Source::default(); n_sources], max_step_back_ns }
     }
 
-    /// Whether a frame may be published: nothing newer was, of its source. One that may not is counted.
+    /// True if a frame may be published: nothing newer was published for its source. A refused frame is counted.
     ///
-    /// Frames of a source come in the order of their stamps. Where they don't, time itself has jumped back: that starts
-    /// anew, or the node would be silent until time is where it was.
+    /// Frames of a source come in the order of their stamps. If they don't, time itself has jumped back: the order
+    /// starts again, or the node would publish nothing until time catches up.
     pub fn admits(&mut self, source_idx: usize, stamp: Stamp, now: Stamp) -> bool {
         let source = &mut self.sources[source_idx];
         let starts_anew = match (source.frame, source.published) {
@@ -49,8 +49,8 @@ impl Order {
         true
     }
 
-    /// The stamp for saying at `now` that a source is silent: its own time, moved on by what has passed since its last
-    /// frame, so that a source whose clock is behind the node's is not taken for old data when it comes back.
+    /// The stamp for a report at `now` that a source is silent: the source's own time plus the time since its last
+    /// frame. So a source with a clock behind the node's is not taken for old data when it comes back.
     pub fn silent(&mut self, source_idx: usize, now: Stamp) -> Stamp {
         let source = &mut self.sources[source_idx];
         let stamp = source.frame.map_or(now, |(last, handled)| last.offset(now.nanos_since(handled).max(0)));
@@ -59,7 +59,7 @@ impl Order {
         stamp
     }
 
-    /// Frames of a source that were not published, because something newer was.
+    /// Frames of a source that were not published because something newer was.
     pub fn n_outdated(&self, source_idx: usize) -> u64 {
         self.sources[source_idx].n_outdated
     }
@@ -81,7 +81,7 @@ mod tests {
         assert!((0..10).all(|k| order.admits(0, ms(10 * k), ms(10 * k + 1))));
         assert_eq!(order.silent(0, ms(191)), ms(190));
         assert_eq!(order.silent(0, ms(1091)), ms(1090));
-        // The frames from 100 to 1090 ms come at once, and those after them as ever.
+        // The frames from 100 to 1090 ms come at once, and later ones at the usual rate.
         let late = (10..110).filter(|k| order.admits(0, ms(10 * k), ms(1092))).count();
         assert_eq!((late, order.n_outdated(0)), (1, 99), "the one at 1090 ms is as new as what was said");
         assert!(order.admits(0, ms(1100), ms(1101)));

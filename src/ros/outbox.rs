@@ -1,4 +1,4 @@
-//! Publishing, on a thread of its own: a slow subscriber delays nothing but what is published.
+//! Publishing on a separate thread: a slow subscriber delays only the publishing.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,16 +17,16 @@ use super::threads;
 use crate::msg::to_cdr;
 use crate::units::{Stamp, nanos};
 
-/// Messages that may wait to be published: a second of a fast glove with five regions.
+/// Maximum number of messages waiting to be published: a second of a fast glove with five regions.
 const CAPACITY: usize = 8192;
 
-/// Lines that may wait for a terminal.
+/// Maximum number of lines waiting for a terminal.
 const MAX_LINES: usize = 1024;
 
-/// How long a terminal gets to show the last lines.
+/// Time limit for a terminal to show the last lines.
 const TERMINAL_LIMIT: Duration = Duration::from_millis(100);
 
-/// How long reliable subscribers get to take the last messages.
+/// Time limit for reliable subscribers to take the last messages.
 const SETTLING_LIMIT: Duration = Duration::from_millis(150);
 
 /// Index of a publisher.
@@ -39,14 +39,14 @@ enum Out {
     End,
 }
 
-/// When the data of an estimate was true, and when the message that completed it came, by the system's clock.
+/// Stamp of an estimate's data, and receipt time of the message that completed it, by the system clock.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Origin {
     pub(super) stamp: Stamp,
     pub(super) received: Stamp,
 }
 
-/// Where messages and log lines are left to be published. Leaving one never waits.
+/// Queue of messages and log lines to publish. Adding to it never waits.
 #[derive(Debug, Clone)]
 pub(super) struct Outbox {
     sender: SyncSender<Out>,
@@ -54,27 +54,27 @@ pub(super) struct Outbox {
     log: LogConfig,
 }
 
-/// What is logged, and where.
+/// A log line and its destination.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LogConfig {
     pub(super) level: Severity,
     pub(super) stderr: bool,
 }
 
-/// Where log lines are published, and under which name.
+/// The publisher of log lines, and the node name in them.
 pub(super) struct Rosout {
     pub(super) publisher: Publisher,
     pub(super) logger: String,
 }
 
-/// What became of what was left.
+/// Counters of the queue, by outcome.
 #[derive(Debug, Default)]
 pub(super) struct Stats {
-    /// Messages left while too many waited.
+    /// Messages dropped because the queue was full.
     pub(super) dropped: AtomicU64,
-    /// Messages that the middleware refused: a reliable subscriber has not acknowledged those before.
+    /// Messages that the middleware refused: a reliable subscriber has not acknowledged earlier ones.
     pub(super) failed: AtomicU64,
-    /// Estimates that waited in the node for longer than their data may be old: nobody is told them as news.
+    /// Estimates that waited in the node longer than the age limit of their data: too old to publish.
     pub(super) waited: AtomicU64,
     /// Messages that were sent.
     pub(super) published: AtomicU64,
@@ -90,7 +90,7 @@ impl Stats {
     }
 }
 
-/// The thread that publishes.
+/// The publishing thread.
 pub(super) struct PublishThread {
     sender: SyncSender<Out>,
     thread: JoinHandle<()>,
@@ -115,54 +115,54 @@ pub(super) fn start(
 }
 
 impl Outbox {
-    /// Leaves a message; where too many wait it is dropped and counted.
+    /// Adds a message; if too many wait it is dropped and counted.
     pub(super) fn send(&self, to: OutIdx, cdr: Vec<u8>, of: Option<Origin>) {
         if self.sender.try_send(Out::Message { to, cdr, of }).is_err() {
             self.stats.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Says something to whoever reads stderr or `/rosout`.
+    /// Logs a line to stderr or `/rosout`.
     pub(super) fn log(&self, severity: Severity, text: impl Into<String>) {
         if severity < self.log.level {
             return;
         }
         let text = text.into();
-        // Written by the other thread: a terminal that hangs must not hold who reads inputs.
+        // The other thread writes it: a terminal that hangs must not block the thread that reads inputs.
         if self.sender.try_send(Out::Log { severity, text }).is_err() {
             self.stats.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// What became of what was left.
+    /// The counters of the queue.
     pub(super) fn stats(&self) -> &Stats {
         &self.stats
     }
 }
 
 impl PublishThread {
-    /// Publishes what was left so far, and ends, within a limit. Publishers are gone afterwards, unless one holds it.
+    /// Publishes everything queued so far, and ends, within a limit. The publishers are then dropped, unless one hangs.
     pub(super) fn end(self, limit: Duration) {
-        // Where the box is full there is no place for a last word, and the thread has more to do than there is time for.
+        // If the queue is full there is no room for the end marker, and the thread has more work than time.
         if self.sender.try_send(Out::End).is_ok() {
             threads::ends_within(&self.thread, limit);
         }
     }
 }
 
-/// What the thread that publishes has.
+/// Data of the publishing thread.
 struct Publishing {
     publishers: Vec<Publisher>,
     rosout: Option<Rosout>,
     stderr: Option<Terminal>,
     stats: Arc<Stats>,
     clock: Arc<Clock>,
-    /// How long an estimate may be under way in the node.
+    /// Time limit of an estimate in the node.
     max_wait: Option<Duration>,
     settle: Settle,
 }
 
-/// The thread that writes to stderr: a terminal that hangs (Ctrl-S, a pager) holds nothing else.
+/// The thread that writes to stderr: a terminal that hangs (Ctrl-S, a pager) blocks nothing else.
 struct Terminal {
     lines: SyncSender<String>,
     thread: JoinHandle<()>,
@@ -173,7 +173,7 @@ impl Terminal {
         let (lines, receiver) = sync_channel::<String>(MAX_LINES);
         let thread = threads::spawn("stderr", move || {
             for line in receiver {
-                let _ = writeln!(std::io::stderr(), "{line}"); // a closed stderr is nobody to tell
+                let _ = writeln!(std::io::stderr(), "{line}"); // stderr may be closed
             }
         })?;
         Ok(Terminal { lines, thread })
@@ -208,13 +208,13 @@ impl Publishing {
         }
         if let Some(rosout) = &self.rosout {
             let log = Log::new(self.clock.now().into(), severity, &rosout.logger, text);
-            let _ = rosout.publisher.publish(to_cdr(&log)); // whoever reads it there is slow; stderr has it too
+            let _ = rosout.publisher.publish(to_cdr(&log)); // a slow subscriber loses it; stderr has it too
         }
     }
 
     fn publish(&self, to: OutIdx, cdr: Vec<u8>, of: Option<Origin>) {
         let Some(publisher) = self.publishers.get(to.0) else { return };
-        // A process that was stopped, or a subscriber that held this thread: what is in the box was true long ago.
+        // The process was stopped, or a subscriber blocked this thread: the queued estimates are out of date.
         let waited_ns = of.map_or(0, |origin| system_now().nanos_since(origin.received));
         if self.max_wait.is_some_and(|max_wait| waited_ns > nanos(max_wait)) {
             self.stats.waited.fetch_add(1, Ordering::Relaxed);

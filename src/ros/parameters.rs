@@ -1,4 +1,4 @@
-//! The node's parameters as other nodes see and set them: every key of the table, with its range, unit and meaning.
+//! The node's parameters as other nodes read and set them: every key of the table, with its range, unit and meaning.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,21 +9,21 @@ use crate::config::keys::{ParamDefault, ParamKey, ParamKind, ParamRange};
 use crate::config::{Config, Origin, ParamTree, ParamValue, QOS_OVERRIDES};
 use crate::msg::{Time, WireType};
 
-/// Most names, prefixes or values in one request; a node with every finger has some 300 parameters.
+/// Maximum number of names, prefixes or values in one request; a node with every finger has some 300 parameters.
 pub(super) const MAX_ENTRIES: usize = 1000;
 
-/// Most bytes of names and values in one request.
+/// Maximum number of bytes of names and values in one request.
 pub(super) const MAX_BYTES: usize = 256 * 1024;
 
-/// Most characters of a foreign name that an answer repeats.
+/// Maximum number of characters of an unknown name repeated in an answer.
 const MAX_SHOWN: usize = 100;
 
-/// The parameters of a node, and the configuration that they make.
+/// The parameters of a node, and the configuration built from them.
 #[derive(Debug, Clone)]
 pub(super) struct Parameters {
     tree: ParamTree,
     cfg: Config,
-    /// What there is doesn't change while the node runs, only its values do.
+    /// The set of parameters is fixed while the node runs; only values change.
     keys: BTreeMap<String, &'static ParamKey>,
 }
 
@@ -36,7 +36,7 @@ pub(super) enum TooLarge {
     Bytes(usize),
 }
 
-/// Holds a request with these names or prefixes against the limits.
+/// Checks a request with these names or prefixes against the limits.
 ///
 /// # Errors
 /// [`TooLarge`] by entries or bytes.
@@ -44,7 +44,7 @@ pub(super) fn check_names(names: &[String]) -> Result<(), TooLarge> {
     check(names.len(), names.iter().map(String::len))
 }
 
-/// Holds a request with these values against the limits.
+/// Checks a request with these values against the limits.
 ///
 /// # Errors
 /// [`TooLarge`] by entries or bytes.
@@ -62,7 +62,7 @@ fn check(n_entries: usize, sizes: impl Iterator<Item = usize>) -> Result<(), Too
     }
 }
 
-/// Bytes of what a value holds.
+/// Size of a value in bytes.
 fn size(value: &raw::ParameterValue) -> usize {
     let strings: usize = value.string_array.iter().map(|text| text.len() + size_of::<String>()).sum();
     let numbers = 8 * (value.int_array.len() + value.double_array.len());
@@ -96,7 +96,7 @@ impl Parameters {
         Parameters { tree, cfg, keys }
     }
 
-    /// The configuration that they make.
+    /// The configuration built from the parameters.
     pub(super) fn config(&self) -> &Config {
         &self.cfg
     }
@@ -104,7 +104,7 @@ impl Parameters {
     /// Sets parameters, all or none of them.
     ///
     /// # Errors
-    /// Why it was refused, in one line; nothing has changed then.
+    /// The reason for the refusal, in one line; nothing has changed.
     pub(super) fn set(&mut self, changes: &[raw::Parameter]) -> Result<(), String> {
         check_values(changes).map_err(|error| error.to_string())?;
         for change in changes {
@@ -133,7 +133,7 @@ impl Parameters {
         Ok(())
     }
 
-    /// A value, the default where it is not set; not set where neither is or the name is unknown.
+    /// A value, or the default if it is not set; "not set" if there is neither or the name is unknown.
     pub(super) fn get(&self, name: &str) -> raw::ParameterValue {
         let key = self.keys.get(name).copied();
         let default = || key.and_then(|key| key.default.value());
@@ -141,7 +141,7 @@ impl Parameters {
         to_raw(value.as_ref(), key.map(|key| key.kind))
     }
 
-    /// What has been set, each once, as it is now: an integer that was set on a double is a double.
+    /// The parameters that have been set, each once, with its current type: an integer set on a double is a double.
     pub(super) fn now(&self, changes: &[raw::Parameter]) -> Vec<raw::Parameter> {
         let names: BTreeSet<&String> = changes.iter().map(|change| &change.name).collect();
         names.into_iter().map(|name| raw::Parameter { name: name.clone(), value: self.get(name) }).collect()
@@ -166,7 +166,7 @@ impl Parameters {
         (names, above)
     }
 
-    /// What a parameter is and may be.
+    /// Description and limits of a parameter.
     pub(super) fn describe(&self, name: &str) -> raw::ParameterDescriptor {
         let Some(key) = self.keys.get(name) else {
             let known = self.tree.get(name).is_some();
@@ -190,7 +190,7 @@ impl Parameters {
     }
 }
 
-/// A foreign name in an answer or a log line: on one line, and no longer than a line.
+/// A foreign name for an answer or a log line: on one line, with limited length.
 pub(super) fn shown(name: &str) -> String {
     let mut text: String = name.chars().take(MAX_SHOWN).flat_map(char::escape_debug).collect();
     if name.chars().nth(MAX_SHOWN).is_some() {
@@ -202,7 +202,7 @@ pub(super) fn shown(name: &str) -> String {
 fn described(name: &str, key: &ParamKey) -> raw::ParameterDescriptor {
     let range = |from_value, to_value| raw::FloatingPointRange { from_value, to_value, step: 0.0 };
     let unit = if key.unit.is_empty() { String::new() } else { format!(" ({})", key.unit) };
-    // A range of ROS includes both ends; one that doesn't is told in words.
+    // A ROS range includes both ends; a range that doesn't is described in words.
     let (floats, ints, constraints) = match key.range {
         ParamRange::Closed { min, max } => (vec![range(min, max)], vec![], String::new()),
         ParamRange::Above { min, max } => (vec![range(min, max)], vec![], format!("more than {min}")),
@@ -240,7 +240,7 @@ fn type_of(kind: ParamKind) -> u8 {
     }
 }
 
-/// A value on the wire; where the file has an int or an empty array for a parameter of another type, that type.
+/// A value on the wire. If the file has an int or an empty array for a parameter of another type, it gets that type.
 fn to_raw(value: Option<&ParamValue>, kind: Option<ParamKind>) -> raw::ParameterValue {
     let mut on_wire = raw::ParameterValue {
         ptype: raw::ParameterType::NOT_SET,
@@ -302,7 +302,7 @@ fn to_raw(value: Option<&ParamValue>, kind: Option<ParamKind>) -> raw::Parameter
     on_wire
 }
 
-/// The value of a request; none where it is not set. Bytes, which no parameter here takes, come as ints.
+/// The value of a request; `None` if it is not set. Bytes, which no parameter here takes, become ints.
 fn from_raw(value: &raw::ParameterValue) -> Option<ParamValue> {
     Some(match value.ptype {
         raw::ParameterType::BOOL => ParamValue::Bool(value.boolean_value),

@@ -1,4 +1,4 @@
-//! A node that publishes messages that are there already, as bytes.
+//! A node that publishes existing messages as bytes.
 
 use std::time::Duration;
 
@@ -14,16 +14,16 @@ use crate::config::NodeName;
 use crate::msg::WireType;
 use crate::units::Stamp;
 
-/// First two bytes of a message in plain little-endian CDR, which is what the middleware sends.
+/// First two bytes of a message in plain little-endian CDR, which the middleware sends.
 const PLAIN_LITTLE_ENDIAN: [u8; 2] = [0, 1];
 
-/// How long reliable subscribers get to take the last messages.
+/// Time limit for reliable subscribers to take the last messages.
 const SETTLING_LIMIT: Duration = Duration::from_millis(500);
 
-/// How long other subscribers get, who don't say what they have: who hears of a departure drops what it has not read yet.
+/// Time for other subscribers, which don't acknowledge: a subscriber drops unread messages when the publisher leaves.
 const READING_TIME: Duration = Duration::from_millis(250);
 
-/// A node that plays messages.
+/// A node that publishes stored messages.
 pub struct Player {
     publishers: Vec<Publisher>,
     clock: Option<Publisher>,
@@ -36,12 +36,12 @@ pub struct Player {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlayedTopic(usize);
 
-/// Why a message was not played.
+/// The reason why a message was not published.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum NotPlayed {
     /// It is in another encoding than plain little-endian CDR.
     Encoding,
-    /// A reliable subscriber has not taken what came before.
+    /// A reliable subscriber has not taken earlier messages.
     Refused,
 }
 
@@ -49,7 +49,7 @@ impl Player {
     /// Joins the graph as `node`.
     ///
     /// # Errors
-    /// [`NodeError`] when the middleware can't start, or a name is none.
+    /// [`NodeError`] when the middleware can't start, or a name is invalid.
     pub fn join(node: &NodeName, environment: &Environment, remaps: &[Remap], clock: bool) -> Result<Self, NodeError> {
         let mut graph = Graph::join(node, environment, remaps)?;
         let reliable = super::entities::service_qos();
@@ -60,12 +60,13 @@ impl Player {
         Ok(Player { publishers: Vec::new(), clock, graph, node: node.clone(), remaps: remaps.to_vec() })
     }
 
-    /// What a person should know about the graph that was joined.
+    /// Notes for the user about the graph.
     pub fn note(&self) -> Option<String> {
         self.graph.note()
     }
 
-    /// Leaves the graph when reliable subscribers have what was published, or after half a second, and others have had time.
+    /// Leaves the graph when reliable subscribers have everything published, at most half a second, and others had
+    /// time.
     pub fn leave(self) {
         let Player { publishers, clock, graph, .. } = self;
         graph.settle()(SETTLING_LIMIT);
@@ -74,7 +75,7 @@ impl Player {
         graph.leave();
     }
 
-    /// Adds a topic by its absolute name. Publishing waits for a reliable subscriber that is slow, on DDS up to 100 ms.
+    /// Adds a topic by its absolute name. Publishing waits for a slow reliable subscriber, on DDS up to 100 ms.
     ///
     /// # Errors
     /// [`NodeError`] when the middleware refuses it.
@@ -89,7 +90,7 @@ impl Player {
     /// Publishes a message.
     ///
     /// # Errors
-    /// [`NotPlayed`] for a message that nobody got.
+    /// [`NotPlayed`] for a message that nobody received.
     pub fn publish(&self, topic: PlayedTopic, cdr: &[u8]) -> Result<(), NotPlayed> {
         if !cdr.starts_with(&PLAIN_LITTLE_ENDIAN) {
             return Err(NotPlayed::Encoding);
@@ -97,7 +98,7 @@ impl Player {
         self.publishers[topic.0].publish(cdr.to_vec()).map_err(|_| NotPlayed::Refused)
     }
 
-    /// Says what time it is, where `/clock` was asked for.
+    /// Publishes the time, if `/clock` was requested.
     pub fn tell_time(&self, now: Stamp) {
         if let Some(publisher) = &self.clock {
             let _ = publisher.publish(crate::msg::to_cdr(&Clock { clock: now.into() })); // the next is as good

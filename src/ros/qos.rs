@@ -7,12 +7,12 @@ use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 
 use crate::config::{Param, ParamTree, ParamValue, QOS_OVERRIDES};
 
-/// How an entity uses a topic.
+/// Direction in which an entity uses a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Side {
-    /// It writes.
+    /// It publishes.
     Publisher,
-    /// It reads.
+    /// It subscribes.
     Subscription,
 }
 
@@ -25,7 +25,7 @@ impl Side {
     }
 }
 
-/// An override that can't be followed.
+/// An override that this node doesn't support.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{origin}: {key} = {value} {problem}")]
 pub struct QosError {
@@ -35,19 +35,19 @@ pub struct QosError {
     problem: String,
 }
 
-/// What outputs have unless an override says otherwise: best effort, the last 10, volatile (which DDS offers as transient
-/// local: see its middleware).
+/// Default QoS of outputs: best effort, the last 10, volatile (which DDS offers as transient local: see its
+/// middleware).
 pub fn output_default() -> QosProfile {
     QosProfile::subscription_default().history(History::KeepLast { depth: 10 })
 }
 
-/// What inputs have unless an override says otherwise: best effort, which publishers of either kind match, and the last
-/// 100. A machine that can't keep up loses samples, which is counted, and is never further behind than these.
+/// Default QoS of inputs: best effort, which matches best effort and reliable publishers, and the last 100. A machine
+/// that can't keep up loses samples, which are counted, and is never more than these behind.
 pub fn input_default() -> QosProfile {
     QosProfile::subscription_default().history(History::KeepLast { depth: 100 })
 }
 
-/// What `/rosout` has, `rcl_qos_profile_rosout_default`: who comes late reads the lines of the last 10 s.
+/// QoS of `/rosout`, `rcl_qos_profile_rosout_default`: late subscribers get the lines of the last 10 s.
 pub(super) fn rosout() -> QosProfile {
     let qos = super::entities::reliable_qos(1000, Durability::TransientLocal);
     QosProfile { lifespan: Some(Duration::from_secs(10)), ..qos }
@@ -56,7 +56,7 @@ pub(super) fn rosout() -> QosProfile {
 /// The QoS of one entity after the overrides for it.
 ///
 /// # Errors
-/// [`QosError`] for a policy that is not known, or a value that it doesn't have.
+/// [`QosError`] for an unknown policy or value.
 pub fn with_overrides(default: QosProfile, tree: &ParamTree, topic: &str, side: Side) -> Result<QosProfile, QosError> {
     let prefix = format!("{QOS_OVERRIDES}{topic}.{}.", side.name());
     let mut qos = default;
@@ -66,11 +66,11 @@ pub fn with_overrides(default: QosProfile, tree: &ParamTree, topic: &str, side: 
     Ok(qos)
 }
 
-/// Refuses overrides of what this node doesn't have. Those of a section for nodes of any name may be those of others:
-/// they are handed back.
+/// Refuses overrides for entities that this node doesn't have. Overrides in a section for nodes of any name may belong
+/// to other nodes: they are returned.
 ///
 /// # Errors
-/// [`QosError`] naming the entities that there are.
+/// [`QosError`] naming the existing entities.
 pub fn check_all_used(tree: &ParamTree, entities: &[(String, Side)]) -> Result<Vec<String>, QosError> {
     let mut of_others = Vec::new();
     let prefixes = entities.iter().map(|(topic, side)| format!("{topic}.{}.", side.name())).collect::<Vec<_>>();
@@ -101,7 +101,7 @@ fn apply(qos: &mut QosProfile, policy: &str, value: &ParamValue, side: Side) -> 
     match (policy, value) {
         ("reliability", ParamValue::Str(text)) => match text.as_str() {
             "best_effort" => qos.reliability = Reliability::BestEffort,
-            // A publisher never waits for a subscriber: what can't be sent is counted.
+            // A publisher never waits for a subscriber: messages that can't be sent are counted.
             "reliable" => qos.reliability = Reliability::Reliable { when_full: WhenFull::Fail },
             "system_default" => {}
             _ => return Err("must be \"reliable\", \"best_effort\" or \"system_default\"".to_owned()),
@@ -148,7 +148,7 @@ fn apply(qos: &mut QosProfile, policy: &str, value: &ParamValue, side: Side) -> 
     Ok(())
 }
 
-/// As in rmw, 0 and the largest number are no limit.
+/// As in rmw, 0 and the largest number mean no limit.
 fn span(ns: i64) -> Option<Duration> {
     (ns != 0 && ns != i64::MAX).then(|| Duration::from_nanos(ns.unsigned_abs()))
 }

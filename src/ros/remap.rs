@@ -5,7 +5,7 @@ use crate::config::{NameError, NodeName, resolve_name};
 /// One rule, `[node:]from:=to`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Remap {
-    /// The one node that it is for; every node when none.
+    /// The only node that it applies to; every node if `None`.
     node: Option<String>,
     what: What,
     to: String,
@@ -15,7 +15,7 @@ pub struct Remap {
 enum What {
     NodeName,
     Namespace,
-    /// The names of topics, of services, or of both.
+    /// A rule for topic names, service names, or both.
     Names {
         from: String,
         topics: bool,
@@ -23,7 +23,7 @@ enum What {
     },
 }
 
-/// What a name is for: some rules hold for one of them only.
+/// Kind of a name: some rules apply to one kind only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NameKind {
     /// A topic.
@@ -33,10 +33,10 @@ pub enum NameKind {
 }
 
 impl Remap {
-    /// Reads what stands after `-r`.
+    /// Parses the argument after `-r`.
     ///
     /// # Errors
-    /// What was expected, in words.
+    /// The expected syntax, in words.
     pub fn parse(rule: &str) -> Result<Self, String> {
         let (left, to) = rule.split_once(":=").ok_or("expected from:=to")?;
         if to.is_empty() {
@@ -83,7 +83,7 @@ impl Remap {
 /// The node's full name after the rules for it; the first rule of each kind wins.
 ///
 /// # Errors
-/// [`NameError`] when what comes out is no name.
+/// [`NameError`] when the result is not a valid name.
 pub fn node_name(remaps: &[Remap], default: &NodeName) -> Result<NodeName, NameError> {
     let first = |what: &What| {
         remaps.iter().find(|rule| rule.what == *what && rule.is_for(default.name())).map(|rule| rule.to.as_str())
@@ -92,7 +92,7 @@ pub fn node_name(remaps: &[Remap], default: &NodeName) -> Result<NodeName, NameE
     NodeName::parse(&format!("{namespace}/{}", first(&What::NodeName).unwrap_or(default.name())))
 }
 
-/// The absolute name that an absolute topic or service of this node goes by.
+/// The name of an absolute topic or service of this node after remapping.
 ///
 /// # Errors
 /// [`NameError`] when a rule's names can't be expanded.

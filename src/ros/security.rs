@@ -1,49 +1,50 @@
-//! DDS security as SROS2 configures it: whose keys a participant joins with, by the rules of rcl and rmw_dds_common.
+//! DDS security as SROS2 configures it: which enclave's keys a participant joins with, by the rules of rcl and
+//! rmw_dds_common.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use crate::config::{NameError, NodeName};
 
-/// What an enclave holds, by the names that rmw_dds_common gives it.
+/// The files of an enclave, by their names in rmw_dds_common.
 const FILES: [&str; 6] =
     ["identity_ca.cert.pem", "cert.pem", "key.pem", "permissions_ca.cert.pem", GOVERNANCE, "permissions.p7s"];
 
-/// The rules of the domain.
+/// The governance document of the domain.
 const GOVERNANCE: &str = "governance.p7s";
 
-/// Certificates that are taken back; optional in an enclave.
+/// Revoked certificates; optional in an enclave.
 const REVOCATIONS: &str = "crl.pem";
 
-/// Kinds of protection that make a payload's length matter: RustDDS 0.15 takes the padding that other vendors put after
-/// it for a part of it.
+/// Kinds of protection for which a payload's length matters: RustDDS 0.15 takes the padding that other vendors put
+/// after it as part of it.
 const PROTECTED_PAYLOADS: [&str; 2] = ["<data_protection_kind>ENCRYPT", "<data_protection_kind>SIGN"];
 
-/// DDS security, as it is asked for.
+/// The requested DDS security.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Security {
-    /// `ROS_SECURITY_STRATEGY=Enforce`: rather not at all than in the clear.
+    /// `ROS_SECURITY_STRATEGY=Enforce`: don't join without security.
     pub enforce: bool,
-    /// `ROS_SECURITY_KEYSTORE`: what `ros2 security create_keystore` made.
+    /// `ROS_SECURITY_KEYSTORE`: the keystore that `ros2 security create_keystore` made.
     pub keystore: Option<PathBuf>,
-    /// Whose keys of the keystore.
+    /// The enclave whose keys to use.
     pub enclave: Enclave,
 }
 
-/// The name under which a keystore has the keys of a process, such as `/lab/glove`; `/` where none is given.
+/// The name of the enclave with a process's keys, such as `/lab/glove`; `/` if none is given.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Enclave(String);
 
-/// An enclave as it was found, with everything in it.
+/// An enclave found in the keystore, complete with all its files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Keys {
-    /// Where the files are.
+    /// The folder of the files.
     pub folder: PathBuf,
-    /// What a person should know.
+    /// Notes for the user.
     pub note: Option<String>,
 }
 
-/// Why there are no keys to join with. Each text says what to do.
+/// The reason why there are no keys to join with. Each text says what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SecurityError {
@@ -73,7 +74,7 @@ impl Enclave {
     /// The enclave of an absolute name.
     ///
     /// # Errors
-    /// [`NameError`] when it isn't absolute, or a part of it is no name of ROS 2: it would lead out of the keystore.
+    /// [`NameError`] when it isn't absolute, or a part is not a valid ROS 2 name: it would lead out of the keystore.
     pub fn parse(name: &str) -> Result<Self, NameError> {
         if name != "/" {
             NodeName::parse(name)?; // rcl: the same rules
@@ -98,8 +99,8 @@ impl Security {
     /// The keys to join with.
     ///
     /// # Errors
-    /// [`SecurityError`] when the enclave isn't there or isn't whole; also when it takes certificates back and this has
-    /// to be enforced.
+    /// [`SecurityError`] when the enclave is missing or incomplete; also when it revokes certificates and security is
+    /// enforced.
     pub fn keys(&self) -> Result<Keys, SecurityError> {
         let keystore = self.keystore.as_deref().ok_or(SecurityError::NoKeystore)?;
         let enclave = self.enclave.clone();
@@ -131,7 +132,7 @@ impl Security {
     }
 }
 
-/// Where rcl looks for an enclave.
+/// The folder where rcl looks for an enclave.
 fn folder(keystore: &Path, enclave: &Enclave) -> PathBuf {
     let enclaves = keystore.join("enclaves");
     match enclave.0.trim_start_matches('/') {

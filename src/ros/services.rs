@@ -1,4 +1,4 @@
-//! The services that other nodes call, but for the calibrate action.
+//! The services that other nodes call, except the calibrate action.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -28,7 +28,7 @@ use super::serving::Shared;
 use super::threads::Vital;
 use crate::msg::to_cdr;
 
-/// How long a tare collects: enough for a window of the model and as much to judge it by.
+/// Duration of a tare: enough for a window of the model and as much again to judge it.
 const TARE: Duration = Duration::from_secs(2);
 
 /// Offers the services. Must be called within a local set.
@@ -114,7 +114,7 @@ fn parameters(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
     Ok(())
 }
 
-/// What there is to say to each name; nothing, as rclcpp has it, where they are too many.
+/// The answer for each name; empty, as in rclcpp, if there are too many.
 fn each<T>(shared: &Shared, names: &[String], say: impl Fn(&Parameters, &str) -> T) -> Vec<T> {
     let parameters = shared.parameters.borrow();
     match heeded(shared, parameters::check_names(names)) {
@@ -123,7 +123,7 @@ fn each<T>(shared: &Shared, names: &[String], say: impl Fn(&Parameters, &str) ->
     }
 }
 
-/// Whether a request is small enough to be answered; a log line says if not.
+/// True if a request is small enough to be answered; otherwise it is logged.
 fn heeded(shared: &Shared, checked: Result<(), TooLarge>) -> bool {
     if let Err(error) = checked {
         shared.outbox.log(Severity::Warn, format!("a request for parameters was refused: {error}"));
@@ -131,7 +131,7 @@ fn heeded(shared: &Shared, checked: Result<(), TooLarge>) -> bool {
     checked.is_ok()
 }
 
-/// Sets parameters one by one, and lets other requests have their turn in between.
+/// Sets parameters one by one, and handles other requests in between.
 async fn set_each(shared: &Shared, changes: &[raw::Parameter]) -> Vec<raw::SetParametersResult> {
     if let Err(error) = parameters::check_values(changes) {
         // The client expects as many results as it set; the reason is in the first.
@@ -148,7 +148,7 @@ async fn set_each(shared: &Shared, changes: &[raw::Parameter]) -> Vec<raw::SetPa
     refusals_logged(shared, results)
 }
 
-/// Says what was refused, in one line: a thousand would take the place of estimates that wait to be published.
+/// Logs the refusals, in one line: a thousand lines would displace estimates that wait to be published.
 fn refusals_logged(shared: &Shared, results: Vec<raw::SetParametersResult>) -> Vec<raw::SetParametersResult> {
     let mut refused = results.iter().filter(|result| !result.successful);
     if let Some(first) = refused.next() {
@@ -161,7 +161,7 @@ fn refusals_logged(shared: &Shared, results: Vec<raw::SetParametersResult>) -> V
     results
 }
 
-/// Sets parameters together, and lets those who run by them know.
+/// Sets parameters together, and informs everyone who uses them.
 fn set(shared: &Shared, changes: &[raw::Parameter]) -> raw::SetParametersResult {
     let set = shared.parameters.borrow_mut().set(changes);
     if let Err(reason) = set {
@@ -195,7 +195,7 @@ where
                 }
                 Err(error) => {
                     n_unreadable += 1;
-                    // Now and then: as many lines as requests would take the place of estimates that wait to be published.
+                    // Only now and then: one line per request would displace estimates that wait to be published.
                     if n_unreadable.is_power_of_two() {
                         let text = format!("a service request could not be read, {n_unreadable} so far: {error}");
                         outbox.log(Severity::Warn, text);

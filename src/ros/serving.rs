@@ -1,4 +1,4 @@
-//! The thread that answers services and keeps the lifecycle.
+//! The thread that answers services and runs the lifecycle.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -25,7 +25,7 @@ use super::services;
 use super::threads::{self, Vital};
 use crate::msg::from_cdr;
 
-/// What serving is done with.
+/// The data that serving needs.
 pub(super) struct Duties {
     pub(super) managed: Managed,
     pub(super) parameters: Parameters,
@@ -37,7 +37,7 @@ pub(super) struct Duties {
     pub(super) sim_clock: Option<Subscription>,
 }
 
-/// What the services share.
+/// Data shared by the services.
 pub(super) struct Shared {
     pub(super) parameters: RefCell<Parameters>,
     pub(super) managed: Managed,
@@ -47,14 +47,14 @@ pub(super) struct Shared {
     pub(super) parameter_events: OutIdx,
     /// SHA-256 of each model in use.
     pub(super) hashes: RefCell<BTreeMap<String, String>>,
-    /// Whether a calibration is under way.
+    /// True while a calibration is in progress.
     pub(super) calibrating: Cell<bool>,
     pub(super) node_name: String,
 }
 
-/// What the thread tells.
+/// Reports from the thread.
 pub(super) enum News {
-    /// Services are there; who gets the graph leaves it.
+    /// The services are ready. The receiver of the graph must leave it.
     Serving(Graph),
     /// The node can't be started.
     Failed(NodeError),
@@ -66,7 +66,7 @@ pub(super) struct Serving {
     stop: oneshot::Sender<()>,
 }
 
-/// Starts to offer services, and brings the node up where no manager is to do it.
+/// Starts to offer services, and configures and activates the node unless a lifecycle manager does it.
 pub(super) fn start(graph: Graph, duties: Duties) -> Result<(Serving, Receiver<News>), NodeError> {
     let (sender, news) = channel();
     let (stop, stopped) = oneshot::channel();
@@ -76,14 +76,14 @@ pub(super) fn start(graph: Graph, duties: Duties) -> Result<(Serving, Receiver<N
         if let Err(error) = served {
             let _ = sender.send(News::Failed(error)); // the node is leaving already
         }
-        // A model that is being loaded is not waited for.
+        // Don't wait for a model that is being loaded.
         runtime.shutdown_background();
     })?;
     Ok((Serving { thread, stop }, news))
 }
 
 impl Serving {
-    /// The graph, where it came only now that the node is to end.
+    /// The graph, if it arrived only after the node was asked to end.
     pub(super) fn last_news(&self, news: &Receiver<News>) -> Option<Graph> {
         news.try_iter().find_map(|news| match news {
             News::Serving(graph) => Some(graph),
@@ -91,7 +91,7 @@ impl Serving {
         })
     }
 
-    /// Answers no more, and waits for a request that is being answered at most so long.
+    /// Stops answering, and waits up to a limit for a request in progress.
     pub(super) fn end(self, limit: Duration) {
         let _ = self.stop.send(()); // the thread may have ended
         threads::ends_within(&self.thread, limit);
@@ -135,7 +135,7 @@ async fn serve(
     }
 }
 
-/// Sets the clock by the time that is told on `/clock`.
+/// Sets the clock from the messages on `/clock`.
 async fn follow(subscription: Subscription, clock: Arc<Clock>) {
     let _vital = Vital::new("/clock");
     let mut times = subscription.arrivals();

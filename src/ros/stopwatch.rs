@@ -1,8 +1,8 @@
-//! Time that goes by also while this process, or the whole machine, stands still.
+//! A timer that also counts time while this process, or the whole machine, is suspended.
 
 use std::time::{Duration, Instant};
 
-/// Measures how much time goes by, also while the process is stopped and, on Linux, while the machine is suspended, which
+/// Measures elapsed time, also while the process is stopped and, on Linux, while the machine is suspended, which
 /// `Instant` leaves out there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stopwatch {
@@ -21,7 +21,7 @@ impl Stopwatch {
     }
 }
 
-/// Time since the machine was started, suspends included, to a hundredth of a second.
+/// Time since the machine was started, including suspends, to a hundredth of a second.
 fn uptime() -> Option<Duration> {
     if !cfg!(target_os = "linux") {
         return None;

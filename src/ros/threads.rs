@@ -1,4 +1,4 @@
-//! Threads that the node can't do without, and waiting for them no longer than it may take to leave.
+//! Threads that the node can't run without, and waiting for them within the time limit for leaving.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread::{Builder, JoinHandle};
@@ -7,11 +7,11 @@ use std::time::Duration;
 use super::node::NodeError;
 use crate::leave;
 
-/// Between looks at whether a thread has ended. A wait counts these, so that time in which the process itself was stopped
-/// doesn't count.
+/// Interval between checks that a thread has ended. A wait counts these, so that time in which the process itself was
+/// stopped doesn't count.
 const SLICE: Duration = Duration::from_millis(5);
 
-/// Starts a thread that the process can't do without: where it panics, the process is to end.
+/// Starts a thread that the process can't run without: if it panics, the process ends.
 pub(super) fn spawn(name: &'static str, work: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, NodeError> {
     let vital = Vital::new(name);
     let work = move || {
@@ -21,7 +21,7 @@ pub(super) fn spawn(name: &'static str, work: impl FnOnce() + Send + 'static) ->
     Builder::new().name(name.into()).spawn(work).map_err(|source| NodeError::System { what: "thread", source })
 }
 
-/// A part that the process can't do without; held by who does its work.
+/// A part that the process can't run without; held by the thread that does its work.
 pub(super) struct Vital {
     part: &'static str,
     ended: fn(&str),
@@ -41,17 +41,17 @@ impl Drop for Vital {
     }
 }
 
-/// Asks the process to end, because a part of it has.
+/// Asks the process to end because a part of it has ended.
 pub(super) fn ended(part: &str) {
     leave::fail(has_ended(part));
 }
 
-/// What is said of a part that has ended.
+/// The message about a part that has ended.
 pub(super) fn has_ended(part: &str) -> String {
     format!("the part of this process called {part:?} has ended, so the process ends too; start it anew")
 }
 
-/// Whether a thread ends within a limit.
+/// True if a thread ends within a limit.
 pub(super) fn ends_within(thread: &JoinHandle<()>, limit: Duration) -> bool {
     for _ in 0..slices(limit) {
         if thread.is_finished() {
@@ -62,7 +62,7 @@ pub(super) fn ends_within(thread: &JoinHandle<()>, limit: Duration) -> bool {
     thread.is_finished()
 }
 
-/// Does some work on a thread of its own and waits for it; whether it was done within a limit. If not it goes on.
+/// Runs work on a separate thread and waits for it; true if it finished within a limit. If not, it goes on.
 pub(super) fn within(limit: Duration, work: impl FnOnce() + Send + 'static) -> bool {
     let (done, is_done) = channel();
     let work = move || {

@@ -1,4 +1,4 @@
-//! Notices that a tactile stream has stopped. Pure: time is an argument.
+//! Detects that a tactile stream has stopped. Pure: time is an argument.
 
 use std::time::Duration;
 
@@ -6,62 +6,62 @@ use std::time::Duration;
 #[derive(Debug, Clone)]
 pub struct Watchdog {
     timeout: Duration,
-    /// How long a frame may wait for its joint angles.
+    /// Maximum time that a frame waits for its joint angles.
     slack: Duration,
     sources: Vec<Source>,
 }
 
-/// What it is that doesn't come.
+/// What is missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Silence {
     /// No messages.
     Messages,
-    /// Messages come, and give no frame.
+    /// Messages arrive, but produce no frame.
     Frames,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Source {
-    /// When a message came, or it was said that none did; none before the beginning.
+    /// Time of the last message, or of the report that there was none; `None` before the start.
     message: Option<Duration>,
-    /// The same of frames.
+    /// The same for frames.
     frame: Option<Duration>,
     stale: bool,
 }
 
 impl Watchdog {
-    /// A watchdog over `n_sources` that barks after `timeout` of silence, and again each time as much passes; where messages
-    /// come and give no frame, after `slack` more, which is how long a frame may wait for joint angles.
+    /// A watchdog over `n_sources` that reports after `timeout` of silence, and again after each further `timeout`. If
+    /// messages arrive but produce no frame, it waits `slack` longer: the time that a frame may wait for joint angles.
     pub fn new(n_sources: usize, timeout: Duration, slack: Duration) -> Self {
         Watchdog { timeout, slack, sources: vec![Source::default(); n_sources] }
     }
 
-    /// Begins to watch, at a time since any fixed moment: a source that never comes is as silent as one that stops.
+    /// Starts watching, at a time since any fixed moment: a source that never sends is as silent as one that stops.
     pub fn begin(&mut self, now: Duration) {
         for source in &mut self.sources {
             *source = Source { message: Some(now), frame: Some(now), stale: source.stale };
         }
     }
 
-    /// Takes note of a message of a source.
+    /// Records a message of a source.
     pub fn handle_message(&mut self, source_idx: usize, now: Duration) {
         self.sources[source_idx].message = Some(now);
     }
 
-    /// Takes note of a frame of a source; whether it was stale until now.
+    /// Records a frame of a source; true if the source was stale until now.
     pub fn handle_frame(&mut self, source_idx: usize, now: Duration) -> bool {
         let source = &mut self.sources[source_idx];
         (source.message, source.frame) = (Some(now), Some(now));
         std::mem::take(&mut source.stale)
     }
 
-    /// The next source to be said stale, what doesn't come, and whether it is the first time since it stopped.
+    /// The next source to report as stale, what is missing, and true if it is the first report since it stopped.
     pub fn poll(&mut self, now: Duration) -> Option<(usize, Silence, bool)> {
         let (timeout, slack) = (self.timeout, self.slack);
         let is_over =
             |last: Option<Duration>, limit: Duration| last.is_some_and(|last| now.saturating_sub(last) >= limit);
         let silence = |source: &Source| {
-            // Once a source is stale there is no frame that waits.
+            // Once a source is stale, no frame is waiting.
             let limit = if source.stale { timeout } else { timeout + slack };
             match (is_over(source.message, timeout), is_over(source.frame, limit)) {
                 (true, _) => Some(Silence::Messages),
@@ -79,7 +79,7 @@ impl Watchdog {
         Some((idx, silence, !std::mem::replace(&mut source.stale, true)))
     }
 
-    /// Whether a source has stopped.
+    /// True if a source has stopped.
     pub fn is_stale(&self, source_idx: usize) -> bool {
         self.sources[source_idx].stale
     }

@@ -1,4 +1,4 @@
-//! Inputs and frames since the last report, and what is wrong with them: for the node, and for a tool that reads its inputs.
+//! Inputs and frames since the last report, and their problems: for the node, and for a tool that reads its inputs.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -12,13 +12,13 @@ use crate::msg::AngleWatch;
 use crate::msg::binding::SampleBinding;
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
-/// How long others get to be discovered before nobody is said to be there.
+/// Time for discovery before the node reports that nobody is there.
 const DISCOVERY: Duration = Duration::from_secs(3);
 
-/// Between two looks at who else is in the graph.
+/// Interval between two looks at the other entities in the graph.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 
-/// How long an input is silent before that is a problem of its own; its statistics say so at once.
+/// How long an input must be silent before that is a separate problem; its statistics show it at once.
 const STOPPED: Duration = Duration::from_millis(500);
 
 /// Inputs and frames since the last report.
@@ -29,31 +29,31 @@ pub struct Watched {
     wanted: Vec<Wanted>,
     tactile: Vec<TactileSource>,
     joints: Vec<JointSource>,
-    /// One a joint source, of the joints that are needed.
+    /// One per joint source: the joints that are needed.
     angles: Vec<AngleWatch>,
     needed: BTreeSet<String>,
     publishers: Option<Vec<Endpoint>>,
     subscriptions: Vec<Endpoint>,
     looked: Option<Duration>,
-    /// When the node was configured.
+    /// Time when the node was configured.
     begun: Duration,
-    /// Since when artifacts are as far from their calibration as they may go.
+    /// Start of the time in which artifacts have been at their limit of distance from the calibration.
     capped_since: Option<Duration>,
     reported: Duration,
-    /// Messages lost by their own count until the last report, by tactile source.
+    /// Messages lost by the sender's own count until the last report, by tactile source.
     lost: Vec<u64>,
-    /// The time of `/clock` at the last report.
+    /// Time on `/clock` at the last report.
     clock: Option<Stamp>,
 }
 
-/// How long an input may be silent: its frames lack an estimate from then on.
+/// How long an input may be silent: after that its frames lack an estimate.
 pub(super) fn timeout(cfg: &Config, input_idx: usize) -> Duration {
     let is_tactile = input_idx < cfg.fusion.tactile_sources.len();
     if is_tactile { cfg.live.tactile_timeout } else { cfg.fusion.timing.shortest_hold() }
 }
 
 impl Watched {
-    /// The inputs of a configuration, each as its source wants it, in any order.
+    /// The inputs of a configuration with the requirements of their sources, in any order.
     pub(crate) fn new(cfg: &Config, wanted: impl IntoIterator<Item = Wanted>) -> Self {
         let tactile = cfg.fusion.tactile_sources.iter().map(|source| format!("tactile.{}", source.name));
         let keys: Vec<String> =
@@ -80,7 +80,7 @@ impl Watched {
         }
     }
 
-    /// Takes note that the node was configured, with a core that nothing was shown yet.
+    /// Records that the node was configured, with a core that has received no input yet.
     pub(crate) fn begin(&mut self, now: Duration) {
         (self.begun, self.reported) = (now, now);
         self.outcomes = Outcomes::default();
@@ -88,7 +88,7 @@ impl Watched {
         self.capped_since = None;
     }
 
-    /// For how long artifacts have been as far from their calibration as they may go, by the frames of a report.
+    /// How long artifacts have been at their limit of distance from the calibration, by the frames of a report.
     pub(crate) fn capped_for(&mut self, now: Duration, outcomes: &Outcomes) -> Option<Duration> {
         self.capped_since = outcomes.is_capped().then(|| self.capped_since.unwrap_or(now));
         self.capped_since.map(|since| now.saturating_sub(since))
@@ -102,7 +102,7 @@ impl Watched {
         }
     }
 
-    /// Takes note of what a message holds.
+    /// Records the content of a message.
     pub(crate) fn handle(&mut self, event: &Event<'_>) {
         match event {
             Event::Tactile(block) => {
@@ -120,7 +120,7 @@ impl Watched {
         }
     }
 
-    /// Frames since the last report, how many there should have been, and that there is a new report now.
+    /// Frames since the last report and the expected number of frames; starts a new report.
     pub(crate) fn take_outcomes(&mut self, now: Duration, core: &Fusion) -> (Outcomes, f64) {
         let elapsed_s = now.saturating_sub(self.reported).as_secs_f64();
         self.reported = now;
@@ -129,7 +129,7 @@ impl Watched {
         (std::mem::take(&mut self.outcomes), n_expected)
     }
 
-    /// Looks at who else is in the graph, now and then.
+    /// Looks at the other entities in the graph, now and then.
     pub(super) fn look_around(&mut self, now: Duration, neighbours: Option<&Neighbours>) {
         let Some(neighbours) = neighbours else { return };
         if self.looked.is_some_and(|looked| now.saturating_sub(looked) < LOOK_EVERY) {
@@ -140,7 +140,7 @@ impl Watched {
         self.subscriptions = neighbours.subscriptions();
     }
 
-    /// What is wrong with each input now. `[inputs]`
+    /// The current problems of each input. `[inputs]`
     pub(crate) fn judge(&mut self, now: Duration, cfg: &Config, core: Option<&Fusion>) -> Vec<Vec<Problem>> {
         let came: BTreeSet<String> = self.inputs.iter().flat_map(|input| input.names()).cloned().collect();
         let missing: Vec<&str> = self.needed.iter().filter(|name| !came.contains(*name)).map(String::as_str).collect();
@@ -201,7 +201,7 @@ impl Watched {
         judged
     }
 
-    /// What is wrong with the graph around the node's outputs.
+    /// Problems in the graph around the node's outputs.
     pub(super) fn judge_graph(&self, offers: &[(String, ros2_client::QosProfile)]) -> Vec<Problem> {
         let mut problems = Vec::new();
         let others = self.publishers.iter().flatten();
@@ -216,7 +216,7 @@ impl Watched {
         problems
     }
 
-    /// What is wrong with the time that the node is told on `/clock`, at `time` of it.
+    /// Problem with the time on `/clock`, at `time` of it.
     pub(crate) fn judge_clock(&mut self, time: Option<Stamp>) -> Option<Problem> {
         let time = time?;
         let before = self.clock.replace(time);
@@ -232,7 +232,7 @@ impl Watched {
     }
 }
 
-/// What the core says is wrong with a tactile source, each with its kind.
+/// Problems that the core reports for a tactile source, each with its kind.
 fn faults(core: &Fusion, source: &str) -> Vec<(&'static str, String)> {
     let fault = |fault: SourceFault<'_>| {
         let (of, kind) = match &fault {

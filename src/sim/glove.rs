@@ -1,4 +1,4 @@
-//! Three synthetic gloves: what their fingertip taxels read under force, under strain, and over time.
+//! Three synthetic gloves: readings of their fingertip taxels under force, under strain, and over time.
 //!
 //! For taxel i, as a fraction of full scale:
 //!
@@ -7,10 +7,11 @@
 //!                 + artifact_i(theta) + other_fingers_i) + drift_i
 //! ```
 //!
-//! then cross-talk, low-pass, noise, and counts of 12 bit. `contact` has what force does, `strain` what pose does,
-//! `readout` what electronics do; each term says there where it comes from. Other [`Physics`] of the artifact is in `coupled`.
+//! then cross-talk, low-pass, noise, and 12-bit counts. `contact` holds the effect of force, `strain` that of pose,
+//! `readout` that of electronics; each gives the source of its terms. Other [`Physics`] of the artifact is in
+//! `coupled`.
 //!
-//! A hand's glove has such taxels on every fingertip, each strained by the joints of its own finger most.
+//! A whole-hand glove has such taxels on every fingertip, each strained mostly by the joints of its own finger.
 
 mod contact;
 mod coupled;
@@ -27,28 +28,29 @@ use super::session::{Activity, Physics, SessionSpec};
 use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
-/// A glove as it was made: what doesn't change from user to user.
+/// A glove as manufactured: its properties that don't change from user to user.
 ///
 /// # Source
-/// Numbers are those that a throwaway exploration found to give the paper's tactile-only picture; the three differ as
-/// the paper's gloves do (Sec. VI-B): 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts.
+/// The numbers come from a throwaway exploration, which found that they reproduce the paper's tactile-only results. The
+/// three differ as the paper's gloves do (Sec. VI-B): 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GloveDesign {
     /// 1 to 3.
     pub number: u8,
-    /// How its taxels sense.
+    /// Sensing principle of its taxels.
     pub principle: &'static str,
-    /// Where the taxels are on the fingertip, mm: x to the thumb's side, y to the nail's edge, from the pad's centre.
+    /// Positions of the taxels on the fingertip, mm: x to the thumb's side, y to the nail's edge, from the pad's
+    /// centre.
     pub taxels: &'static [[f64; 2]],
-    /// Force at which a taxel has half of its ultimate reading.
+    /// Force at which a taxel reads half of its maximum.
     pub half_saturation: GramForce,
     /// Noise of a reading, fraction of full scale.
     pub noise: f64,
     /// Force whose reading equals the artifact of a full bend of DIP and PIP, for the median user and donning.
     pub bend_artifact: GramForce,
-    /// Share of the artifact that lags behind the pose by hysteresis.
+    /// Fraction of the artifact that lags behind the pose by hysteresis.
     pub hysteresis: f64,
-    /// Artifact of all other fingers fully flexed, as a share of that of a full bend.
+    /// Artifact of all other fingers fully flexed, as a fraction of that of a full bend.
     pub other_fingers: f64,
     /// Change of the gain by a full bend, the mean of all taxels.
     pub pose_gain: f64,
@@ -56,36 +58,36 @@ pub struct GloveDesign {
     pub touch_gain: f64,
     /// Log-normal spread of the gain that wanders over a minute.
     pub slow_gain: f64,
-    /// How much the glove's slipping on the finger changes artifacts, sd.
+    /// Standard deviation of the change of artifacts from the glove's slipping on the finger.
     pub slip: f64,
     /// Time constant of each taxel, s.
     pub low_pass_s: f64,
-    /// Counts at rest, about.
+    /// Approximate counts at rest.
     pub rest_counts: f64,
-    /// Counts of full scale; negative where lower means more pressure.
+    /// Counts of full scale; negative if lower counts mean more pressure.
     pub span_counts: f64,
 }
 
 impl GloveDesign {
-    /// The glove of this number, if there is one.
+    /// The glove with this number, if there is one.
     pub fn numbered(number: u8) -> Option<&'static GloveDesign> {
         GLOVES.iter().find(|design| design.number == number)
     }
 
-    /// Whether a lower reading means more pressure: `sign: -1` in the parameters.
+    /// True if a lower reading means more pressure: `sign: -1` in the parameters.
     pub fn inverted(&self) -> bool {
         self.span_counts < 0.0
     }
 
-    /// The median glove's reading of a straight finger's touch, on average over where it lands, fraction of full scale,
-    /// the mean of all taxels.
+    /// The median glove's reading of a straight finger's touch, averaged over touch positions and all taxels, fraction
+    /// of full scale.
     pub fn nominal_response(&self, force: GramForce) -> f64 {
         let reach = self.taxels.iter().map(|&taxel| contact::mean_reach(taxel, force.0));
         reach.sum::<f64>() / self.taxels.len() as f64 * contact::compress(force.0, self.half_saturation.0)
     }
 }
 
-/// All gloves there are.
+/// All gloves.
 pub const GLOVES: [GloveDesign; 3] = [
     GloveDesign {
         number: 1,
@@ -140,7 +142,7 @@ pub const GLOVES: [GloveDesign; 3] = [
     },
 ];
 
-/// The taxels of one fingertip on a user's hand, from one donning to the next.
+/// The taxels of one fingertip on a user's hand, for one donning.
 #[derive(Debug)]
 pub struct WornGlove {
     strain: StrainField,
@@ -152,15 +154,15 @@ pub struct WornGlove {
 }
 
 impl WornGlove {
-    /// The index fingertip of a glove as this user put it on for this session.
+    /// The index fingertip of a glove, with this user's donning for this session.
     pub fn new(design: &'static GloveDesign, spec: &SessionSpec) -> Self {
         WornGlove::on(Finger::Index, design, spec)
     }
 
-    /// A fingertip of a glove as this user put it on for this session.
+    /// A fingertip of a glove, with this user's donning for this session.
     pub fn on(finger: Finger, design: &'static GloveDesign, spec: &SessionSpec) -> Self {
-        // Streams of its own for each, so that the hardware is the same for all, a user the same in all sessions, and the
-        // index fingertip the same with and without the other four.
+        // Separate random streams, so that the hardware is the same for all, a user is the same in all sessions, and
+        // the index fingertip is the same with and without the other four.
         let of_finger = |what: String| match finger {
             Finger::Index => Noise::named(&what),
             other => Noise::named(&format!("{what}, {}", other.name())),
@@ -190,7 +192,7 @@ impl WornGlove {
         }
     }
 
-    /// What the taxels read, raw counts, `dt_s` after the sample before.
+    /// The taxel readings, raw counts, `dt_s` after the previous sample.
     ///
     /// # Shapes
     /// Returns `[taxels]` in the order of [`GloveDesign::taxels`].
@@ -213,7 +215,7 @@ struct Slip {
     taxels: Vec<Wander>,
 }
 
-/// [`Slip`] as it is now.
+/// The current value of [`Slip`].
 #[derive(Debug, Clone)]
 struct Slipped {
     common: f64,
@@ -222,7 +224,7 @@ struct Slipped {
 
 const SLIP_S: f64 = 90.0;
 
-/// Slips that come at once: friction holds the glove until it gives way.
+/// Sudden slips: friction holds the glove until it gives way.
 #[derive(Debug)]
 struct Jumps {
     size: f64,

@@ -1,4 +1,4 @@
-//! The synthetic user's hand: joints, the poses of the protocol, and what muscles, tendons and tremor make of an intent.
+//! The synthetic user's hand: joints, the protocol's poses, and the effect of muscles, tendons and tremor on an intent.
 
 use std::array;
 
@@ -7,7 +7,7 @@ use crate::random::{Noise, Wander};
 /// Fingers of a hand, in the order of [`JOINTS`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Finger {
-    /// The one that touches, where a glove has taxels on one finger.
+    /// The finger that touches, if a glove has taxels on one finger.
     #[default]
     Index,
     /// Its neighbour.
@@ -24,7 +24,7 @@ impl Finger {
     /// All of them, in the order of [`JOINTS`].
     pub const ALL: [Finger; N_FINGERS] = [Finger::Index, Finger::Middle, Finger::Ring, Finger::Little, Finger::Thumb];
 
-    /// What it is called, as in the names of its joints.
+    /// Its name, as in the names of its joints.
     pub fn name(self) -> &'static str {
         match self {
             Finger::Index => "index",
@@ -36,7 +36,7 @@ impl Finger {
     }
 }
 
-/// Number of fingers, the thumb included.
+/// Number of fingers, including the thumb.
 pub const N_FINGERS: usize = 5;
 
 /// Joint names in the order of [`HandPose::angles`]; flexion and abduction are positive.
@@ -82,8 +82,8 @@ impl HandPose {
         self
     }
 
-    /// This pose with another finger in the part of the index finger, and the index finger in its part. A thumb can't
-    /// follow a finger's angles: it does as much as its joints allow.
+    /// This pose with the angles of another finger and the index finger swapped. A thumb can't follow a finger's
+    /// angles: it moves as far as its joints allow.
     pub(crate) fn led_by(mut self, finger: Finger) -> Self {
         let (lead, other) = (self.finger(Finger::Index), self.finger(finger));
         match finger {
@@ -111,9 +111,9 @@ impl HandPose {
 pub struct TerminalPose {
     /// In snake_case.
     pub name: &'static str,
-    /// What the user aims at.
+    /// The pose that the user aims at.
     pub pose: HandPose,
-    /// Whether the index fingertip is available for tapping.
+    /// True if the index fingertip is available for tapping.
     pub index_free: bool,
 }
 
@@ -201,7 +201,7 @@ pub const TERMINAL_POSES: [TerminalPose; 14] = {
     ]
 };
 
-/// What the other fingers do while the index finger is asked for a pose or a movement.
+/// The other fingers' motion while the index finger does a pose or a movement.
 pub const INDEX_BASE: HandPose = HandPose([
     [0.05, 0.1, 0.1, 0.0],
     [0.15, 0.3, 0.25, 0.0],
@@ -233,7 +233,7 @@ pub const INDEX_POSES: [IndexPose; 5] = [
 pub struct Movement {
     /// In snake_case.
     pub name: &'static str,
-    /// Where it turns back, rad.
+    /// Turning point, rad.
     pub end: FingerPose,
 }
 
@@ -244,14 +244,14 @@ pub const MOVEMENTS: [Movement; 3] = [
     Movement { name: "roll", end: [0.95, 1.3, 1.05, 0.0] },
 ];
 
-/// What a user takes up when asked for a pose of the protocol by its name; `None` for one that nobody has shown them.
+/// The pose that a user takes up for a name in the protocol; `None` if the user doesn't know the name.
 pub fn pose_named(name: &str) -> Option<HandPose> {
     let terminal = TERMINAL_POSES.iter().find(|pose| pose.name == name).map(|pose| pose.pose);
     let index = || INDEX_POSES.iter().find(|pose| pose.name == name).map(|pose| INDEX_BASE.with_index(pose.index));
     terminal.or_else(index)
 }
 
-/// Where a movement of the protocol turns back, by its name, rad.
+/// Turning point of a movement of the protocol, by its name, rad.
 pub fn movement_named(name: &str) -> Option<FingerPose> {
     MOVEMENTS.iter().find(|movement| movement.name == name).map(|movement| movement.end)
 }
@@ -259,10 +259,10 @@ pub fn movement_named(name: &str) -> Option<FingerPose> {
 const LIMITS: [(f64, f64); 4] = [(-0.15, 1.3), (-0.1, 1.8), (-0.35, 1.6), (-0.45, 0.45)]; // rad, active range
 const THUMB_LIMITS: [(f64, f64); 4] = [(-0.2, 1.4), (-0.1, 1.1), (-0.3, 1.0), (-0.1, 1.1)];
 
-/// How much of a neighbour's flexion a finger follows when it isn't told to: index, middle, ring, little, thumb.
+/// How much a finger follows a neighbour's flexion without intent: index, middle, ring, little, thumb.
 ///
 /// # Source
-/// Enslaving of fingers by shared muscles and tendons; its size is that of free movement, some 5-20 % for neighbours.
+/// Enslaving of fingers by shared muscles and tendons; the size is for free movement, some 5-20 % for neighbours.
 const ENSLAVING: [[f64; N_FINGERS]; N_FINGERS] = [
     [0.0, 0.10, 0.03, 0.01, 0.01],
     [0.13, 0.0, 0.14, 0.04, 0.01],
@@ -271,7 +271,7 @@ const ENSLAVING: [[f64; N_FINGERS]; N_FINGERS] = [
     [0.03, 0.02, 0.01, 0.01, 0.0],
 ];
 
-/// What stays the same of a user's hand from session to session.
+/// Properties of a user's hand that stay the same from session to session.
 #[derive(Debug, Clone)]
 pub struct Hand {
     reach: [FingerPose; N_FINGERS],
@@ -296,12 +296,12 @@ impl Hand {
         }
     }
 
-    /// How slowly this user moves; 1 is usual.
+    /// How slowly this user moves; 1 is normal.
     pub fn tempo(&self) -> f64 {
         self.tempo
     }
 
-    /// What the user really aims at when asked for a pose, different each time.
+    /// The pose that the user really aims at for a named pose, different each time.
     pub(crate) fn aim(&self, asked: &HandPose, noise: &mut Noise) -> HandPose {
         let effort = 1.0 + noise.normal(0.05 * self.sloppiness);
         HandPose(array::from_fn(|f| {
@@ -313,7 +313,7 @@ impl Hand {
         }))
     }
 
-    /// What tendons make of an intent: fingers follow their neighbours' flexion partly.
+    /// The effect of tendons on an intent: fingers partly follow their neighbours' flexion.
     pub fn follow(&self, intent: &HandPose) -> HandPose {
         let mut pose = *intent;
         for (f, followed) in ENSLAVING.iter().enumerate() {
@@ -327,7 +327,7 @@ impl Hand {
     }
 }
 
-/// What no intent explains: physiological tremor, and the slow wander of a posture that is held.
+/// Unintended motion: physiological tremor, and the slow drift of a held posture.
 #[derive(Debug, Clone)]
 pub(crate) struct Unsteadiness {
     fingers: [[Wander; 3]; N_FINGERS], // two quadratures of tremor, and posture
@@ -346,7 +346,7 @@ impl Unsteadiness {
         Unsteadiness { fingers, tremor_hz: hand.tremor_hz }
     }
 
-    /// The pose `dt_s` later, at `t_s`, around what tendons hold.
+    /// The pose `dt_s` later, at `t_s`, around the pose that the tendons hold.
     pub(crate) fn advance(&mut self, t_s: f64, dt_s: f64, held: &HandPose, noise: &mut Noise) -> HandPose {
         let phase = std::f64::consts::TAU * self.tremor_hz * t_s;
         let (sin, cos) = libm::sincos(phase);
@@ -365,8 +365,8 @@ impl Unsteadiness {
 /// Optical motion capture of the hand: markers sit on a glove and on skin that moves over the bone.
 ///
 /// # Source
-/// Marker jitter of an optical system is some 0.1 mm over a phalanx of 25 mm; joint angles from skin markers are off
-/// by a few degrees in a way that stays the same until the markers are put on anew.
+/// Marker jitter of an optical system is some 0.1 mm over a phalanx of 25 mm. Joint angles from skin markers are off
+/// by a few degrees, and this error stays the same until the markers are attached again.
 #[derive(Debug, Clone)]
 pub(crate) struct MotionCapture {
     offset: [f64; JOINTS.len()],
@@ -383,7 +383,7 @@ impl MotionCapture {
         }
     }
 
-    /// Angles as they are measured, in the order of [`JOINTS`], rad.
+    /// Measured angles, in the order of [`JOINTS`], rad.
     pub(crate) fn measure(&self, pose: &HandPose, noise: &mut Noise) -> Vec<f64> {
         let mut angles = pose.angles();
         for ((angle, offset), gain) in angles.iter_mut().zip(self.offset).zip(self.gain) {
@@ -393,14 +393,14 @@ impl MotionCapture {
     }
 }
 
-/// Errors of a tracker that come on top: those of a camera that looks at the hand, and angles that a network makes of its
-/// pictures; or those that were asked for.
+/// Additional tracker errors: those of a camera that looks at the hand, with angles that a network estimates from its
+/// pictures; or errors that the user of the simulation set.
 ///
-/// Angles are off by a bias of each joint that stays for the session, and by an error that is partly the same for several
-/// frames, because it comes from how the hand is seen. Their delay is that of [`session`](super::session).
+/// Each joint has a constant bias for the session, and an error that is partly the same for several frames, because
+/// it depends on how the hand is seen. The delay is in [`session`](super::session).
 ///
 /// # Source
-/// Sizes of a camera are assumed: a bias of 10 degrees and 5 degrees of noise are what a correction by pose should bear.
+/// Sizes for a camera are assumed: a correction by pose should tolerate a bias of 10 degrees and 5 degrees of noise.
 #[derive(Debug)]
 pub(crate) struct SeenBadly {
     bias: [f64; JOINTS.len()],
@@ -426,7 +426,7 @@ impl SeenBadly {
         }
     }
 
-    /// Puts errors on angles, `dt_s` after those before. `[joints]` in the order of [`JOINTS`], rad.
+    /// Adds errors to angles, `dt_s` after the previous ones. `[joints]` in the order of [`JOINTS`], rad.
     pub(crate) fn put_on(&mut self, dt_s: f64, angles: &mut [f64]) {
         for ((angle, bias), slow) in angles.iter_mut().zip(self.bias).zip(&mut self.slow) {
             let fast = self.noise.normal(self.fast_rad);

@@ -4,7 +4,7 @@ use super::performance::Contact;
 use crate::random::{Noise, Wander};
 use crate::units::Newton;
 
-/// What a load cell reads: the force and torque on it, z into it.
+/// A load cell sample: the force and torque on it, with z pointing into it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoadCellReading {
     /// N, x y z. z is the normal force of the fingertip, positive under pressure, untared.
@@ -16,8 +16,8 @@ pub struct LoadCellReading {
 /// A load cell with resolution, noise and a zero that drifts.
 ///
 /// # Source
-/// ATI Nano17 SI-12-0.12: 1/320 N (0.32 gF, as the paper says) and 1/64 N mm; the paper tares dynamically because the
-/// zero drifts, which here is warming up (0.06 N, a quarter of an hour) and a slow wander. Noise is about a count.
+/// ATI Nano17 SI-12-0.12: 1/320 N (0.32 gF, as in the paper) and 1/64 N mm. The paper tares dynamically because the
+/// zero drifts; here the drift is warm-up (0.06 N, a quarter of an hour) and a slow wander. Noise is about one count.
 #[derive(Debug)]
 pub(crate) struct LoadCell {
     offset: [f64; 6],
@@ -47,12 +47,12 @@ impl LoadCell {
         }
     }
 
-    /// Sets its zero: what it reads under no load, N along z and nothing else.
+    /// Sets its zero: the reading under no load, N along z and nothing else.
     pub(crate) fn set_zero(&mut self, normal: f64) {
         self.offset = [0.0, 0.0, normal, 0.0, 0.0, 0.0];
     }
 
-    /// What it reads at `t_s`, which never goes back.
+    /// The reading at `t_s`, which never goes back.
     pub(crate) fn read(&mut self, t_s: f64, contact: Option<Contact>) -> LoadCellReading {
         let dt_s = (t_s - self.now_s).max(0.0);
         self.now_s = t_s;

@@ -1,38 +1,38 @@
-//! Free manipulation: what a wearer does who follows no protocol, and what a model or a filter meets that is worn.
+//! Free manipulation: a wearer's actions without a protocol, and thus the input of a model or filter in daily use.
 //!
-//! The protocol's touches are firm and short, and half of its time is in the air. A hand at work holds a thing lightly for
-//! a minute while its fingers move, grasps for minutes without letting go, closes slowly, rests, and may touch something
-//! before anyone listens. Each of these is an [`Episode`]; a session is made of them until its time is over.
+//! The protocol's touches are firm and short, and half of its time is in the air. A working hand holds an object
+//! lightly for a minute while its fingers move, grasps for minutes without letting go, closes slowly, rests, and may
+//! touch something before the recording begins. Each of these is an [`Episode`]; a session is a sequence of them.
 //!
-//! Lengths and forces are chosen for what they ask of a model, not counted on people: there is no public record of them.
+//! Lengths and forces are chosen to challenge a model, not measured on people: there is no public record of them.
 
 use super::hand::{Finger, Hand, TERMINAL_POSES};
 use super::performance::{Actor, Annotation, Performance};
 use super::touch::ForceStyle;
 use crate::random::Noise;
 
-/// The shortest session of free manipulation, minutes: each kind of episode is in it once, however long it gets.
+/// The shortest session of free manipulation, minutes: it contains each kind of episode once, whatever its length.
 pub const MIN_MANIPULATION_MINUTES: f64 = 10.0;
 /// The longest, minutes.
 pub const MAX_MANIPULATION_MINUTES: f64 = 120.0;
 
-/// Share of the sessions in which the finger touches something from the first sample on.
+/// Fraction of the sessions in which the finger touches something from the first sample on.
 const STARTS_IN_CONTACT: f64 = 0.25;
 
-/// A stretch of a session of free manipulation.
+/// A part of a session of free manipulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Episode {
     /// All fingers move in the air.
     Air,
-    /// One pose is kept in the air.
+    /// One pose is held in the air.
     StillAir,
     /// A touch of 3 to 20 gF, held for 10 to 90 s while the finger moves.
     LightHold,
-    /// The same, while the finger keeps still.
+    /// The same, while the finger stays still.
     StillHold,
-    /// A thing is held and turned about for minutes, without a moment of air.
+    /// An object is held and turned for minutes, without a moment in the air.
     Grasp,
-    /// Force rises slowly from nothing, and is let go.
+    /// Force rises slowly from zero, and is released.
     Ramp,
     /// Short touches, one after the other, some of them light.
     Touches,
@@ -50,7 +50,7 @@ impl Episode {
         Episode::Touches,
     ];
 
-    /// What it is annotated as, as a substage outside of the protocol.
+    /// Its name in the annotations: a substage outside of the protocol.
     pub fn name(self) -> &'static str {
         match self {
             Episode::Air => "air",
@@ -63,17 +63,17 @@ impl Episode {
         }
     }
 
-    /// Whether nothing is touched in it.
+    /// True if it has no touch.
     pub fn is_air(self) -> bool {
         matches!(self, Episode::Air | Episode::StillAir)
     }
 
-    /// Whether something is touched from its beginning to its end, so that a session can begin within it.
+    /// True if the touch lasts from its beginning to its end, so that a session can begin within it.
     pub fn is_held(self) -> bool {
         matches!(self, Episode::LightHold | Episode::StillHold | Episode::Grasp)
     }
 
-    /// How long one may last, s. A session of `total_s` has no grasp that fills it.
+    /// Maximum duration, s. A session of `total_s` has no grasp that fills it.
     fn duration_s(self, total_s: f64, noise: &mut Noise) -> f64 {
         match self {
             Episode::Air => noise.uniform(5.0, 25.0),
@@ -86,20 +86,20 @@ impl Episode {
     }
 }
 
-/// Whether a session of free manipulation begins with a touch that was there before anyone listened.
+/// True if a session of free manipulation begins with a touch that started before the recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Start {
-    /// One in four does.
+    /// In one of four sessions.
     #[default]
     Either,
     /// It begins in the air.
     InAir,
-    /// It does.
+    /// It begins with a touch.
     InContact,
 }
 
 impl Start {
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Start::Either => "either",
@@ -109,23 +109,23 @@ impl Start {
     }
 }
 
-/// What a session of free manipulation is made of.
+/// Content of a session of free manipulation.
 #[derive(Debug)]
 pub(crate) struct Repertoire<'a> {
     /// Kinds of episodes; empty for all. Air comes first and between touches whatever they are.
     pub(crate) episodes: &'a [Episode],
-    /// How it begins.
+    /// Its beginning.
     pub(crate) start: Start,
-    /// What touches.
+    /// The finger that touches.
     pub(crate) touching: Touching,
 }
 
-/// With which finger.
+/// Choice of the finger that touches.
 #[derive(Debug)]
 pub(crate) enum Touching {
     /// Always the same.
     One(Finger),
-    /// Any, another one each episode.
+    /// Any finger, a different one each episode.
     Any(Box<Noise>),
 }
 
@@ -141,10 +141,10 @@ impl Touching {
     }
 }
 
-/// Between the annotation and the touch, and between the touch and the next annotation, s.
+/// Time between the annotation and the touch, and between the touch and the next annotation, s.
 const MARGIN_S: f64 = 0.4;
 
-/// Air after an episode of touch, s: a hand that lets go is on its way to the next thing.
+/// Time in the air after an episode of touch, s: a hand that lets go moves to the next object.
 const ON_THE_WAY_S: (f64, f64) = (1.0, 6.0);
 
 impl Performance {
@@ -169,7 +169,7 @@ impl Performance {
         let mut actor = Actor { hand, style, noise, pose_s: 0.0, performance: &mut performance };
         let mut at_s = 0.0;
         let mut repetitions = [0_u16; Episode::ALL.len()];
-        // Air first, by which a zero can be found; or a touch that was there before anyone listened.
+        // Air first, so that a zero can be found; or a touch that started before the recording.
         let first = held.filter(|_| begins_touching).unwrap_or(Episode::Air);
         let mut waiting: Vec<Episode> = kinds.iter().copied().filter(|episode| *episode != first).collect();
         actor.noise.shuffle(&mut waiting);
@@ -213,7 +213,7 @@ impl Performance {
 }
 
 impl Actor<'_> {
-    /// `at_once`: the touch is there from the beginning, not only after the hand has reached for it.
+    /// `at_once`: the touch exists from the beginning, not only after the hand has reached for the object.
     fn go_through(&mut self, episode: Episode, start_s: f64, end_s: f64, at_once: bool) {
         let touch = (if at_once { start_s - 1.0 } else { start_s + MARGIN_S }, end_s - MARGIN_S);
         if !episode.is_air() && touch.1 - touch.0 < 1.0 {

@@ -1,4 +1,4 @@
-//! A user goes through a plan: finger movements and touches with human variation, and the annotations that go with them.
+//! A user goes through a plan: finger movements and touches with human variation, and their annotations.
 
 use super::hand::{
     Finger, FingerPose, Hand, HandPose, INDEX_BASE, N_FINGERS, TERMINAL_POSES, Unsteadiness, movement_named, pose_named,
@@ -8,7 +8,7 @@ use crate::protocol::{Action, Name, Plan, Protocol, Setting, Trial};
 use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
-/// What the user interface of the collection wrote down. It holds until the next one.
+/// An annotation by the user interface of the collection. It holds until the next one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Annotation {
     /// s into the session.
@@ -21,11 +21,11 @@ pub struct Annotation {
     pub pose: Name,
     /// Counted from 0 within the substage.
     pub repetition: u16,
-    /// Whether nothing touches the fingertip. Never true during a touch; false also while a touch is only expected.
+    /// True if nothing touches the fingertip. Never true during a touch; false also while a touch is only expected.
     pub zero_load: bool,
 }
 
-/// Everything that a user intends in a session, fixed before it begins.
+/// All intents of a user in a session, fixed before it begins.
 #[derive(Debug, Clone)]
 pub struct Performance {
     tracks: [Track; N_FINGERS],
@@ -47,7 +47,7 @@ impl Track {
         Track { start, moves: Vec::new() }
     }
 
-    /// Moves there, as soon as the movement before is over.
+    /// Moves to a target after the previous movement.
     fn move_to(&mut self, at_s: f64, duration_s: f64, to: FingerPose) {
         let from_s = self.moves.last().map_or(at_s, |&(_, until_s, _)| at_s.max(until_s));
         self.moves.push((from_s, from_s + duration_s, to));
@@ -65,7 +65,7 @@ impl Track {
 }
 
 impl Performance {
-    /// What a user makes of a plan.
+    /// A user's performance of a plan.
     pub(crate) fn new(
         protocol: &Protocol,
         plan: &Plan,
@@ -86,7 +86,7 @@ impl Performance {
         performance
     }
 
-    /// A user with a relaxed hand who does nothing, the load cell under a finger.
+    /// A user with a relaxed hand who does nothing, with the load cell under a finger.
     pub(crate) fn idle(hand: &Hand, finger: Finger, noise: &mut Noise) -> Self {
         let start = hand.aim(&TERMINAL_POSES[2].pose, noise); // relaxed
         Performance {
@@ -111,20 +111,20 @@ impl Performance {
         self.load_cell.push((at_s, finger));
     }
 
-    /// Under which finger the load cell is at `t_s`: the only one that touches.
+    /// The finger above the load cell at `t_s`: the only one that touches.
     pub fn finger_at(&self, t_s: f64) -> Finger {
         let after = self.load_cell.partition_point(|&(from_s, _)| from_s <= t_s);
         after.checked_sub(1).and_then(|now| self.load_cell.get(now)).map_or(Finger::default(), |&(_, finger)| finger)
     }
 
-    /// Says that it is over.
+    /// Annotates the end of the session.
     pub(super) fn end(&mut self, at_s: f64) {
         let over = Annotation { at_s, stage: 0, substage: "".into(), pose: "".into(), repetition: 0, zero_load: false };
         self.annotations.push(over);
         self.end_s = at_s;
     }
 
-    /// Lets go of whatever is touched, and gives up every movement and touch that has not begun.
+    /// Ends the current touch, and drops all movements and touches that have not begun.
     pub(crate) fn stop(&mut self, at_s: f64) {
         self.tracks.iter_mut().for_each(|track| track.moves.retain(|&(from_s, _, _)| from_s <= at_s));
         self.touches.retain(|touch| touch.start_s <= at_s);
@@ -133,22 +133,22 @@ impl Performance {
         }
     }
 
-    /// Touches in their order.
+    /// Touches in order.
     pub fn touches(&self) -> &[Touch] {
         &self.touches
     }
 
-    /// Annotations in their order.
+    /// Annotations in order.
     pub fn annotations(&self) -> &[Annotation] {
         &self.annotations
     }
 
-    /// How long the session takes, s.
+    /// Duration of the session, s.
     pub fn end_s(&self) -> f64 {
         self.end_s
     }
 
-    /// The hand pose that muscles are told at `t_s`.
+    /// The intended hand pose at `t_s`.
     pub fn intent(&self, t_s: f64) -> HandPose {
         HandPose(std::array::from_fn(|f| self.tracks[f].at(t_s)))
     }
@@ -172,7 +172,7 @@ impl Performance {
     }
 }
 
-/// Turns trials into movements and touches.
+/// Converts trials to movements and touches.
 pub(crate) struct Actor<'a> {
     pub(crate) hand: &'a Hand,
     pub(crate) style: &'a ForceStyle,
@@ -183,7 +183,7 @@ pub(crate) struct Actor<'a> {
 }
 
 impl Actor<'_> {
-    /// Does what a trial asks for, from `start_s` on. What the user has never been shown they don't do.
+    /// Performs a trial from `start_s` on. Poses and movements that the user doesn't know are left out.
     pub(crate) fn perform(&mut self, trial: &Trial, start_s: f64) {
         let end_s = start_s + trial.duration_s;
         match &trial.action {
@@ -229,13 +229,13 @@ impl Actor<'_> {
         }
     }
 
-    /// Presses and means to hold it.
+    /// Presses with the intent to hold the force.
     pub(crate) fn hold_press(&mut self, from_s: f64, until_s: f64) {
         let press = self.style.held_press(from_s, until_s, self.noise);
         self.performance.touches.push(press);
     }
 
-    /// Takes up the pose of a touch, and says from when on it may be touched.
+    /// Takes up the pose of a touch; returns the time from which it may be touched.
     fn set_up(&mut self, setting: &Setting, start_s: f64, end_s: f64) -> f64 {
         let touch_s = start_s + self.pose_s;
         match setting {
@@ -254,7 +254,7 @@ impl Actor<'_> {
         touch_s
     }
 
-    /// Takes up a pose by its name.
+    /// Takes up a pose, by its name.
     pub(crate) fn take_pose(&mut self, name: &str, at_s: f64) {
         if let Some(pose) = pose_named(name) {
             self.aim_for(&pose, at_s);
@@ -278,7 +278,7 @@ impl Actor<'_> {
     pub(crate) fn move_out_and_back(&mut self, movement: &str, all_fingers: bool, start_s: f64, end_s: f64) {
         let Some(end) = movement_named(movement) else { return };
         let out = match all_fingers {
-            // A thumb can't follow a finger's angles: it closes by as much as its joints allow.
+            // A thumb can't follow a finger's angles: it closes as far as its joints allow.
             true => HandPose([end, end, end, end, [0.7 * end[0], 0.5 * end[1], 0.4 * end[2], 0.4]]),
             false => INDEX_BASE.with_index(end),
         };
@@ -296,8 +296,8 @@ impl Actor<'_> {
         }
     }
 
-    /// Every finger as it likes. Its joints flex partly together, as in all natural movement, DIP and PIP nearly as one,
-    /// because they share a tendon.
+    /// All fingers move independently. The joints of a finger flex partly together, as in natural movement, DIP and PIP
+    /// nearly as one, because they share a tendon.
     pub(super) fn move_freely(&mut self, start_s: f64, end_s: f64, reach_of_touching: f64) {
         let touching = self.performance.finger_at(start_s) as usize;
         for f in 0..N_FINGERS {
@@ -323,10 +323,10 @@ impl Actor<'_> {
     }
 }
 
-/// A contact of the fingertip as it is now.
+/// A contact of the fingertip at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// Which touch of the session it is.
+    /// Index of the touch in the session.
     pub touch: usize,
     /// Normal force.
     pub force: GramForce,
@@ -337,11 +337,11 @@ pub struct Contact {
 pub struct HandState {
     /// True joint angles.
     pub pose: HandPose,
-    /// What is touched, if anything.
+    /// The contact, if there is one.
     pub contact: Option<Contact>,
 }
 
-/// Lives through a performance: adds what nobody intends.
+/// Executes a performance and adds unintended motion and force.
 #[derive(Debug)]
 pub(crate) struct Performer {
     performance: Performance,
@@ -371,7 +371,7 @@ impl Performer {
         &self.performance
     }
 
-    /// Who acts from now on, in a manner of their own.
+    /// The user who performs trials from now on, with their own force style.
     pub(crate) fn actor<'a>(&'a mut self, style: &'a ForceStyle, noise: &'a mut Noise, pose_s: f64) -> Actor<'a> {
         Actor { hand: &self.hand, style, noise, pose_s, performance: &mut self.performance }
     }

@@ -1,4 +1,4 @@
-//! What would be recorded of a synthetic session, sample by sample.
+//! The records of a synthetic session, sample by sample.
 
 mod channel;
 mod conditions;
@@ -30,28 +30,28 @@ pub const MIN_MINUTES: f64 = 1.7;
 /// The whole protocol, minutes.
 pub const FULL_MINUTES: f64 = 27.7;
 
-/// Which session. The same one gives the same records on every machine.
+/// Parameters of a session. The same ones give the same records on every machine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionSpec {
-    /// Which of the gloves, 1 to 3.
+    /// Number of the glove, 1 to 3.
     pub glove: u8,
-    /// Which user: the same hand, force style and skin in all of their sessions.
+    /// Number of the user: the same hand, force style and skin in all of their sessions.
     pub user: u32,
-    /// Which donning of the glove by this user.
+    /// Number of the donning of the glove by this user.
     pub session: u32,
-    /// Which world: another seed has other users. Gloves are the same in all.
+    /// Seed of the world: another seed has other users. Gloves are the same in all.
     pub seed: u64,
-    /// How long, as far as the [`activity`](Self::activity) goes.
+    /// Duration, within the limits of the [`activity`](Self::activity).
     pub minutes: f64,
-    /// What is done.
+    /// The activity.
     pub activity: Activity,
     /// How joint angles are measured.
     pub tracking: Tracking,
-    /// What else is otherwise than usual.
+    /// Other conditions that differ from the defaults.
     pub conditions: Conditions,
 }
 
-/// What a user does in a session.
+/// A user's activity in a session.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Activity {
     /// The paper's protocol, [`MIN_MINUTES`] to [`FULL_MINUTES`]; shorter has fewer repetitions, never fewer substages.
@@ -63,7 +63,7 @@ pub enum Activity {
 }
 
 impl Activity {
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Activity::Protocol => "protocol",
@@ -84,7 +84,7 @@ impl SessionSpec {
         format!("seed {}, user {}", self.seed, self.user)
     }
 
-    /// What the glove is called: its number, or hand1 to hand3 where it has taxels on all fingertips.
+    /// The name of the glove: its number, or hand1 to hand3 if it has taxels on all fingertips.
     pub fn glove_name(&self) -> String {
         match self.conditions.fingers {
             Fingers::Index => self.glove.to_string(),
@@ -105,7 +105,7 @@ impl SessionSpec {
     }
 }
 
-/// Who goes through a session.
+/// The user in a session.
 struct User {
     spec: SessionSpec,
     hand: Hand,
@@ -122,7 +122,7 @@ impl User {
         }
     }
 
-    /// What this user's free manipulation is made of.
+    /// Content of this user's free manipulation.
     fn repertoire(&self) -> Repertoire<'_> {
         let Conditions { touching, fingers, episodes, start, .. } = &self.spec.conditions;
         let touching = match (touching, fingers) {
@@ -137,23 +137,23 @@ impl User {
     }
 }
 
-/// One message of the recording. Stamps are when it was measured, `received` is when it arrived.
+/// One message of the recording. Stamps are measurement times, `received` is the arrival time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Record {
     /// A sample of the glove.
     Taxels {
-        /// By the glove's clock as synchronized, which is a few milliseconds off.
+        /// By the synchronized clock of the glove, which is a few milliseconds off.
         stamp: Stamp,
         /// Arrival.
         received: Stamp,
-        /// Counts samples, those that never arrive included.
+        /// Counts samples, including those that never arrive.
         sequence: u32,
-        /// `[taxels]`, counts; `[fingers, taxels]` where all fingertips have some, fingers as in [`Finger::ALL`].
+        /// `[taxels]`, counts; `[fingers, taxels]` if all fingertips have taxels, fingers as in [`Finger::ALL`].
         values: Vec<f32>,
     },
     /// A sample of the motion capture.
     Joints {
-        /// When it was measured.
+        /// Measurement time.
         stamp: Stamp,
         /// Arrival.
         received: Stamp,
@@ -164,7 +164,7 @@ pub enum Record {
     },
     /// A sample of the load cell, untared.
     Truth {
-        /// When it was measured.
+        /// Measurement time.
         stamp: Stamp,
         /// Arrival.
         received: Stamp,
@@ -172,12 +172,12 @@ pub enum Record {
         force: [f64; 3],
         /// N m, x y z.
         torque: [f64; 3],
-        /// The finger that it is under; `None` where only one could be.
+        /// The finger above it; `None` if only one is possible.
         under: Option<Finger>,
     },
-    /// What the user was asked to do from now on.
+    /// The user's task from now on.
     Stage {
-        /// From when on it holds; also its arrival.
+        /// Start of the task; also its arrival.
         stamp: Stamp,
         /// 1 to 3; 0 when the session is over.
         stage: u8,
@@ -187,13 +187,13 @@ pub enum Record {
         pose: Name,
         /// Counted from 0 within the substage.
         repetition: u16,
-        /// Whether nothing touches the fingertip.
+        /// True if nothing touches the fingertip.
         zero_load: bool,
     },
 }
 
 impl Record {
-    /// When it was measured.
+    /// Measurement time.
     pub fn stamp(&self) -> Stamp {
         match *self {
             Record::Taxels { stamp, .. }
@@ -203,7 +203,7 @@ impl Record {
         }
     }
 
-    /// When it arrived: what records are ordered by.
+    /// Arrival time, by which records are ordered.
     pub fn received(&self) -> Stamp {
         match *self {
             Record::Taxels { received, .. } | Record::Joints { received, .. } | Record::Truth { received, .. } => {
@@ -219,7 +219,7 @@ const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always
 /// Begins a session.
 ///
 /// # Errors
-/// [`SimError`] when there is no such glove or the protocol doesn't fit into that time.
+/// [`SimError`] when there is no such glove or the protocol doesn't fit into the duration.
 pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
     let glove = design(spec)?;
     if !spec.activity.minutes().contains(&spec.minutes) {
@@ -306,7 +306,7 @@ impl Session {
         }
     }
 
-    /// What is known of the recording: to be written beside it. `synthetic` is always `true`.
+    /// Metadata of the recording, to be written beside it. `synthetic` is always `true`.
     pub fn metadata(&self) -> BTreeMap<String, String> {
         let design = GloveDesign::numbered(self.spec.glove);
         let entries = [
@@ -321,7 +321,7 @@ impl Session {
             ("minutes", self.spec.minutes.to_string()),
             ("tool_version", env!("CARGO_PKG_VERSION").to_owned()),
         ];
-        // What a session has always been isn't written, so that its bytes are what they have always been.
+        // Default conditions aren't written, so that the bytes of existing sessions don't change.
         let other = [
             ("activity", self.spec.activity.name(), self.spec.activity == Activity::default()),
             ("tracking", self.spec.tracking.name(), self.spec.tracking == Tracking::default()),
@@ -331,17 +331,17 @@ impl Session {
         entries.chain(self.spec.conditions.notes()).collect()
     }
 
-    /// What the user is asked to do.
+    /// The trials that the user is asked to do.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// What the user means to do.
+    /// The user's intended movements and touches.
     pub fn performance(&self) -> &Performance {
         self.performer.performance()
     }
 
-    /// Number of the session's frames at 100 Hz, about: for progress.
+    /// Approximate number of the session's frames at 100 Hz, for progress.
     pub fn n_frames(&self) -> u64 {
         (self.end_s * RATE_HZ) as u64
     }
@@ -350,7 +350,7 @@ impl Session {
         self.start.offset((t_s * NANOS_PER_SEC as f64).round() as i64)
     }
 
-    /// Takes the sample or annotation that is due first; whether there was one.
+    /// Takes the sample or annotation that is due first; true if there was one.
     fn advance(&mut self) -> bool {
         let by_time = |a: &&mut Channel, b: &&mut Channel| a.next_s().total_cmp(&b.next_s());
         let Some(channel) = self.channels.iter_mut().min_by(by_time) else { return false };
@@ -411,7 +411,7 @@ impl Iterator for Session {
 
     fn next(&mut self) -> Option<Record> {
         loop {
-            // Nothing that is yet to be measured or annotated can arrive before this.
+            // Nothing that is still to be measured or annotated can arrive before this.
             let annotation_s = self.next_annotation.iter().map(|annotation| annotation.at_s);
             let due_s =
                 self.channels.iter().map(|channel| channel.next_s()).chain(annotation_s).fold(f64::INFINITY, f64::min);

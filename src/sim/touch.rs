@@ -3,7 +3,7 @@
 use crate::random::Noise;
 use crate::units::GramForce;
 
-/// What kind of touch was asked for.
+/// Kind of an instructed touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TouchKind {
     /// One tap of a 3-tap sequence: 0 light, 1 medium, 2 heavy.
@@ -12,7 +12,7 @@ pub enum TouchKind {
     Press,
     /// A touch that is held at a level.
     Hold,
-    /// A thing that is held and turned about.
+    /// An object that is held and turned.
     Grasp,
     /// Force that rises slowly.
     Ramp,
@@ -21,7 +21,7 @@ pub enum TouchKind {
 /// A touch from first contact to release. The force is zero outside of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Touch {
-    /// What was asked for.
+    /// The instructed kind.
     pub kind: TouchKind,
     /// First contact, s into the session.
     pub start_s: f64,
@@ -33,7 +33,7 @@ pub struct Touch {
     lift_rad: f64,
 }
 
-/// Asked-for taps: light is a touchscreen tap, heavy stays well under the 10 N that users were told not to pass.
+/// Instructed taps: light is a touchscreen tap, heavy stays well under the 10 N limit given to users.
 ///
 /// # Source
 /// Pose-aware tactile gloves, Sec. I (touchscreen taps 0.5 N on average) and Sec. IV (light, medium, heavy, under 10 N).
@@ -43,7 +43,7 @@ const MAX_FORCE_GF: f64 = 880.0; // with the errors of force control on top stil
 const LEAST_GRASP_GF: f64 = 20.0; // less, and the thing falls
 const RAMP_KNOT_S: f64 = 0.5; // between knots force is minimum-jerk, so a ramp has steps of this length that nobody feels
 
-/// How a user doses force, from session to session the same.
+/// A user's force control, the same in all sessions.
 #[derive(Debug, Clone)]
 pub struct ForceStyle {
     gain: f64,
@@ -79,11 +79,11 @@ impl ForceStyle {
         }
     }
 
-    /// A press whose force the user varies widely, as asked.
+    /// A press whose force the user varies widely, as instructed.
     ///
     /// # Source
     /// The span is chosen so that about 8 % of the loaded frames are under 40 gF and force has a standard deviation of
-    /// some 130 gF over a session, which is what MAE and R2 of the paper's Table I come to for errors of usual shape.
+    /// some 130 gF over a session. The MAE and R2 of the paper's Table I imply this for errors of usual shape.
     pub(crate) fn varying_press(&self, start_s: f64, end_s: f64, noise: &mut Noise) -> Touch {
         let mut knots = Vec::new();
         let mut at_s = start_s;
@@ -94,7 +94,7 @@ impl ForceStyle {
         self.press(start_s, end_s, knots, noise)
     }
 
-    /// A press that the user means to hold while the fingers move, which disturbs it.
+    /// A press that the user tries to hold while moving fingers disturb it.
     pub(crate) fn held_press(&self, start_s: f64, end_s: f64, noise: &mut Noise) -> Touch {
         let level = noise.log_uniform(60.0, 450.0);
         let mut knots = Vec::new();
@@ -106,8 +106,8 @@ impl ForceStyle {
         self.press(start_s, end_s, knots, noise)
     }
 
-    /// A touch that is held at a level, gF, which it leaves by `spread` (log-normal) and finds again. However hard this
-    /// user presses else, a level that is held by feel is the level.
+    /// A touch held at a level, gF; the force departs from the level by `spread` (log-normal) and returns to it. The
+    /// level does not depend on how hard this user presses otherwise.
     pub(super) fn hold_at(&self, start_s: f64, end_s: f64, level_gf: f64, spread: f64, noise: &mut Noise) -> Touch {
         let mut knots = Vec::new();
         let mut at_s = start_s;
@@ -118,7 +118,7 @@ impl ForceStyle {
         Touch { kind: TouchKind::Hold, ..self.press(start_s, end_s, knots, noise) }
     }
 
-    /// A grasp: force follows what is done with the thing, and never lets go of it.
+    /// A grasp: force follows the handling of the object, and never drops to zero.
     pub(super) fn grasp(&self, start_s: f64, end_s: f64, noise: &mut Noise) -> Touch {
         let weight_gf = noise.log_uniform(30.0, 150.0);
         let mut knots = Vec::new();
@@ -131,7 +131,7 @@ impl ForceStyle {
         Touch { kind: TouchKind::Grasp, ..self.press(start_s, end_s, knots, noise) }
     }
 
-    /// Force that rises evenly from nothing to `top_gf` over the whole touch, and is let go within half a second.
+    /// Force that rises evenly from zero to `top_gf` over the whole touch, and is released within half a second.
     pub(super) fn ramp(&self, start_s: f64, end_s: f64, top_gf: f64, noise: &mut Noise) -> Touch {
         let n_knots = ((end_s - start_s) / RAMP_KNOT_S).ceil().max(1.0);
         let at = |k: f64| (start_s + (end_s - start_s) * k / n_knots, top_gf * k / n_knots);
@@ -156,7 +156,7 @@ impl ForceStyle {
 /// Minimum-jerk progress from 0 to 1, for `u` of any size.
 ///
 /// # Source
-/// Flash and Hogan 1985: what voluntary movements of arm and hand look like.
+/// Flash and Hogan 1985: the shape of voluntary arm and hand movements.
 pub(crate) fn minimum_jerk(u: f64) -> f64 {
     let u = u.clamp(0.0, 1.0);
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
@@ -191,7 +191,7 @@ impl Touch {
         }
     }
 
-    /// How far the finger is lifted at its MCP just before and after the touch, rad.
+    /// Lift of the finger at its MCP just before and after the touch, rad.
     pub(crate) fn lift(&self, t_s: f64) -> f64 {
         let u = if t_s < self.start_s { (self.start_s - t_s) / 0.2 } else { (t_s - self.end_s) / 0.2 };
         if (0.0..1.0).contains(&u) { self.lift_rad * 16.0 * u * u * (1.0 - u) * (1.0 - u) } else { 0.0 }

@@ -1,4 +1,4 @@
-//! The shapes of the paper's network (Sec. V): which parameters there are, by name.
+//! The shape of the paper's network (Sec. V): its parameters, by name.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,13 +10,13 @@ pub const N_FEATURES: usize = 64;
 /// Hidden width of the Bi-LSTM, each direction.
 pub(super) const LSTM_HIDDEN: usize = 32;
 
-/// Dilations, and with them paddings, of the multi-scale block.
+/// Dilations, and also paddings, of the multi-scale block.
 pub(super) const DILATIONS: [usize; 3] = [1, 2, 4];
 
 /// Taps of every convolution.
 pub(super) const TAPS: usize = 3;
 
-/// Channels and dilations of the causal network: the last frame sees as many frames as a window has, but for one.
+/// Channels and dilations of the causal network: the last frame depends on all frames of a window but one.
 pub(super) const CAUSAL_CHANNELS: usize = 32;
 pub(super) const CAUSAL_DILATIONS: [usize; 5] = [1, 2, 4, 8, 16];
 
@@ -27,7 +27,7 @@ pub(super) const CAUSAL_FRAMES: usize = 63;
 const BASE_HIDDEN: usize = 32;
 const FUSION_HIDDEN: usize = 64;
 
-/// What a network is made of.
+/// Kind of network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -37,17 +37,17 @@ pub enum Kind {
     TactileOnly,
     /// One decoder over the concatenated features, which the paper found worse: kept for comparison.
     EarlyFusion,
-    /// A causal convolutional network over taxels that an artifact model was taken out of, with an output for touch.
+    /// A causal convolutional network over taxels with the artifact model subtracted, with an output for touch.
     Adaptive,
 }
 
 impl Kind {
-    /// Whether the network takes joint angles.
+    /// True if the network takes joint angles.
     pub fn uses_pose(self) -> bool {
         matches!(self, Kind::PoseAware | Kind::EarlyFusion)
     }
 
-    /// Whether it is of use only with joint angles, in the network or before it.
+    /// True if it needs joint angles, in the network or before it.
     pub fn needs_joints(self) -> bool {
         self != Kind::TactileOnly
     }
@@ -56,19 +56,19 @@ impl Kind {
 /// A network's shape and scales.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Architecture {
-    /// What it is made of.
+    /// Its kind.
     pub kind: Kind,
-    /// Frames in a window.
+    /// Frames per window.
     pub window: usize,
-    /// Taxels in a frame.
+    /// Taxels per frame.
     pub n_taxels: usize,
-    /// Joint angles in a frame; not used without pose.
+    /// Joint angles per frame; not used without pose.
     pub n_joints: usize,
-    /// Divides the taxels, so that the network sees numbers about 1 whatever the sensor counts in.
+    /// Divides the taxels, so that the network gets numbers of about 1 for any sensor unit.
     pub tactile_scale: f32,
-    /// Multiplies what the force decoders give, in gF: they work on numbers about 1.
+    /// Multiplies the outputs of the force decoders, in gF: the decoders work on numbers of about 1.
     pub force_scale: f32,
-    /// What a taxel reads of a light touch, for the causal network: it sees taxels in this unit too, up to 1 at most.
+    /// A taxel's reading of a light touch, for the causal network: it also gets the taxels in this unit, limited to 1.
     #[serde(default = "one")]
     pub touch_scale: f32,
 }
@@ -80,26 +80,26 @@ fn one() -> f32 {
 /// A tensor of weights: its name, and its place in [`Network::values`](super::Network::values).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Parameter {
-    /// Name, as PyTorch would spell it.
+    /// Name, as in PyTorch.
     pub name: String,
     /// Shape, row-major.
     pub dims: Vec<usize>,
-    /// Where its values begin.
+    /// Index of its first value.
     pub start: usize,
 }
 
 impl Parameter {
-    /// How many values it has.
+    /// Number of its values.
     pub fn n_values(&self) -> usize {
         self.dims.iter().product()
     }
 
-    /// Where its values lie.
+    /// Index range of its values.
     pub fn range(&self) -> std::ops::Range<usize> {
         self.start..self.start + self.n_values()
     }
 
-    /// Inputs that each output sums over: the bound of its uniform start values is 1 / sqrt of it, as in PyTorch.
+    /// Inputs that each output sums over: uniform start values are bounded by 1 / sqrt of it, as in PyTorch.
     pub(super) fn fan_in(&self, siblings: &[Parameter]) -> usize {
         if self.name.starts_with("pose.lstm") {
             return LSTM_HIDDEN;
@@ -109,7 +109,7 @@ impl Parameter {
         weight.dims.iter().skip(1).product()
     }
 
-    /// The constant it starts from, for normalizations; other parameters start random.
+    /// The constant start value, for normalizations; other parameters start random.
     pub(super) fn constant_start(&self) -> Option<f32> {
         let normalization = self.name.starts_with("tactile.norm") || self.name.starts_with("pose.norm");
         normalization.then(|| if self.name.ends_with(".weight") { 1.0 } else { 0.0 })

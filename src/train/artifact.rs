@@ -1,11 +1,11 @@
-//! The artifact model of sessions that are trained on.
+//! The artifact model of training sessions.
 
 use super::dataset::Session;
 use super::error::TrainError;
 use crate::eval::Part;
 use crate::fusion::{ArtifactModel, DonningFrames, learn_artifact};
 
-/// The artifact model of sessions, each of one donning, by the frames of their training part.
+/// The artifact model of sessions, each of one donning, learned from the frames of their training part.
 ///
 /// # Errors
 /// [`TrainError::Artifact`] when there are too few frames in the air, or of light touch.

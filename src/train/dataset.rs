@@ -1,6 +1,6 @@
 //! Sessions in memory, and the windows cut from them.
 //!
-//! A window is only an index until its batch is put together: overlapping windows share their frames.
+//! A window is only an index until its batch is assembled: overlapping windows share their frames.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -21,20 +21,20 @@ pub use session::{Session, SessionFrames};
 /// Touch is true force at or above this, gF (paper, Sec. VI-A: all zero-load truth lies below).
 pub const TOUCH_GF: f32 = 2.5;
 
-/// How windows are cut.
+/// Settings for cutting windows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WindowSpec {
-    /// Frames in a window; the paper's is 64.
+    /// Frames per window; the paper's is 64.
     pub window: usize,
     /// Frames from one training window to the next; the paper's is 1.
     pub stride: usize,
-    /// Frames from one window to the next where models are judged.
+    /// Frames from one window to the next when models are evaluated.
     pub eval_stride: usize,
-    /// Frames at the end of a window whose true force is learned.
+    /// Frames at the end of a window whose true force is a target.
     #[serde(default = "one")]
     pub outputs: usize,
-    /// Whether the network takes joint angles.
+    /// True if the network takes joint angles.
     pub needs_pose: bool,
 }
 
@@ -48,7 +48,7 @@ impl Default for WindowSpec {
     }
 }
 
-/// A window: the session, and the frame that it ends with.
+/// A window: the session, and its last frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct WindowIdx {
     session: u32,
@@ -69,7 +69,7 @@ impl Dataset {
     ///
     /// # Errors
     /// [`DatasetError`] when settings are out of range, sessions don't fit together, have no joints though the network
-    /// needs them, leave a part without windows, or hold only touch or only air.
+    /// needs them, leave a part without windows, or contain only touch or only air.
     pub fn new(sessions: Vec<Session>, spec: WindowSpec) -> Result<Self, DatasetError> {
         Dataset::of(sessions.into(), spec)
     }
@@ -103,25 +103,25 @@ impl Dataset {
         Ok(dataset)
     }
 
-    /// The same sessions in longer windows, in each of which the last frames are all learned.
+    /// The same sessions in longer windows, with all last frames of each window as targets.
     ///
     /// # Errors
-    /// [`DatasetError`] when no stretch is long enough.
+    /// [`DatasetError`] when no run of frames is long enough.
     pub fn with_outputs(&self, outputs: usize) -> Result<Self, DatasetError> {
         let window = self.spec.window + outputs - 1;
         let spec = WindowSpec { window, stride: outputs.div_ceil(2), outputs, ..self.spec };
         Dataset::of(Arc::clone(&self.sessions), spec)
     }
 
-    /// The same sessions, where every frame is judged.
+    /// The same sessions, with every frame evaluated.
     ///
     /// # Errors
-    /// None that making this one didn't have.
+    /// Only those of the original dataset.
     pub fn with_every_frame(&self) -> Result<Self, DatasetError> {
         Dataset::of(Arc::clone(&self.sessions), WindowSpec { eval_stride: 1, ..self.spec })
     }
 
-    /// How the windows were cut.
+    /// The settings for cutting windows.
     pub fn spec(&self) -> &WindowSpec {
         &self.spec
     }
@@ -136,17 +136,17 @@ impl Dataset {
         self.parts[part as usize].len()
     }
 
-    /// Taxels in a frame.
+    /// Taxels per frame.
     pub fn n_taxels(&self) -> usize {
         self.sessions.first().map_or(0, Session::n_taxels)
     }
 
-    /// Joint angles in a frame.
+    /// Joint angles per frame.
     pub fn n_joints(&self) -> usize {
         self.sessions.first().map_or(0, Session::n_joints)
     }
 
-    /// The frame that a window ends with: its session, and its index there.
+    /// The last frame of a window: its session, and its index there.
     pub fn window_end(&self, part: Part, window: usize) -> Option<(usize, usize)> {
         let idx = self.parts[part as usize].get(window)?;
         Some((idx.session as usize, idx.end as usize))
@@ -157,7 +157,7 @@ impl Dataset {
         self.parts[part as usize].iter().map(|idx| self.session(idx).frames().truth_gf[idx.end as usize]).collect()
     }
 
-    /// Root mean square of the taxels in the training part: what their scale is.
+    /// Root mean square of the taxels in the training part: the default of their scale.
     pub fn tactile_scale(&self) -> f32 {
         let n_taxels = self.n_taxels();
         let (mut sum, mut count) = (0.0, 0u64);
@@ -169,7 +169,7 @@ impl Dataset {
             }
         }
         let scale = (sum / count.max(1) as f64).sqrt() as f32;
-        // Taxels that never move have no scale; 1 leaves them as they are.
+        // Taxels that never change have no scale; 1 leaves them unchanged.
         if scale.is_finite() && scale > f32::MIN_POSITIVE { scale } else { 1.0 }
     }
 
@@ -178,7 +178,7 @@ impl Dataset {
         pose_range(&self.sessions)
     }
 
-    /// Puts windows of a part together. `smoothing_frames` is the width of the Gaussian of the auxiliary target.
+    /// Assembles windows of a part. `smoothing_frames` is the width of the Gaussian of the auxiliary target.
     ///
     /// # Panics
     /// When an index is not below [`n_windows`](Self::n_windows).
@@ -187,7 +187,7 @@ impl Dataset {
         batch::assemble(self, &windows, smoothing_frames)
     }
 
-    /// SHA-256 over everything that training depends on, in hex.
+    /// SHA-256 over all data that affects training, in hex.
     pub fn fingerprint(&self) -> String {
         let mut hash = Sha256::new();
         for session in self.sessions.iter() {

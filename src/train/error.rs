@@ -1,8 +1,8 @@
-//! What can stand against training.
+//! Errors of training.
 
 use std::path::PathBuf;
 
-/// Why recordings can't be trained on. Every message names the session and what to do.
+/// The reason why recordings can't be used for training. Every message names the session and what to do.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DatasetError {
     /// Two columns of a session differ in length.
@@ -10,13 +10,13 @@ pub enum DatasetError {
     Length {
         /// Name of the session.
         session: String,
-        /// Which column.
+        /// The column.
         column: &'static str,
         /// Frames of the session, by its tactile column.
         frames: usize,
-        /// Values that the column should hold.
+        /// Expected number of values.
         expected: usize,
-        /// Values that it holds.
+        /// Actual number of values.
         got: usize,
     },
     /// A session without force truth.
@@ -35,14 +35,14 @@ pub enum DatasetError {
         /// Name of the session.
         session: String,
     },
-    /// A number that is none.
+    /// A value that is not finite.
     #[error(
         "session {session}: {column} at frame {frame} is {value}, expected a finite number; leave such frames out and start a new stretch behind them"
     )]
     NonFinite {
         /// Name of the session.
         session: String,
-        /// Which column.
+        /// The column.
         column: &'static str,
         /// Frame within the session.
         frame: usize,
@@ -63,7 +63,7 @@ pub enum DatasetError {
         /// Width in this one.
         got: usize,
     },
-    /// No pose where the network needs it.
+    /// No pose, though the network needs it.
     #[error("session {session}: no joint angles, expected at least one joint; train kind tactile-only without them")]
     NoJoints {
         /// Name of the session.
@@ -83,9 +83,9 @@ pub enum DatasetError {
         "no window of {window} frames fits into the {part} part of the sessions; record longer stretches without gaps, or train a shorter window"
     )]
     NoWindows {
-        /// Frames in a window.
+        /// Frames per window.
         window: usize,
-        /// Which part of the split.
+        /// The part of the split.
         part: &'static str,
     },
     /// Only touch, or only air.
@@ -93,49 +93,49 @@ pub enum DatasetError {
         "every training window is {class} at {threshold_gf} gF, expected both; record presses and free movement, and look at the tare"
     )]
     OneClass {
-        /// What all of them are.
+        /// The only class: touch or air.
         class: &'static str,
         /// The threshold of touch, gF.
         threshold_gf: f32,
     },
-    /// A window or a stride of no frames, a split that leaves nothing.
+    /// A window or a stride of no frames, or a split that leaves nothing.
     #[error("{key} is {got}, expected {expected}")]
     Setting {
-        /// Which setting.
+        /// The setting.
         key: &'static str,
         /// Its value.
         got: String,
-        /// What it may be.
+        /// Its allowed values.
         expected: &'static str,
     },
 }
 
-/// Why a model could not be trained or written.
+/// The reason why a model can't be trained or written.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// A network that can't be built, or that is given what it doesn't take.
+    /// A network that can't be built, or input that it doesn't accept.
     #[error("network: {what}")]
     Architecture {
-        /// What is wrong.
+        /// The problem.
         what: String,
     },
     /// A setting outside of its range.
     #[error("training setting {key} is {got}, expected {expected}")]
     Setting {
-        /// Which setting.
+        /// The setting.
         key: &'static str,
         /// Its value.
         got: String,
-        /// What it may be.
+        /// Its allowed values.
         expected: &'static str,
     },
-    /// The data.
+    /// A problem with the data.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
     #[error("no artifact model can be fitted: {what}")]
     #[allow(missing_docs)] // the text says it
     Artifact { what: String },
-    /// The loss or a gradient is no number any more.
+    /// The loss or a gradient is no longer finite.
     #[error("the loss became {loss} at step {step}; lower the learning rate, and look for outliers in the recordings")]
     Diverged {
         /// The step, from 1.
@@ -148,13 +148,13 @@ pub enum TrainError {
     Checkpoint {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// A checkpoint that belongs to other data.
     #[error("the checkpoint was made on other {what}; give the same recordings and settings, or start anew")]
     OtherRun {
-        /// What differs.
+        /// The difference.
         what: &'static str,
     },
     /// A file that can't be read or written.
@@ -162,13 +162,13 @@ pub enum TrainError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         reason: std::io::Error,
     },
-    /// A model that can't be described.
+    /// A model card that does not fit the model.
     #[error("model: {what}")]
     Card {
-        /// What is wrong.
+        /// The problem.
         what: String,
     },
 }

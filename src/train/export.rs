@@ -15,37 +15,37 @@ mod causal;
 mod graph;
 mod pose;
 
-/// Operator set of the graphs: loads everywhere.
+/// Opset of the graphs: supported everywhere.
 const OPSET: i64 = 17;
 
-/// How the graph is written down. Both forms compute the same.
+/// Form of the graph. Both forms compute the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum GraphForm {
-    /// What runs fastest: 1x3 Conv2d for Conv1d, and only the one step of layer 2's backward LSTM that is used.
+    /// The fastest: 1x3 Conv2d for Conv1d, and only the one step of layer 2's backward LSTM that is used.
     #[default]
     Fast,
     /// Layer by layer, as an exporter would write it.
     Plain,
 }
 
-/// What a model tells about itself, beside its shape.
+/// Metadata of a model, beside its shape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelCard {
-    /// Model frames a second.
+    /// Model frames per second.
     pub rate_hz: f64,
     /// Joint names in the order of the pose input; not used without pose.
     pub joints: Vec<String>,
-    /// Per joint, the span of the training data, rad; may be empty when unknown.
+    /// Per joint, the span of the training data, rad; may be empty if unknown.
     pub pose_range: Vec<PoseRange>,
-    /// What pose makes of the taxels, for an adaptive network.
+    /// The artifact model, for an adaptive network.
     pub artifact: Option<ArtifactModel>,
-    /// When the touch output is contact, for a network with one.
+    /// Thresholds at which the touch output is contact, for a network with one.
     pub touch: Option<TouchOutput>,
-    /// Names of the sessions that it was trained without, where it is one of several that are scored on those.
+    /// Names of the sessions held out from its training, if it is one of several models scored on held-out sessions.
     pub held_out: Vec<String>,
-    /// The glove that it is for.
+    /// The glove that it was made for.
     pub glove: String,
-    /// What it was trained on, in words.
+    /// Description of the training data.
     pub trained_on: String,
     /// Metrics on the test part, a JSON object; `mdf_gf` is read by the node.
     pub metrics: Value,
@@ -54,7 +54,7 @@ pub struct ModelCard {
 /// The bytes of an ONNX file.
 ///
 /// # Errors
-/// [`TrainError::Architecture`] for a network that isn't whole, [`TrainError::Card`] for a card that doesn't fit it.
+/// [`TrainError::Architecture`] for an incomplete network, [`TrainError::Card`] for a card that doesn't fit it.
 pub fn onnx_model(network: &Network, card: &ModelCard, form: GraphForm) -> Result<Vec<u8>, TrainError> {
     network.check()?;
     check_card(network, card)?;
@@ -126,7 +126,7 @@ fn metadata(network: &Network, card: &ModelCard) -> Vec<(&'static str, String)> 
     entries
 }
 
-/// The graph as it is being written.
+/// The graph under construction.
 struct Writer<'a> {
     network: &'a Network,
     form: GraphForm,
@@ -187,7 +187,7 @@ impl Writer<'_> {
         Ok(self.graph.flatten(&pooled, "tactile_features"))
     }
 
-    /// The first convolution with the batch normalization behind it and the scale of the taxels before it.
+    /// The first convolution, including the batch normalization after it and the scale of the taxels before it.
     fn first_convolution(&self) -> Result<(Vec<f32>, Vec<f32>), TrainError> {
         let gain = self.values("tactile.norm.weight")?;
         let shift = self.values("tactile.norm.bias")?;
@@ -207,7 +207,7 @@ impl Writer<'_> {
         Ok((weight, bias))
     }
 
-    /// A convolution over time that keeps its length, with the ReLU behind it.
+    /// A convolution over time that keeps its length, followed by a ReLU.
     fn convolution(&mut self, name: &str, x: &str, n_in: usize, dilation: usize, values: (&[f32], &[f32])) -> String {
         let (rows, taps) = (N_FEATURES as i64, TAPS as i64);
         let fast = self.form == GraphForm::Fast;
@@ -218,7 +218,7 @@ impl Writer<'_> {
         self.graph.node("Relu", &[&convolved], &format!("{name}.relu"), vec![])
     }
 
-    /// Two fully connected layers with a ReLU between; the second one gives gF.
+    /// Two fully connected layers with a ReLU between; the second outputs gF.
     fn decoder(&mut self, name: &str, x: &str, scale: f32, output: &str) -> Result<(), TrainError> {
         let hidden = self.linear(&format!("{name}.0"), x, 1.0, &format!("{name}.hidden"))?;
         let hidden = self.graph.node("Relu", &[&hidden], &format!("{name}.relu"), vec![]);

@@ -8,30 +8,30 @@ use super::dataset::{Batch, TOUCH_GF};
 use super::error::TrainError;
 use super::network::{Output, values};
 
-/// How the terms of the loss are weighted.
+/// Weights of the terms of the loss.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LossConfig {
-    /// Weight of the base force term; the paper's is 1, and 0 leaves it out.
+    /// Weight of the base force term; the paper's is 1, and 0 disables it.
     pub base_weight: f32,
-    /// The paper's lambda, weight of the zero-load tactile term; it depends on the glove, and 0 leaves it out.
+    /// The paper's lambda, weight of the zero-load tactile term; it depends on the glove, and 0 disables it.
     pub lambda: f32,
-    /// Weight of the cross-entropy of touch; 0 leaves it out. Only the causal network has an output for touch.
+    /// Weight of the cross-entropy of touch; 0 disables it. Only the causal network has an output for touch.
     pub touch_weight: f32,
-    /// What the denominator of the relative losses adds to the true force, gF. The paper's is 1, without a unit; read as
-    /// 1 N it is 102 gF, read as 1 gF the network won't risk to report light touches (docs/validation).
+    /// Added to the true force in the denominator of the relative losses, gF. The paper's is 1, without a unit; read as
+    /// 1 N it is 102 gF, read as 1 gF the network avoids reporting light touches (docs/validation).
     pub offset_gf: f32,
 }
 
 impl Default for LossConfig {
     fn default() -> Self {
-        // The paper selects lambda by sweeping; with taxels scaled to about 1 both kinds of term are about 1 at the start.
+        // The paper selects lambda by a sweep; with taxels scaled to about 1, both kinds of term start at about 1.
         LossConfig { base_weight: 1.0, lambda: 1.0, touch_weight: 0.3, offset_gf: 102.0 }
     }
 }
 
 impl LossConfig {
-    /// Refuses weights that are no weights.
+    /// Refuses weights out of range.
     ///
     /// # Errors
     /// [`TrainError::Setting`].
@@ -56,11 +56,11 @@ impl LossConfig {
 pub struct LossTerms {
     /// Modified MAPE of the final force.
     pub force: f32,
-    /// Modified MAPE of the base force; 0 where the network has none or it is left out.
+    /// Modified MAPE of the base force; 0 if the network has none or the term is disabled.
     pub base: f32,
-    /// MAE of the decoded zero-load change, in units of the tactile scale; 0 where it is left out.
+    /// MAE of the decoded zero-load change, in units of the tactile scale; 0 if the term is disabled.
     pub artifact: f32,
-    /// Cross-entropy of touch; 0 where the network has no such output.
+    /// Cross-entropy of touch; 0 if the network has no such output.
     #[serde(default)]
     pub touch: f32,
     /// Their weighted sum.
@@ -68,7 +68,7 @@ pub struct LossTerms {
 }
 
 impl LossTerms {
-    /// Adds the share of another part of the same batch.
+    /// Adds the loss of another part of the same batch.
     pub(super) fn add(&mut self, part: LossTerms) {
         self.force += part.force;
         self.base += part.base;
@@ -78,18 +78,18 @@ impl LossTerms {
     }
 }
 
-/// What the terms of a batch are measured by: all of its parts together.
+/// Normalization of the terms for a whole batch, over all of its parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measure {
-    /// True forces of the batch: one a window, or more where a window gives several forces.
+    /// Number of true forces in the batch: one per window, or more if a window gives several forces.
     pub(super) truths: usize,
-    /// Those of them that are free of load.
+    /// Number of them that are free of load.
     pub(super) zero_load: usize,
     /// The network's scale of taxels, in which the auxiliary decoder works.
     pub(super) tactile_scale: f32,
 }
 
-/// The share of a part of a batch in the batch's loss: shares of all parts add up to it, and so do their gradients.
+/// The contribution of a part of a batch to its loss; contributions of all parts add up to it, and so do the gradients.
 pub(super) fn share(
     cfg: &LossConfig,
     output: Output,
@@ -124,7 +124,7 @@ pub(super) fn share(
     if let Some(odds) = output.touch.filter(|_| cfg.touch_weight > 0.0) {
         let target = column(part.truth_gf.iter().map(|truth| f32::from(u8::from(*truth >= TOUCH_GF))).collect());
         let weight = column(part.truth_gf.iter().map(|truth| touch_weight(*truth)).collect());
-        // -log p of what is true, in a form that no large number overflows.
+        // -log p of the true class, in a form that does not overflow for large numbers.
         let entropy = relu(odds.clone()) - odds.clone() * target + (odds.abs().neg().exp() + 1.0).log();
         let touch = (entropy * weight).sum() / measure.truths as f32;
         terms.touch = scalar(&touch);
@@ -134,8 +134,8 @@ pub(super) fn share(
     (total, terms)
 }
 
-/// How much a frame counts in the cross-entropy of touch: light touches are what it is for, and a truth between nothing and
-/// touch says neither.
+/// Weight of a frame in the cross-entropy of touch: light touches matter most, and a truth between no touch and touch
+/// belongs to neither class.
 fn touch_weight(truth_gf: f32) -> f32 {
     match truth_gf {
         faint if (0.2 * TOUCH_GF..TOUCH_GF).contains(&faint) => 0.0,
@@ -144,7 +144,7 @@ fn touch_weight(truth_gf: f32) -> f32 {
     }
 }
 
-/// |F^ - F| / (offset + F) of each window. A truth below zero is what taring left, so it counts as no load.
+/// |F^ - F| / (offset + F) of each window. A truth below zero is a residue of taring, so it counts as no load.
 fn relative_error(force: Tensor<2>, truth: Tensor<2>, offset_gf: f32) -> Tensor<2> {
     (force - truth.clone()).abs() / (truth.clamp_min(0.0) + offset_gf)
 }

@@ -1,4 +1,4 @@
-//! The paper's network (Sec. V): its weights, and its pass from windows to forces.
+//! The paper's network (Sec. V): its weights, and its forward pass from windows to forces.
 
 use std::array::from_fn;
 use std::ops::Range;
@@ -26,10 +26,10 @@ use tactile::TactileShape;
 /// Keeps normalizations from dividing by zero; PyTorch's default for both kinds.
 pub(super) const NORM_EPSILON: f32 = 1e-5;
 
-/// Windows that are run at once without gradients.
+/// Number of windows per run without gradients.
 const PREDICT_BATCH: usize = 256;
 
-/// What batch normalization uses outside of training.
+/// Statistics that batch normalization uses outside of training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BatchNormStatistics {
     /// `[64]`
@@ -40,7 +40,7 @@ pub struct BatchNormStatistics {
     pub variance: Vec<f32>,
 }
 
-/// The network and everything it has learned.
+/// The network and all its learned values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Network {
     /// Its shape.
@@ -53,7 +53,7 @@ pub struct Network {
 }
 
 impl Network {
-    /// A network that has learned nothing. Weights start as PyTorch's layers start theirs, by the seed alone.
+    /// An untrained network. Weights start with PyTorch's default initialization, from the seed alone.
     ///
     /// # Errors
     /// [`TrainError::Architecture`].
@@ -71,7 +71,7 @@ impl Network {
         Ok(Network { architecture, values, statistics })
     }
 
-    /// Checks that what was read from a file is whole.
+    /// Checks that a network read from a file is complete.
     ///
     /// # Errors
     /// [`TrainError::Architecture`].
@@ -92,7 +92,7 @@ impl Network {
         Ok(())
     }
 
-    /// The values of one parameter, `None` when the network has none of that name.
+    /// The values of one parameter, `None` if the network has none of that name.
     pub fn parameter(&self, name: &str) -> Option<&[f32]> {
         let parameter = self.architecture.parameters().into_iter().find(|parameter| parameter.name == name)?;
         self.values.get(parameter.range())
@@ -101,7 +101,7 @@ impl Network {
     /// Replaces the values of one parameter.
     ///
     /// # Errors
-    /// [`TrainError::Architecture`] when there is none of that name and length.
+    /// [`TrainError::Architecture`] when there is no parameter of that name and length.
     pub fn set_parameter(&mut self, name: &str, new: &[f32]) -> Result<(), TrainError> {
         let parameters = self.architecture.parameters();
         let found = parameters.iter().find(|parameter| parameter.name == name && parameter.n_values() == new.len());
@@ -112,7 +112,7 @@ impl Network {
         Ok(())
     }
 
-    /// Forces of windows, in gF, as after training: batch normalization by its statistics.
+    /// Forces of windows, in gF, in inference mode: batch normalization uses its running statistics.
     ///
     /// # Errors
     /// [`TrainError::Architecture`] when the windows don't have the network's shape.
@@ -143,7 +143,7 @@ impl Network {
         Ok(forces)
     }
 
-    /// Moves the touch output: the log of its odds becomes `gain` times what it was, and `shift` more.
+    /// Changes the touch output: the log odds become `gain` times the old ones plus `shift`.
     ///
     /// # Errors
     /// [`TrainError::Architecture`] for a network without such an output.
@@ -157,7 +157,7 @@ impl Network {
         Ok(())
     }
 
-    /// The weights as tensors of a device, with gradients where the device has autodiff.
+    /// The weights as tensors of a device, with gradients if the device has autodiff.
     pub(super) fn on(&self, device: &Device) -> Weights<'_> {
         let parameters = self.architecture.parameters();
         let tensor = |parameter: &Parameter| {
@@ -170,21 +170,21 @@ impl Network {
     }
 }
 
-/// The probability of the log of odds.
+/// The probability from log odds.
 fn sigmoid(odds: f32) -> f32 {
     1.0 / (1.0 + (-odds).exp())
 }
 
-/// How a pass normalizes its batch.
+/// Statistics that a pass uses for batch normalization.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Normalize<'a> {
-    /// By the batch itself, as in training.
+    /// Those of the batch itself, as in training.
     ByBatch,
-    /// By what training has seen.
+    /// The running statistics from training.
     ByStatistics(&'a BatchNormStatistics),
 }
 
-/// Windows, time first.
+/// Windows, time-major.
 pub(super) struct Input {
     n: usize,
     /// `[L, N, T]`, in units of the tactile scale.
@@ -193,17 +193,17 @@ pub(super) struct Input {
     pose: Option<Tensor<3>>,
 }
 
-/// What a pass gives.
+/// Outputs of a pass.
 pub(super) struct Output {
     /// `[N, 1]`, gF; of the causal network `[outputs * N, 1]`, time first.
     pub(super) force: Tensor<2>,
-    /// `[N, 1]`, gF: the tactile branch alone.
+    /// `[N, 1]`, gF: from the tactile branch alone.
     pub(super) base: Option<Tensor<2>>,
-    /// `[N, 1]`: log of the odds that there is touch.
+    /// `[N, 1]`: log odds of touch.
     pub(super) touch: Option<Tensor<2>>,
-    /// `[L, N, T]`: the zero-load tactile change that the pose explains, in units of the tactile scale.
+    /// `[L, N, T]`: the zero-load tactile change predicted from pose, in units of the tactile scale.
     pub(super) artifact: Option<Tensor<3>>,
-    /// Mean and unbiased variance of the batch, when it was normalized by itself.
+    /// Mean and unbiased variance of the batch, if it was normalized by itself.
     pub(super) statistics: Option<BatchNormStatistics>,
 }
 
@@ -212,7 +212,7 @@ pub(super) struct Weights<'a> {
     architecture: &'a Architecture,
     device: Device,
     parameters: Vec<Parameter>,
-    /// One flat tensor a parameter.
+    /// One flat tensor per parameter.
     pub(super) tensors: Vec<Tensor<1>>,
 }
 
@@ -222,12 +222,12 @@ impl Weights<'_> {
         self.tensors[idx.expect("the pass asks for parameters that its architecture lists")].clone()
     }
 
-    /// Where a parameter's gradient goes.
+    /// Index range of each parameter's gradient.
     pub(super) fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
         self.parameters.iter().map(Parameter::range)
     }
 
-    /// Windows turned time first. `tactile`: `[N, L, T]`, `pose`: `[N, L, P]`, both row-major.
+    /// Windows made time-major. `tactile`: `[N, L, T]`, `pose`: `[N, L, P]`, both row-major.
     pub(super) fn input(&self, n: usize, tactile: Vec<f32>, pose: Vec<f32>) -> Input {
         let Architecture { window, n_taxels, n_joints, tactile_scale, kind, .. } = *self.architecture;
         let frames = if kind == Kind::Adaptive { tactile.len() / (n * n_taxels).max(1) } else { window };

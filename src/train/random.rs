@@ -1,12 +1,12 @@
-//! Seeded randomness that is the same on every machine and in every version of the generator's crate.
+//! Seeded random numbers, the same on every machine and in every version of the generator's crate.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-/// What a stream of random numbers is for: streams of one seed don't overlap.
+/// Purpose of a random stream: streams of one seed don't overlap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stream {
-    /// The weights that training starts from.
+    /// The initial weights.
     Weights,
     /// The order of the windows of an epoch.
     Epoch(u64),

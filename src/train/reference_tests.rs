@@ -1,4 +1,4 @@
-//! The network, its losses and their gradients against PyTorch's, in float64.
+//! Compares the network, its losses and their gradients with PyTorch's, in float64.
 
 use burn::tensor::Device;
 use serde_json::Value;
@@ -17,10 +17,10 @@ const N: usize = 5;
 const TACTILE_SCALE: f32 = 0.5;
 const LAMBDA: f32 = 0.7;
 
-/// float32 over up to 64 frames and 192 inputs, against float64: a few 1e-7 each step of the way.
+/// float32 over up to 64 frames and 192 inputs, against float64: an error of a few 1e-7 in each step.
 const FORWARD_TOLERANCE: f64 = 3e-6;
 
-/// Gradients pass the same way twice, and add up over windows and frames.
+/// Gradients pass through twice as many steps, and are summed over windows and frames.
 const GRADIENT_TOLERANCE: f64 = 3e-5;
 
 /// The generator of `tests/python/train_reference.py`.
@@ -154,7 +154,7 @@ fn losses_gradients_and_statistics_are_pytorchs() {
         let expected = &reference.expected["gradients"][&parameter.name];
         let gradient = &given.gradient[parameter.range()];
         if parameter.name == "tactile.conv0.bias" {
-            // Batch normalization takes the mean away, so this gradient is zero but for rounding.
+            // Batch normalization subtracts the mean, so this gradient is zero except for rounding.
             assert!(gradient.iter().all(|value| value.abs() < 1e-3), "{gradient:?}");
             continue;
         }
@@ -184,7 +184,7 @@ fn the_gradient_is_the_slope_of_the_loss() {
         if parameter.name == "tactile.conv0.bias" || length == 0.0 {
             continue;
         }
-        // Half along the gradient, so that there is a slope to see, and half anywhere.
+        // Half along the gradient, so that the slope is not zero, and half in a random direction.
         let width = (parameter.n_values() as f32).sqrt();
         let direction: Vec<f32> = gradient
             .iter()
@@ -223,7 +223,7 @@ fn terms_that_are_left_out_have_no_gradient() {
     assert!((no_artifact.loss.total - no_artifact.loss.force - no_artifact.loss.base).abs() < 1e-5);
     for parameter in reference.network.architecture.parameters() {
         let moves = no_artifact.gradient[parameter.range()].iter().any(|value| *value != 0.0);
-        // The last frame is the first one that the backward direction of layer 2 sees: no state goes into it.
+        // The last frame is the first frame of layer 2's backward direction: its input state is zero.
         let unused = parameter.name.starts_with("auxiliary") || parameter.name == "pose.lstm1.backward.weight_hh";
         assert_eq!(moves, !unused, "{}", parameter.name);
     }

@@ -1,4 +1,4 @@
-//! The touch output made a probability, and the levels at which it is contact. Both come from the validation part alone.
+//! Calibrates the touch output to a probability, and finds its contact thresholds. Both use only the validation part.
 
 use super::dataset::{Dataset, TOUCH_GF};
 use super::error::TrainError;
@@ -8,16 +8,16 @@ use crate::eval::Part;
 use crate::fusion::{ContactBy, ContactDetector, ContactEvent, ContactThresholds, TouchLevels, TouchOutput, Windows};
 use crate::units::{Newton, Stamp};
 
-/// Windows that are put together at once.
+/// Number of windows assembled at once.
 const BATCH: usize = 256;
 
-/// Levels that are tried, as shares of 1.
+/// Thresholds tried, in percent.
 const LEVELS: std::ops::Range<u32> = 1..100;
 
-/// A higher level is taken, for fewer false touches, as long as the balanced accuracy is within this of the best.
+/// A higher threshold is taken, for fewer false touches, as long as the balanced accuracy is within this of the best.
 const AS_GOOD: f64 = 0.001;
 
-/// Steps of Newton's method; it is done after five or so.
+/// Maximum number of steps of Newton's method; it converges in about five.
 const STEPS: usize = 50;
 
 /// A frame of the validation part.
@@ -29,10 +29,10 @@ struct Judged {
     zero_load: bool,
 }
 
-/// Makes the touch output of a network a probability on the validation part, and finds the levels at which it is contact:
-/// the highest whose balanced accuracy is within 0.1 % of the best.
+/// Calibrates the touch output of a network to a probability on the validation part, and finds its contact thresholds:
+/// the highest with a balanced accuracy within 0.1 % of the best.
 ///
-/// `None` for a network without such an output, and where the validation part lacks touch or air.
+/// `None` for a network without such an output, and if the validation part lacks touch or air.
 ///
 /// # Errors
 /// [`TrainError::Architecture`] when the network was made for other data.
@@ -90,10 +90,10 @@ fn probability(odds: f64) -> f64 {
     1.0 / (1.0 + (-odds).exp())
 }
 
-/// Gain and shift of the log of the odds that make them the likeliest; none where they can't be found, or would turn the
-/// output round.
+/// Gain and shift of the log odds with the maximum likelihood; `None` if they can't be found, or would invert the
+/// output.
 fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
-    // As Platt has it: targets a little inside of 0 and 1, so that classes that part don't ask for an endless gain.
+    // As in Platt: targets slightly inside of 0 and 1, so that separable classes don't lead to an infinite gain.
     let n_touch = frames.iter().filter(|frame| frame.is_touch).count() as f64;
     let n_air = frames.len() as f64 - n_touch;
     let (high, low) = ((n_touch + 1.0) / (n_touch + 2.0), 1.0 / (n_air + 2.0));
@@ -139,7 +139,7 @@ fn levels(frames: &[Judged], n_touch: usize) -> TouchLevels {
     TouchLevels::from_on(on)
 }
 
-/// Contacts that begin while nothing touches, as the node would tell them; `None` without a frame at rest.
+/// Number of contacts that begin while nothing touches, as the node would report them; `None` without a frame at rest.
 fn false_per_min(frames: &[Judged], levels: TouchLevels, rate_hz: f64) -> Option<f64> {
     let thresholds = ContactThresholds {
         by: ContactBy::Model,
@@ -169,7 +169,7 @@ fn false_per_min(frames: &[Judged], levels: TouchLevels, rate_hz: f64) -> Option
 mod tests {
     use super::*;
 
-    /// Odds that are half of what they should be and 1 too high, of 20,000 frames.
+    /// Log odds that are half of the true ones and 1 too high, for 20,000 frames.
     fn frames() -> Vec<Judged> {
         let mut random = crate::train::random::Random::new(7, crate::train::random::Stream::Weights);
         let frame = |frame: usize| {
@@ -195,7 +195,7 @@ mod tests {
             is_touch,
             zero_load: !is_touch,
         };
-        // Everything from 0.31 up to 0.89 parts them alike.
+        // Every threshold from 0.31 to 0.89 separates them equally well.
         let frames: Vec<Judged> =
             (0..600).map(|frame| if frame < 300 { of(0.305, false, frame) } else { of(0.895, true, frame) }).collect();
         let found = levels(&frames, 300);

@@ -1,8 +1,8 @@
 //! Fits a network to a dataset.
 //!
-//! A batch is cut into a fixed number of shards. Each shard runs forward and backward by itself, on whichever thread is
-//! free, and the gradients are added in the order of the shards: the number of threads reaches no result. Batch
-//! normalization sees a shard at a time.
+//! A batch is cut into a fixed number of shards. Each shard runs forward and backward separately, on any free thread,
+//! and the gradients are added in the order of the shards: the number of threads does not affect the result. Batch
+//! normalization uses one shard at a time.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,44 +32,44 @@ pub(super) use step::on_threads;
 pub(super) use step::{Given, run_shard, track};
 pub use validation::{Validation, validate};
 
-/// Frames of a training window of the causal network whose force is learned: most of what they are computed from, they share.
+/// Target frames per training window of the causal network: they share most of their computation.
 const OUTPUTS: usize = 64;
 
-/// What is known after a step.
+/// Progress after a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
     /// Steps done.
     pub step: u64,
-    /// Steps in all.
+    /// Total number of steps.
     pub steps: u64,
-    /// Passes over the training windows done.
+    /// Completed passes over the training windows.
     pub epochs: f64,
     /// The step's learning rate.
     pub learning_rate: f64,
     /// The step's losses.
     pub loss: LossTerms,
-    /// Norm of the step's gradient, before it was clipped.
+    /// Norm of the step's gradient, before clipping.
     pub gradient_norm: f64,
-    /// The network on the validation part, when this step is one of those that look.
+    /// Validation result, if this step has a validation.
     pub validation: Option<Validation>,
-    /// Whether that was the best so far.
+    /// True if that was the best so far.
     pub is_best: bool,
 }
 
-/// What training gave.
+/// Result of training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// The network with the smallest validation loss; without a validation part, the last one.
+    /// The network with the smallest validation loss; the last one if there is no validation part.
     pub best: Network,
-    /// The step that it was taken at.
+    /// Step of that network.
     pub best_step: u64,
-    /// How it did on the validation part.
+    /// Its validation result.
     pub best_validation: Option<Validation>,
     /// The network after the last step.
     pub last: Network,
     /// Steps done.
     pub steps: u64,
-    /// Whether it was stopped before its last step.
+    /// True if it was stopped before its last step.
     pub stopped: bool,
 }
 
@@ -78,7 +78,7 @@ pub struct Outcome {
 pub struct Trainer<'a> {
     cfg: TrainConfig,
     dataset: &'a Dataset,
-    /// What is trained on, where that is not `dataset`: windows that give several forces each.
+    /// The training data, if it is not `dataset`: windows that give several forces each.
     long: Option<Dataset>,
     fingerprint: String,
     threads: usize,
@@ -90,7 +90,7 @@ pub struct Trainer<'a> {
 }
 
 impl<'a> Trainer<'a> {
-    /// A run from its first step, on at most `threads` threads.
+    /// A new run, on at most `threads` threads.
     ///
     /// # Errors
     /// [`TrainError::Setting`], or [`TrainError::Architecture`] when kind and data don't fit.
@@ -129,10 +129,10 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// Goes on where a checkpoint was taken. What comes out is what an uninterrupted run gives.
+    /// Resumes from a checkpoint. The result is the same as that of an uninterrupted run.
     ///
     /// # Errors
-    /// [`TrainError::OtherRun`] when the checkpoint was made on other data.
+    /// [`TrainError::OtherRun`] when the checkpoint was made with other data.
     pub fn resume(checkpoint: Checkpoint, dataset: &'a Dataset, threads: usize) -> Result<Self, TrainError> {
         let mut trainer = Trainer::new(checkpoint.cfg, dataset, threads)?;
         if trainer.fingerprint != checkpoint.dataset {
@@ -157,12 +157,12 @@ impl<'a> Trainer<'a> {
         &self.cfg
     }
 
-    /// Steps in all.
+    /// Total number of steps.
     pub fn steps(&self) -> u64 {
         self.cfg.schedule.steps
     }
 
-    /// The run as it stands.
+    /// The current state of the run.
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint {
             format: checkpoint::FORMAT,
@@ -176,9 +176,9 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    /// Steps until the last one, or until `stop` is set; tells of every step.
+    /// Runs until the last step, or until `stop` is set; reports every step.
     ///
-    /// With a `checkpoint` file, the run is written there every so many steps and at the end, so that nothing is lost.
+    /// With a `checkpoint` file, the run is saved there at regular steps and at the end, so that nothing is lost.
     ///
     /// # Errors
     /// [`TrainError::Diverged`], or [`TrainError::File`] for the checkpoint.
@@ -249,7 +249,7 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// The validation of this step, on every so many steps and the last one.
+    /// The validation of this step, at regular steps and the last one.
     fn look(&self) -> Result<Option<Validation>, TrainError> {
         let due = self.step.is_multiple_of(self.cfg.validate_every) || self.step == self.cfg.schedule.steps;
         if !due || self.dataset.n_windows(Part::Validation) == 0 {
@@ -263,12 +263,12 @@ impl<'a> Trainer<'a> {
     }
 }
 
-/// The order of the windows of an epoch, kept while the epoch lasts.
+/// The order of the windows of an epoch, kept for the whole epoch.
 #[derive(Debug, Default)]
 struct EpochOrder(Option<(u64, Vec<usize>)>);
 
 impl EpochOrder {
-    /// The order, by seed and epoch alone.
+    /// The order, from seed and epoch alone.
     fn of(&mut self, seed: u64, epoch: u64, n_windows: usize) -> &[usize] {
         if self.0.as_ref().is_none_or(|(kept, _)| *kept != epoch) {
             let mut order: Vec<usize> = (0..n_windows).collect();

@@ -1,4 +1,4 @@
-//! What `/diagnostics` says, once a second.
+//! The report on `/diagnostics`, once a second.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -11,11 +11,12 @@ use crate::ros::health::{Announcement, Problem, advice};
 use crate::ros::interfaces::DiagnosticArray;
 use crate::ros::watched::timeout;
 
-/// How long artifacts may be as far from their calibration as they may go before it is said: a moment of it is no news.
+/// How long artifacts must be at the limit of their distance from the calibration before it is reported; a moment is
+/// normal.
 const CAPPED_FOR: Duration = Duration::from_secs(30);
 
 impl Running {
-    /// Leaves a report to be published, and says what has lasted or is over.
+    /// Queues a report for publishing, and logs problems that have lasted or are over.
     pub(super) fn report(&mut self) {
         let now = self.engine.clock.running();
         self.watched.look_around(now, self.engine.neighbours.as_ref());
@@ -36,7 +37,7 @@ impl Running {
         self.engine.outbox.send(self.engine.outputs.diagnostics, to_cdr(&message), None);
     }
 
-    /// Says problems that last and those that are over. `estimates`: what is wrong with them, said where no input is to blame.
+    /// Logs problems that last and those that are over. `estimates`: their problems, logged if no input is the cause.
     fn announce(&mut self, now: Duration, of_inputs: &[Vec<Problem>], of_graph: &[Problem], estimates: Option<&str>) {
         let mut problems: Vec<(String, String)> = Vec::new();
         for (input, of_input) in self.watched.inputs.iter().zip(of_inputs) {
@@ -128,7 +129,7 @@ impl Running {
         Status { name: self.name("latency"), level, message, values }
     }
 
-    /// What users get, and whether it is enough.
+    /// Status of the published estimates.
     fn estimate_status(&mut self, causes: &[&Problem]) -> (Status, bool) {
         let name = self.name("estimates");
         let now = self.engine.clock.running();
@@ -203,7 +204,7 @@ impl Running {
     }
 }
 
-/// Counters as dotted names and values; entries of lists go by their own `name`.
+/// Counters as dotted names and values; list entries are named by their own `name`.
 fn flatten(prefix: &str, value: &serde_json::Value, values: &mut Vec<(String, String)>) {
     let below = |key: &str| if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") };
     match value {

@@ -1,27 +1,28 @@
-//! Says a problem once when it lasts, and once when it is over.
+//! Reports a problem once when it lasts, and once when it is over.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// How long a problem lasts before it is said.
+/// How long a problem must last before it is reported.
 const LASTING: Duration = Duration::from_millis(1500);
 
-/// How long it must be gone before that is said: one that is there in every second or third report lasts.
+/// How long a problem must be gone before that is reported; one in every second or third report still counts as
+/// lasting.
 const GONE: Duration = Duration::from_secs(3);
 
-/// Between two times that the same problem is said: one that comes and goes must not fill a log.
+/// Minimum time between two reports of the same problem: a problem that comes and goes must not fill a log.
 const PAUSE: Duration = Duration::from_secs(30);
 
-/// What a person is to be told.
+/// A message for the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Announcement {
     /// A problem, in the words of its report.
     Began(String),
-    /// What was said before is over.
+    /// A reported problem is over.
     Ended(String),
 }
 
-/// Keeps what was said.
+/// Remembers the reported problems.
 #[derive(Debug, Clone, Default)]
 pub struct Announcer {
     entries: BTreeMap<String, Entry>,
@@ -31,14 +32,14 @@ pub struct Announcer {
 struct Entry {
     since: Duration,
     seen: Duration,
-    /// When it was said last.
+    /// Time of the last report.
     said: Option<Duration>,
-    /// Whether it was said since it began.
+    /// True if it was reported since it began.
     is_told: bool,
 }
 
 impl Announcer {
-    /// Takes the problems of now, each with the name that it goes by; what is to be said.
+    /// Takes the current problems, each with its name; returns the messages to log.
     pub fn handle(&mut self, now: Duration, problems: &[(String, String)]) -> Vec<Announcement> {
         let mut said = Vec::new();
         for (name, text) in problems {
@@ -68,7 +69,7 @@ impl Announcer {
 mod tests {
     use super::*;
 
-    /// What is said at each half second at which the problem is there or not.
+    /// The messages at each half second, for a problem that is there or not at that time.
     fn said(there: &[bool]) -> Vec<(usize, Announcement)> {
         let mut announcer = Announcer::default();
         let problem = [("taxels".to_owned(), "taxels: nothing".to_owned())];

@@ -1,4 +1,4 @@
-//! What is wrong with the messages of an input, and which parameter to look at.
+//! Problems of an input's messages, and which parameter to check.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -7,34 +7,34 @@ use super::super::diagnostics::RateMeter;
 use crate::fusion::{JointSample, TactileBlock};
 use crate::units::Stamp;
 
-/// Most stamps of a second that are compared with the clock.
+/// Maximum number of stamps per second that are compared with the clock.
 const MOST_STAMPS: usize = 1024;
 
-/// Most publishers of a topic that are told apart in a second.
+/// Maximum number of publishers of a topic that are told apart per second.
 const MOST_PUBLISHERS: usize = 16;
 
-/// Messages of a second by which a publisher counts as one that is there, and no straggler.
+/// Messages per second from which a publisher counts as present; below, they may be late messages of one that left.
 const FEW: u64 = 3;
 
-/// Messages from which a second says what a stream is like.
+/// Messages per second that are enough to judge a stream.
 const ENOUGH: u64 = 5;
 
-/// Most names of joints that are kept of a second.
+/// Maximum number of joint names kept per second.
 const MOST_NAMES: usize = 256;
 
-/// Names of joints that are shown.
+/// Maximum number of joint names shown.
 const SHOWN: usize = 8;
 
 /// Something wrong with an input.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// The same for the same fault, whatever its numbers are.
+    /// The same for the same fault, whatever its numbers.
     pub kind: &'static str,
-    /// What is wrong, and what to look at.
+    /// The problem, and what to check.
     pub text: String,
 }
 
-/// What an input is like, judged once a second.
+/// State of an input, judged once a second.
 #[derive(Debug, Clone)]
 pub struct InputHealth {
     /// Its parameters: `tactile.glove`.
@@ -46,59 +46,59 @@ pub struct InputHealth {
     unreadable: BTreeMap<&'static str, u64>,
 }
 
-/// What came since the last judgement.
+/// Data since the last judgement.
 #[derive(Debug, Clone, Default)]
 struct Second {
     n: u64,
     n_same: u64,
     n_zero: u64,
     n_back: u64,
-    /// How far stamps lie behind the clock, ns.
+    /// Delay of stamps behind the clock, ns.
     behind_ns: Vec<i64>,
     publishers: BTreeMap<[u8; 16], u64>,
     n_unreadable: u64,
     unreadable: Option<String>,
-    /// Taxels of a row of the newest message that has another number of them than it should.
+    /// Taxels per row of the newest message with a wrong number of taxels.
     other_length: Option<usize>,
     n_other_length: u64,
-    /// The first row that came.
+    /// The first row received.
     row: Vec<f32>,
     n_non_finite: u64,
     n_malformed: u64,
-    /// Names of joints that came.
+    /// Names of the joints received.
     names: BTreeSet<String>,
 }
 
-/// What a tactile input is held against.
+/// The expectations for a tactile input.
 #[derive(Debug, Clone, Copy)]
 pub struct TactileChange<'a> {
     /// Its taxels.
     pub n_taxels: usize,
-    /// What the core says is wrong with it, each with its kind.
+    /// Problems that the core reports for it, each with its kind.
     pub faults: &'a [(&'static str, String)],
-    /// Its zero, where there is one.
+    /// Its zero, if there is one.
     pub zero: Option<&'a [f32]>,
-    /// Messages that are missing in the sender's own count.
+    /// Messages missing by the sender's own count.
     pub n_lost: u64,
-    /// Largest standard deviation of the time between messages, ms.
+    /// Limit on the standard deviation of the time between messages, ms.
     pub max_jitter_ms: f64,
-    /// How far stamps may lie from the clock, ns.
+    /// Largest allowed distance of stamps from the clock, ns.
     pub max_behind_ns: i64,
 }
 
-/// What a joint input is held against.
+/// The expectations for a joint input.
 #[derive(Debug, Clone)]
 pub struct JointChange<'a> {
-    /// Joints that regions need and that came in no message of any source, since the last judgement.
+    /// Joints that regions need and that were in no message of any source since the last judgement.
     pub missing: &'a [&'a str],
-    /// What is wrong with the unit of its angles.
+    /// Problem with the unit of its angles.
     pub unit: Option<String>,
-    /// How far stamps may lie from the clock, ns.
+    /// Largest allowed distance of stamps from the clock, ns.
     pub max_behind_ns: i64,
 }
 
 impl InputHealth {
-    /// An input of which nothing came yet.
+    /// An input without any message yet.
     pub fn new(key: &str, topic: &str) -> Self {
         InputHealth {
             key: key.to_owned(),
@@ -130,12 +130,12 @@ impl InputHealth {
         &self.unreadable
     }
 
-    /// Names of the joints that came since the last judgement.
+    /// Names of the joints received since the last judgement.
     pub fn names(&self) -> &BTreeSet<String> {
         &self.second.names
     }
 
-    /// Takes note of a message from a publisher, where the middleware tells which.
+    /// Records a message from a publisher, if the middleware reports which.
     pub fn handle_arrival(&mut self, now: Duration, publisher: Option<[u8; 16]>) {
         self.meter.handle_arrival(now);
         self.second.n += 1;
@@ -147,7 +147,7 @@ impl InputHealth {
         }
     }
 
-    /// Takes note of messages that can't be read; whether these are the first for this reason.
+    /// Records messages that can't be read; true if they are the first for this reason.
     pub fn handle_unreadable(&mut self, n: u64, reason: &'static str, text: &str) -> bool {
         self.second.n_unreadable += n;
         self.second.unreadable.get_or_insert_with(|| text.to_owned());
@@ -156,7 +156,7 @@ impl InputHealth {
         *counter == n
     }
 
-    /// Takes note of taxels, `offset_ns` being added to their stamps, for a source of so many.
+    /// Records taxels for a source with this number of taxels; `offset_ns` is added to their stamps.
     pub fn handle_taxels(&mut self, block: &TactileBlock<'_>, offset_ns: i64, n_taxels: usize) {
         self.handle_stamp(block.stamp, offset_ns, block.received);
         let second = &mut self.second;
@@ -169,7 +169,7 @@ impl InputHealth {
         second.n_non_finite += u64::from(block.values.iter().any(|value| !value.is_finite()));
     }
 
-    /// Takes note of joint angles, `offset_ns` being added to their stamps; `needed` are those of joints that count.
+    /// Records joint angles; `offset_ns` is added to their stamps. `needed`: the angles of joints that are used.
     pub fn handle_joints<'n>(
         &mut self,
         sample: &JointSample<'_>,
@@ -200,14 +200,14 @@ impl InputHealth {
         }
     }
 
-    /// How far stamps lay behind the clock since the last judgement, ns: the median.
+    /// Median delay of stamps behind the clock since the last judgement, ns.
     pub fn behind_ns(&self) -> Option<i64> {
         let mut behind = self.second.behind_ns.clone();
         behind.sort_unstable();
         behind.get(behind.len() / 2).copied()
     }
 
-    /// Judges a tactile input, and begins anew.
+    /// Judges a tactile input, and starts a new period.
     pub fn judge_taxels(&mut self, now: Duration, limits: &TactileChange<'_>) -> Vec<Problem> {
         self.meter.poll(now);
         let mut problems = self.unreadable_problem();
@@ -251,7 +251,7 @@ impl InputHealth {
         problems
     }
 
-    /// Judges a joint input, and begins anew.
+    /// Judges a joint input, and starts a new period.
     pub fn judge_joints(&mut self, now: Duration, limits: &JointChange<'_>) -> Vec<Problem> {
         self.meter.poll(now);
         let mut problems = self.unreadable_problem();
@@ -348,8 +348,8 @@ impl InputHealth {
     }
 }
 
-/// The factor by which every taxel reads more or less than its zero, where it is the same for all of them and too far from 1
-/// to be a touch.
+/// The factor between every taxel's reading and its zero; given only if it is the same for all taxels and too far from
+/// 1 to be a touch.
 fn common_factor(row: &[f32], zero: &[f32]) -> Option<f64> {
     const FAR: f64 = 10.0; // a decade: units differ by at least that, and a touch is not the same everywhere
     const ALIKE: f64 = 1.5;

@@ -8,7 +8,7 @@ fn limits() -> TactileChange<'static> {
     TactileChange { n_taxels: 3, faults: &[], zero: None, n_lost: 0, max_jitter_ms: 5.0, max_behind_ns: 50 * MS }
 }
 
-/// What is said after a second of taxels at 100 Hz.
+/// The problems reported after a second of taxels at 100 Hz.
 fn taxels(stamp: impl Fn(i64) -> i64, values: &[f32], limits: &TactileChange<'_>) -> Vec<Problem> {
     let mut health = InputHealth::new("tactile.glove", "/taxels");
     for k in 0..100 {

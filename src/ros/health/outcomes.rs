@@ -1,26 +1,26 @@
-//! What became of frames since the last report: the truth that diagnostics tell.
+//! Frame counters since the last report, by outcome, for the diagnostics.
 
 use crate::fusion::{Adaptation, Estimate, Flags};
 
 /// Frames of regions since the last report.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcomes {
-    /// Frames, one a region and tick.
+    /// Frames, one per region and tick.
     pub n: u64,
     /// Those with a force.
     pub n_with_force: u64,
     /// Those with a force and without a flag.
     pub n_good: u64,
-    /// Those whose artifact is followed.
+    /// Those with artifact following.
     pub n_followed: u64,
-    /// Of these, those where it is as far from its calibration as it may go.
+    /// Of these, those whose artifact is at its limit of distance from the calibration.
     pub n_capped: u64,
     /// Those with each flag, by the flag's name, in the order of the flags' bits.
     pub flags: Vec<(&'static str, u64)>,
 }
 
 impl Outcomes {
-    /// Takes what became of a frame.
+    /// Records the outcome of a frame.
     pub fn handle(&mut self, estimate: &Estimate) {
         self.n += 1;
         self.n_with_force += u64::from(estimate.force.is_some());
@@ -39,18 +39,19 @@ impl Outcomes {
         }
     }
 
-    /// Whether most artifacts that are followed are as far from their calibration as they may go.
+    /// True if most followed artifacts are at their limit of distance from the calibration.
     pub fn is_capped(&self) -> bool {
         2 * self.n_capped > self.n_followed
     }
 
-    /// Part of `n_expected` frames that are good, 0 to 1. Frames that never came are as little use as those without a force.
+    /// Fraction of `n_expected` frames that are good, 0 to 1. Missing frames count like those without a force.
     pub fn share(&self, n_expected: f64) -> f64 {
         let n = n_expected.max(self.n as f64);
         if n < 1.0 { 0.0 } else { (self.n_good as f64 / n).min(1.0) }
     }
 
-    /// How many have which flag, the most frequent first, and how many never came: `STALE_POSE 100, WARMUP 3`.
+    /// Number of frames with each flag, the most frequent first, and number of missing frames: `STALE_POSE 100, WARMUP
+    /// 3`.
     pub fn reasons(&self, n_expected: f64) -> String {
         let mut flags: Vec<(&str, u64)> = self.flags.iter().copied().filter(|(_, n)| *n > 0).collect();
         flags.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
@@ -62,13 +63,13 @@ impl Outcomes {
         texts.join(", ")
     }
 
-    /// The flag of most frames, where there is one.
+    /// The flag of most frames, if there is one.
     pub fn worst(&self) -> Option<&'static str> {
         self.flags.iter().filter(|(_, n)| *n > 0).max_by_key(|(_, n)| *n).map(|(name, _)| *name)
     }
 }
 
-/// Where to look for what a flag says, when nothing is known to be wrong with an input.
+/// What to check for a flag when no input has a known problem.
 pub fn advice(flag: &str) -> &'static str {
     match flag {
         "WARMUP" => "a model's window begins anew after each gap: look for gaps in the taxels",

@@ -1,4 +1,4 @@
-//! DDS, by ros2-client on RustDDS.
+//! DDS, through ros2-client on RustDDS.
 
 mod cdr_bytes;
 mod discovered;
@@ -38,22 +38,22 @@ use crate::ros::stopwatch::Stopwatch;
 use crate::ros::threads;
 use crate::units::Stamp;
 
-/// How long the middleware gets to tell that entities are gone. A RustDDS participant that is dropped stops sending at
-/// once and doesn't say when it has told everyone; what it has not told stays in the graph until its lease is over.
+/// Time for the middleware to announce that entities are gone. A dropped RustDDS participant stops sending at once and
+/// doesn't report when it has told everyone; any entity not announced stays in the graph until its lease expires.
 const FAREWELL: Duration = Duration::from_millis(100);
 
-/// How long peers remember a participant of RustDDS that is silent: five of its announcements.
+/// How long peers remember a silent RustDDS participant: five of its announcements.
 const LEASE: Duration = Duration::from_secs(50);
 
-/// After such a pause they may have forgotten it, because its last announcement may be 10 s old. They meet it as a new one,
-/// and RustDDS goes on with what they acknowledged before: nothing would be sent or received for good.
+/// After such a pause peers may have forgotten it, because its last announcement may be 10 s old. They meet it as a new
+/// one, but RustDDS continues from their earlier acknowledgements: nothing would ever be sent or received again.
 const FORGOTTEN: Duration = Duration::from_secs(40);
 
 /// How long a response waits for its client to be known. Discovery takes milliseconds, and longer on a busy machine.
 const CLIENT: Duration = Duration::from_secs(1);
 const CLIENT_POLL: Duration = Duration::from_millis(2);
 
-/// How often an action's requests are looked for; a person calibrates for seconds.
+/// How often an action's requests are polled; a calibration takes seconds.
 const POLL: Duration = Duration::from_millis(20);
 
 pub(in crate::ros) struct Participant {
@@ -122,7 +122,7 @@ impl Participant {
 
     pub(super) fn leave(self) {
         let Participant { node, context, guid, domain_id, .. } = self;
-        // It joins its threads, and waits for them however long a network holds them.
+        // It joins its threads, and waits for them as long as the network blocks them.
         threads::within(LEAVE, move || {
             drop(node);
             std::thread::sleep(FAREWELL);
@@ -188,7 +188,7 @@ impl Participant {
         }
     }
 
-    /// ros2-client keeps to itself how types of an action are called, so its own action server is taken apart here.
+    /// ros2-client keeps the type names of an action private, so its own action server is taken apart here.
     pub(super) fn action(&mut self, action: &str, qos: &ActionQos) -> Result<Action, NodeError> {
         let policies = ActionServerQosPolicies {
             goal_service: qos.services.clone(),
@@ -221,10 +221,10 @@ impl Participant {
     }
 }
 
-/// What a publisher offers. For each subscriber that joins a volatile topic RustDDS 0.15.1 notes every message that was
-/// published before, one by one: after hours that is many megabytes a subscriber, and a pause of everything while it does
-/// so. A topic that offers its last messages to who comes late is spared that, and a best effort subscriber is sent none of
-/// them. A reliable one would be, so those stay volatile.
+/// QoS that a publisher offers. For each subscriber that joins a volatile topic, RustDDS 0.15.1 notes every message
+/// published before, one by one: after hours that is many megabytes per subscriber, and everything pauses meanwhile. A
+/// topic that offers its last messages to late subscribers avoids this, and a best effort subscriber is sent none of
+/// them. A reliable subscriber would be, so its topics stay volatile.
 fn offered(qos: &QosProfile) -> QosProfile {
     match (qos.reliability, qos.durability) {
         (Reliability::BestEffort, Durability::Volatile) => qos.clone().durability(Durability::TransientLocal),
@@ -232,7 +232,7 @@ fn offered(qos: &QosProfile) -> QosProfile {
     }
 }
 
-/// Gives a participant its keys. Where there are none and none are enforced, a note says so.
+/// Gives a participant its keys. If there are none and none are enforced, a note reports that.
 #[cfg(feature = "security")]
 fn secured(
     participant: DomainParticipantBuilder,
@@ -252,7 +252,7 @@ fn secured(
 
 type Calibrate = ActionServer<CalibrateGoal, CalibrateResult, CalibrateFeedback>;
 
-/// Takes a request, where there is one.
+/// Takes a request, if there is one.
 type Take<Q> = fn(&Calibrate) -> ReadResult<Option<(RmwRequestId, Q)>>;
 
 impl Publish for ros2_client::Publisher<CdrBytes> {
@@ -364,7 +364,7 @@ fn ends(type_name: &str) -> (&str, &str) {
     (parts.next().unwrap_or_default(), parts.next_back().unwrap_or_default())
 }
 
-/// An absolute name as ros2-client has it.
+/// An absolute name in ros2-client's type.
 fn wire(absolute: &str) -> Result<Name, NodeError> {
     Name::parse(absolute).map_err(|error| create(absolute, &error))
 }

@@ -1,5 +1,5 @@
 //! Zenoh, in the layout of rmw_zenoh: keys with the hash of the type, liveliness tokens as the graph, queryables as
-//! services. ros2-client's own Zenoh backend gives types that it doesn't know a hash of zeros, which nobody matches.
+//! services. ros2-client's own Zenoh backend gives unknown types a hash of zeros, which matches nothing.
 //!
 //! # Source
 //! docs/design.md of rmw_zenoh.
@@ -29,7 +29,7 @@ use crate::ros::environment::ZenohVars;
 use crate::ros::node::NodeError;
 use crate::ros::threads;
 
-/// How long a session may take to reach the router of its host before that is worth a word.
+/// How long a session may take to reach the router of its host before a note is logged.
 const REACH: Duration = Duration::from_secs(1);
 
 pub(in crate::ros) struct Participant {
@@ -39,12 +39,12 @@ pub(in crate::ros) struct Participant {
     token: LivelinessToken,
 }
 
-/// What makes an entity known to others.
+/// Makes an entity known to others.
 struct Entity {
-    /// The key of its data, or of its requests.
+    /// The key of its data or its requests.
     key: String,
     gid: [u8; 16],
-    /// The entity is in the graph as long as this is.
+    /// The entity stays in the graph until this is dropped.
     token: LivelinessToken,
 }
 
@@ -58,7 +58,7 @@ impl Participant {
         Ok(Participant { session, keys, n_entities: 0, token })
     }
 
-    /// What a person should know: that nobody is reached.
+    /// Note for the user: no other node can be reached.
     pub(super) fn note(&self) -> Option<String> {
         let reached = || {
             let info = self.session.info();
@@ -85,7 +85,7 @@ impl Participant {
         let Participant { session, token, .. } = self;
         threads::within(LEAVE, move || {
             drop(token);
-            let _ = session.close().wait(); // what is left of it ends with the process
+            let _ = session.close().wait(); // the rest of it ends with the process
         });
     }
 

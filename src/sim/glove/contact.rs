@@ -1,4 +1,4 @@
-//! What a touch does to the taxels: saturation, place, creep, and a gain that is never twice the same.
+//! The effect of a touch on the taxels: saturation, position, creep, and a gain that varies from touch to touch.
 
 use super::GloveDesign;
 use super::strain::Bends;
@@ -8,21 +8,21 @@ use crate::sim::performance::Contact;
 /// Response of a soft layer that stiffens as it is compressed; 1 at 1000 gF.
 ///
 /// # Source
-/// Compressive, saturating response of foams and textiles: half of the ultimate reading at `half_gf`.
+/// Compressive, saturating response of foams and textiles: half of the maximum reading at `half_gf`.
 pub(super) fn compress(force_gf: f64, half_gf: f64) -> f64 {
     force_gf / (force_gf + half_gf) * (1000.0 + half_gf) / 1000.0
 }
 
-/// How much of a contact at `spot` a taxel gets, 0 to 1.
+/// The fraction of a contact at `spot` that a taxel gets, 0 to 1.
 ///
 /// # Source
-/// A fingertip on a flat surface makes a patch of some 6 mm that grows with the cube root of force (Hertz).
+/// A fingertip on a flat surface makes a contact patch of some 6 mm that grows with the cube root of force (Hertz).
 fn reach(taxel: [f64; 2], spot: [f64; 2], force_gf: f64) -> f64 {
     let width_mm = patch_mm(force_gf);
     libm::exp(-0.5 * square_of(taxel, spot) / (width_mm * width_mm))
 }
 
-/// [`reach`] on average over where touches land when they are meant for the pad's centre.
+/// [`reach`], averaged over the positions of touches that aim at the pad's centre.
 pub(super) fn mean_reach(taxel: [f64; 2], force_gf: f64) -> f64 {
     let patch = patch_mm(force_gf) * patch_mm(force_gf);
     let spread = SPOT_SD_MM * SPOT_SD_MM + SPOT_WANDER_MM * SPOT_WANDER_MM + DONNING_SPOT_MM * DONNING_SPOT_MM;
@@ -56,7 +56,7 @@ struct Taxel {
     pattern: f64,
 }
 
-/// The force side of a glove on a hand.
+/// The force response of a glove on a hand.
 #[derive(Debug, Clone)]
 pub(super) struct ContactField {
     taxels: Vec<Taxel>,
@@ -92,7 +92,7 @@ impl ContactField {
         }
     }
 
-    /// Readings by force, fraction of full scale.
+    /// Readings caused by force, fraction of full scale.
     pub(super) fn advance(
         &mut self,
         dt_s: f64,

@@ -1,7 +1,8 @@
-//! Another physics of the artifact, beside the one that models were first judged on: it is no sum over joints, it has slack,
-//! and folds that buckle. Sizes are assumed, and were fixed before any model was run on it.
+//! A second physics of the artifact, beside the one that models were first judged on: it is not a sum over joints, it
+//! has slack, and folds that buckle. Its sizes are assumed, and were fixed before any model was run on it.
 //!
-//! With `b_j` the strained bend of joint j as a share of a full bend, and a full bend of DIP and PIP as the design has it:
+//! With `b_j` the strained bend of joint j as a fraction of a full bend, and a full bend of DIP and PIP from the
+//! design:
 //!
 //! ```text
 //! artifact_i = size * (1 + slip_i) * (0.55 a_i taut(T) + 0.25 sum_jk c_ijk w_jk b_j b_k + sum_f k_if share_f p_f)
@@ -24,7 +25,7 @@ const SOFTNESS: f64 = 0.08; // of the change from slack to tight
 const CROSS: f64 = 0.25; // share that two joints have only together: a seam that crosses both
 /// Pairs of joints with a seam across them, and its weight.
 const PAIRS: [(usize, usize, f64); 3] = [(0, 1, 1.0), (1, 2, 0.5), (2, 3, 0.3)];
-/// Folds: what of DIP, PIP and MCP bends them, how much they press, and the bend at which they pop up.
+/// Folds: the weights of DIP, PIP and MCP, how much the folds press, and the bend at which they pop up.
 const FOLDS: [([f64; 3], f64, f64); 2] = [([0.7, 0.3, 0.0], 0.12, 0.45), ([0.0, 0.6, 0.4], 0.08, 0.45)];
 const FOLD_SD: f64 = 0.15; // log-normal, of where a fold pops up in this donning
 const LIES_DOWN: f64 = 0.6; // as a share of where it pops up: buckling snaps through
@@ -49,7 +50,7 @@ pub(super) struct Coupled {
 }
 
 impl Coupled {
-    /// `size`: of an artifact by a bend of 1, fraction of full scale.
+    /// `size`: size of the artifact at a bend of 1, fraction of full scale.
     pub(super) fn new(design: &GloveDesign, size: f64, hardware: &mut Noise, noise: &mut Noise) -> Self {
         let n_taxels = design.taxels.len();
         Coupled {
@@ -66,7 +67,7 @@ impl Coupled {
         }
     }
 
-    /// Artifacts of strained bends, `dt_s` after those before. `[taxels]`, fraction of full scale.
+    /// Artifacts of strained bends, `dt_s` after the previous ones. `[taxels]`, fraction of full scale.
     pub(super) fn advance(&mut self, dt_s: f64, strain: &[f64; 4], slip: &Slipped) -> Vec<f64> {
         let tension = strain.iter().zip(LOCALITY).map(|(bend, weight)| bend * weight).sum::<f64>() / FULL_BEND;
         let tight = taut(tension, self.slack + SLACK_BY_SLIP * slip.common);
@@ -92,7 +93,7 @@ impl Fold {
     }
 }
 
-/// How tight the fabric is at a tension: 1 at a full bend with the usual slack.
+/// Tightness of the fabric at a tension: 1 at a full bend with the usual slack.
 fn taut(tension: f64, slack: f64) -> f64 {
     let softplus = |x: f64| SOFTNESS * libm::log1p(libm::exp(x / SOFTNESS));
     (softplus(tension - slack) - softplus(-slack)) / (softplus(1.0 - SLACK) - softplus(-SLACK))

@@ -1,4 +1,4 @@
-//! From what taxels feel to the counts that the glove sends: gain, cross-talk, drift, low-pass, noise, quantization.
+//! Converts taxel values to the counts that the glove sends: gain, cross-talk, drift, low-pass, noise, quantization.
 
 use super::GloveDesign;
 use crate::random::{Lag, Noise, Wander};
@@ -42,7 +42,7 @@ impl Readout {
         Readout { taxels: taxels.collect(), span_counts: design.span_counts, noise: design.noise }
     }
 
-    /// Counts as sent, of what is felt as a fraction of full scale.
+    /// Counts as sent, for taxel values as fractions of full scale.
     pub(super) fn advance(&mut self, dt_s: f64, mut felt: Vec<f64>, noise: &mut Noise) -> Vec<f32> {
         for (felt, taxel) in felt.iter_mut().zip(&mut self.taxels) {
             *felt = *felt * taxel.gain + taxel.drift.advance(dt_s, noise);
@@ -61,7 +61,7 @@ impl Readout {
     }
 }
 
-/// What a taxel reads of each other one.
+/// Cross-talk: the fraction of each other taxel's value in a taxel's reading.
 fn neighbours(design: &GloveDesign, taxel_idx: usize, at: [f64; 2]) -> Vec<f64> {
     let near: Vec<bool> = design
         .taxels

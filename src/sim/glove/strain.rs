@@ -1,4 +1,4 @@
-//! What a pose does to the taxels without any touch: the pose-related artifact.
+//! The effect of a pose on the taxels without any touch: the pose-related artifact.
 
 use super::contact::CREEP_S;
 use super::coupled::Coupled;
@@ -13,7 +13,7 @@ use crate::sim::hand::{Finger, HandPose};
 pub(super) const LOCALITY: [f64; 4] = [1.0, 0.7, 0.3, 0.15];
 /// Angles of a full bend, rad: with DIP and PIP here, the artifact is the design's `bend_artifact`.
 const FULL_RAD: [f64; 4] = [1.1, 1.5, 1.3, 0.35];
-/// The same of a thumb: IP, MCP, CMC flexion and abduction reach less far.
+/// The same for a thumb: IP, MCP, CMC flexion and abduction have smaller ranges.
 const FULL_THUMB_RAD: [f64; 4] = [1.1, 0.9, 0.8, 0.8];
 pub(super) const FULL_BEND: f64 = LOCALITY[0] + LOCALITY[1];
 const QUADRATIC: f64 = 0.3; // share of the artifact that grows with the square: fabric wrinkles late in a bend
@@ -25,7 +25,7 @@ const PLAY: [f64; 2] = [0.08, 0.2]; // half-widths of two play operators, shares
 const USER_SD: f64 = 0.3; // of the artifact, from user to user: finger size and fit
 const USER_JOINT_SD: f64 = 0.1; // of a joint's weight: where creases lie
 const DONNING_SD: f64 = 0.25; // of the artifact, from donning to donning
-/// Share of thumb and neighbours in the artifact of other fingers, by the finger whose tip feels it: neighbours pull most.
+/// Share of thumb and neighbours in the artifact of other fingers, by the finger with the taxels: neighbours pull most.
 fn others_of(finger: Finger) -> [(Finger, f64); 4] {
     use Finger::{Index, Little, Middle, Ring, Thumb};
     match finger {
@@ -37,7 +37,7 @@ fn others_of(finger: Finger) -> [(Finger, f64); 4] {
     }
 }
 
-/// How far a finger's joints are bent now, as shares of a full bend.
+/// Current bend of a finger's joints, as fractions of a full bend.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bends([f64; 4]);
 
@@ -48,18 +48,18 @@ impl Bends {
         Bends(std::array::from_fn(|j| angles[j] / full_rad[j]))
     }
 
-    /// Bend as the fingertip feels it: 1 for DIP and PIP fully bent.
+    /// Bend at the fingertip: 1 for DIP and PIP fully bent.
     pub(super) fn local(&self) -> f64 {
         self.0.iter().zip(LOCALITY).map(|(bend, weight)| bend * weight).sum::<f64>() / FULL_BEND
     }
 
-    /// How far the finger is flexed altogether, which tilts the tip.
+    /// Total flexion of the finger, which tilts the tip.
     pub(super) fn flexion(&self) -> f64 {
         (self.0[0] + self.0[1] + self.0[2]) / 3.0
     }
 }
 
-/// One joint's way from bend to strain.
+/// Converts one joint's bend to strain.
 #[derive(Debug, Clone)]
 struct Material {
     hysteresis: f64,
@@ -95,7 +95,7 @@ struct Taxel {
     others: f64,
 }
 
-/// The pose side of a glove on a hand.
+/// The pose response of a glove on a hand.
 #[derive(Debug, Clone)]
 pub(super) struct StrainField {
     finger: Finger,
@@ -131,12 +131,12 @@ impl StrainField {
         StrainField { finger, size, joints, taxels: taxels.collect(), coupled: None }
     }
 
-    /// Puts an artifact that can't be separated by joint in the place of the one that can.
+    /// Replaces the artifact that is separable by joint with one that is not.
     pub(super) fn couple(&mut self, design: &GloveDesign, hardware: &mut Noise, noise: &mut Noise) {
         self.coupled = Some(Coupled::new(design, self.size, hardware, noise));
     }
 
-    /// Artifacts, fraction of full scale, and the bends that made them.
+    /// Artifacts, fraction of full scale, and the bends that caused them.
     pub(super) fn advance(&mut self, dt_s: f64, pose: &HandPose, slip: &Slipped) -> (Vec<f64>, Bends) {
         let bends = Bends::of(pose, self.finger);
         let mut strain = bends.0;
@@ -165,7 +165,7 @@ impl StrainField {
     }
 }
 
-/// What each taxel has of something, 1 on average over the taxels: [`COMMON`] the same for all, the rest its own.
+/// Weight of each taxel, 1 on average over the taxels: [`COMMON`] is the same for all, the rest differs.
 pub(super) fn pattern(n_taxels: usize, hardware: &mut Noise) -> Vec<f64> {
     let own: Vec<f64> = (0..n_taxels).map(|_| hardware.normal((1.0 - COMMON) / COMMON)).collect();
     let mean = own.iter().sum::<f64>() / n_taxels as f64;

@@ -1,4 +1,4 @@
-//! A stream of samples on its way to the recorder: its clock, its delays, and what gets lost.
+//! A stream of samples on its way to the recorder: clock, delays and losses.
 
 use super::conditions::TrackingErrors;
 use crate::random::Noise;
@@ -8,7 +8,7 @@ const CAMERA_HZ: f64 = 30.0;
 const CAMERA_DELAY_S: f64 = 0.06;
 const SYNC_ERROR_S: f64 = 0.005; // sd: half a frame between glove and load cell is left after synchronizing them
 
-/// What a stream measures.
+/// Source of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// The glove.
@@ -21,20 +21,20 @@ pub(super) enum Kind {
     Truth,
 }
 
-/// A sample's times, s into the session.
+/// Times of a sample, s into the session.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sampling {
-    /// When it is taken.
+    /// Measurement time.
     pub(super) at_s: f64,
-    /// Since the one before.
+    /// Time since the previous sample.
     pub(super) dt_s: f64,
-    /// When its source says that it was taken.
+    /// Stamp by the source.
     pub(super) stamp_s: f64,
-    /// When it arrives; nothing overtakes on a wire.
+    /// Arrival time; samples on a wire stay in order.
     pub(super) received_s: f64,
     /// Number in the source's own count.
     pub(super) sequence: u32,
-    /// Whether it never arrives.
+    /// True if it never arrives.
     pub(super) lost: bool,
 }
 
@@ -46,20 +46,20 @@ pub(super) struct Channel {
     phase_s: f64,
     jitter_s: f64,
     stamp_error_s: f64,
-    delay_s: (f64, f64), // at least, and the mean of what is on top
+    delay_s: (f64, f64), // minimum, and mean of the rest
     n_taken: u32,
     next_s: f64,
     last_s: f64,
     last_received_s: f64,
     still_lost: u32,       // samples of an outage that is going on
-    drop_out: Option<f64>, // probability that one begins, where it was asked for
+    drop_out: Option<f64>, // probability that one begins, if set
 }
 
-/// How long a drop-out lasts that was asked for, s: as long as fingers hide each other.
+/// Duration of the drop-outs set by the conditions, s: the time for which fingers hide each other.
 const DROP_OUT_S: (f64, f64) = (1.0 / 3.0, 1.0);
 
 impl Channel {
-    /// What is `asked` is of joint angles alone.
+    /// `asked` applies to joint angles only.
     pub(super) fn new(kind: Kind, asked: &TrackingErrors, noise: &mut Noise) -> Self {
         let is_tracker = matches!(kind, Kind::Joints | Kind::SeenJoints);
         let asked = if is_tracker { *asked } else { TrackingErrors::default() };
@@ -67,7 +67,7 @@ impl Channel {
         let (jitter_s, delay_s, stamp_error_s) = match kind {
             Kind::Taxels => (0.0004, (0.001, 0.001), noise.normal(SYNC_ERROR_S).clamp(-0.012, 0.012)),
             Kind::Joints => (0.0001, (0.004, 0.0007), 0.0),
-            // A frame is stamped when its picture has been understood, so all of its delay is in its stamp.
+            // A frame is stamped when its picture has been processed, so its whole delay is in its stamp.
             Kind::SeenJoints => (0.003, (0.002, 0.004), CAMERA_DELAY_S),
             Kind::Truth => (0.00005, (0.0003, 0.0001), 0.0),
         };
@@ -91,7 +91,7 @@ impl Channel {
         }
     }
 
-    /// When the next sample is taken.
+    /// Time of the next sample.
     pub(super) fn next_s(&self) -> f64 {
         self.next_s
     }
@@ -110,7 +110,7 @@ impl Channel {
         Sampling { at_s, dt_s, stamp_s, received_s: self.last_received_s, sequence, lost }
     }
 
-    /// Single samples, short bursts, and rarely an outage that is longer than what is interpolated.
+    /// Single samples, short bursts, and rarely an outage longer than the interpolation covers.
     fn loses(&mut self, noise: &mut Noise) -> bool {
         let (single, burst, outage) = match self.kind {
             Kind::Taxels => (8e-4, 5e-5, 1.5e-5),

@@ -1,4 +1,4 @@
-//! What may be otherwise than in the sessions that models were first judged on.
+//! Conditions that may differ from the sessions that models were first judged on.
 
 use super::super::hand::Finger;
 use super::super::manipulation::{Episode, Start};
@@ -10,12 +10,12 @@ pub enum Tracking {
     /// Optical motion capture with markers, as the paper used: 100 Hz, a few degrees off.
     #[default]
     Markers,
-    /// A camera that looks at the hand: 30 Hz, late, noisy, off by ten degrees and now and then blind.
+    /// A camera that looks at the hand: 30 Hz, late, noisy, off by ten degrees and sometimes blind.
     Camera,
 }
 
 impl Tracking {
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Tracking::Markers => "markers",
@@ -27,15 +27,15 @@ impl Tracking {
 /// How a pose becomes an artifact.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Physics {
-    /// A sum over joints, each with hysteresis and creep.
+    /// As a sum over joints, each with hysteresis and creep.
     #[default]
     Separable,
-    /// Of several joints together, with slack and with folds that buckle.
+    /// From several joints together, with slack and with folds that buckle.
     Coupled,
 }
 
 impl Physics {
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Physics::Separable => "separable",
@@ -44,7 +44,7 @@ impl Physics {
     }
 }
 
-/// Where a glove has taxels.
+/// Positions of a glove's taxels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Fingers {
     /// On the index fingertip.
@@ -54,43 +54,43 @@ pub enum Fingers {
     All,
 }
 
-/// Errors of joint angles that were asked for, one by one: on top of the markers' own, and in place of the camera's.
+/// Errors of joint angles that can be set one by one: added to the markers' own errors, replacing the camera's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TrackingErrors {
     /// Spread of a constant error from joint to joint, degrees, 0 to 90.
     pub bias_deg: Option<f64>,
     /// Standard deviation of an error of which half of the variance stays for 0.3 s, degrees, 0 to 90.
     pub noise_deg: Option<f64>,
-    /// How much later than it was the pose is stamped, ms, 0 to 1000.
+    /// Delay of the pose stamps, ms, 0 to 1000.
     pub delay_ms: Option<f64>,
-    /// Samples a second, Hz, 1 to 1000.
+    /// Sample rate, Hz, 1 to 1000.
     pub rate_hz: Option<f64>,
-    /// Drop-outs of a third of a second to a second, per minute on average, 0 to 60.
+    /// Drop-outs of a third of a second to a second, average number per minute, 0 to 60.
     pub drop_outs_per_min: Option<f64>,
 }
 
-/// What may be otherwise. The default is what every session was before there was a choice, byte for byte.
+/// Conditions that can be changed. The default is the same, byte for byte, as sessions before this choice existed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Conditions {
     /// How a pose becomes an artifact.
     pub physics: Physics,
-    /// Where the glove has taxels.
+    /// Positions of the glove's taxels.
     pub fingers: Fingers,
-    /// Which finger touches, on the load cell that is under it. `None`: the index finger in the protocol, and in free
-    /// manipulation any that has taxels.
+    /// The finger that touches the load cell. `None`: the index finger in the protocol, and in free manipulation any
+    /// finger with taxels.
     pub touching: Option<Finger>,
     /// Episodes of free manipulation; empty for all kinds. Air comes first and between touches whatever they are.
     pub episodes: Vec<Episode>,
-    /// How free manipulation begins.
+    /// Beginning of free manipulation.
     pub start: Start,
     /// Sudden slips of the glove per minute on average, 0 to 60. `None`: 0 in the protocol, 1.33 in free manipulation.
     pub slips_per_min: Option<f64>,
-    /// How joint angles are off.
+    /// Errors of joint angles.
     pub tracking: TrackingErrors,
 }
 
 impl Conditions {
-    /// Quantities that were asked for: name, value, unit, least and most.
+    /// The given quantities: name, value, unit, minimum and maximum.
     fn quantities(&self) -> [(&'static str, Option<f64>, &'static str, f64, f64); 6] {
         let TrackingErrors { bias_deg, noise_deg, delay_ms, rate_hz, drop_outs_per_min } = self.tracking;
         [
@@ -103,7 +103,7 @@ impl Conditions {
         ]
     }
 
-    /// What isn't as it always was, for the notes beside a recording.
+    /// Conditions that differ from the default, for the notes beside a recording.
     pub(super) fn notes(&self) -> impl Iterator<Item = (String, String)> {
         let quantities = self.quantities().into_iter();
         let numbers =
@@ -118,7 +118,7 @@ impl Conditions {
     }
 }
 
-/// Whether such a session makes sense.
+/// Checks that such a session is possible.
 pub(super) fn check(spec: &SessionSpec) -> Result<(), SimError> {
     let conditions = &spec.conditions;
     for (what, value, unit, from, to) in conditions.quantities() {

@@ -1,18 +1,18 @@
-//! What is wrong with a session that is asked for.
+//! Errors in the specification of a session.
 
 use super::super::glove::GLOVES;
 use super::Activity;
 
-/// Why there is no such session. Each text is one line.
+/// The reason why a session can't be created. Each text is one line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SimError {
     /// There is no such glove.
     #[error("glove {got}: there is no such synthetic glove; choose one of 1 to {n}", n = GLOVES.len())]
     Glove {
-        /// What was asked for.
+        /// The requested glove.
         got: u8,
     },
-    /// The activity doesn't fit.
+    /// The activity doesn't fit into the duration.
     #[error(
         "minutes {got}: a session of {activity} takes {from} to {until} minutes",
         activity = match activity { Activity::Protocol => "the protocol", Activity::Manipulation => "free manipulation" },
@@ -20,12 +20,12 @@ pub enum SimError {
         until = activity.minutes().end()
     )]
     Minutes {
-        /// What was asked for.
+        /// The requested duration.
         got: f64,
-        /// In a session of what.
+        /// The activity.
         activity: Activity,
     },
-    /// Something is asked for by a number that it can't be.
+    /// A value is out of range.
     #[error("{what}: expected {from} to {to} {unit}, got {got}")]
     #[allow(missing_docs)] // the text says it
     Quantity { what: &'static str, got: f64, unit: &'static str, from: f64, to: f64 },
@@ -33,7 +33,7 @@ pub enum SimError {
     #[error("{what}: the protocol says what is done; choose free manipulation for it (--activity manipulation)")]
     #[allow(missing_docs)]
     OnlyManipulation { what: &'static str },
-    /// The finger that is to touch feels nothing.
+    /// The finger that should touch has no taxels.
     #[error(
         "{finger} finger: this glove has taxels on the index fingertip alone; choose one of the hand (--glove hand1)"
     )]

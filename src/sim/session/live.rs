@@ -1,4 +1,4 @@
-//! A synthetic user with a synthetic glove who is there now, and does what the prompts of a collection say.
+//! A live synthetic user with a synthetic glove who follows the prompts of a collection.
 
 use super::super::glove::GloveDesign;
 use super::super::manipulation::MAX_MANIPULATION_MINUTES;
@@ -9,34 +9,34 @@ use crate::protocol::{Action, Plan, Protocol, Trial};
 use crate::random::Noise;
 use crate::units::{Newton, Stamp};
 
-/// Something that is wrong with the laboratory.
+/// A fault in the laboratory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// A taxel whose line is broken: it reads the same for ever.
+    /// A taxel with a broken line: its reading never changes.
     DeadTaxel(usize),
-    /// A driver that names the DIP of the index finger as its PIP, and its PIP as its DIP.
+    /// A driver that swaps the names of DIP and PIP of the index finger.
     SwappedJoints,
-    /// A load cell that nobody has tared.
+    /// A load cell that was not tared.
     UntaredLoadCell,
 }
 
-/// What a load cell reads that nobody has tared: the weight of what is mounted on it.
+/// Reading of a load cell that was not tared: the weight of the parts mounted on it.
 const UNTARED: Newton = Newton(1.5);
 
-/// A line that is broken reads what the converter's input floats at.
+/// Reading of a broken line: the level at which the converter's input floats.
 const DEAD_COUNTS: f32 = 512.0;
 
-/// How long a user takes to begin a press that is held, s.
+/// Time for a user to begin a press that is held, s.
 const PRESS_DELAY_S: f64 = 0.5;
 
-/// How often, and for how long each, a user goes through a movement that checks ask for, s.
+/// Number of times a user repeats a movement for the checks, and the duration of each, s.
 const CHECK_MOVEMENTS: u8 = 2;
 const CHECK_MOVEMENT_S: f64 = 1.8;
 
-/// Longest press while poses change, s; nobody holds one for longer.
+/// Longest press while poses change, s; no user holds one for longer.
 const LONGEST_PRESS_S: f64 = 60.0;
 
-/// What the user is asked to do from now on: an annotation, as it is published.
+/// The user's task from now on: an annotation, as it is published.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Prompt {
     /// Stage of the protocol, 1 to 3; 0 outside of it.
@@ -49,22 +49,22 @@ pub struct Prompt {
     pub repetition: u16,
 }
 
-/// A session that goes on for as long as someone polls it.
+/// A session that continues as long as it is polled.
 #[derive(Debug)]
 pub struct LiveSession {
     session: Session,
     style: ForceStyle,
     noise: Noise,
     protocol: Protocol,
-    /// Whether the user does what prompts say.
+    /// True if the user follows prompts.
     follows: bool,
     doing: Option<Prompt>,
     faults: Vec<Fault>,
 }
 
 impl LiveSession {
-    /// Begins at `start`. A user who doesn't follow prompts goes through the protocol as they please; nobody prompts free
-    /// manipulation.
+    /// Begins at `start`. A user who doesn't follow prompts goes through the protocol at their own pace; free
+    /// manipulation has no prompts.
     ///
     /// # Errors
     /// [`SimError`] when there is no such glove.
@@ -100,14 +100,14 @@ impl LiveSession {
         Ok(LiveSession { session, style, noise, protocol, follows, doing: None, faults: faults.to_vec() })
     }
 
-    /// The glove that is worn.
+    /// The glove.
     pub fn design(&self) -> Option<&'static GloveDesign> {
         GloveDesign::numbered(self.session.spec.glove)
     }
 
     /// The user reads a prompt, `t_s` into the session.
     pub fn handle_prompt(&mut self, prompt: &Prompt, t_s: f64) {
-        // Another step of the same trial: the touch that the user knew would come.
+        // Another step of the same trial: the touch that the user expected.
         if !self.follows || self.doing.as_ref() == Some(prompt) {
             return;
         }
@@ -139,7 +139,7 @@ impl LiveSession {
         }
     }
 
-    /// What has arrived by `t_s` into the session, one after the other.
+    /// Records that have arrived by `t_s` into the session, one after the other.
     pub fn poll(&mut self, t_s: f64) -> Option<Record> {
         while self.session.channels.iter().any(|channel| channel.next_s() <= t_s) {
             self.session.advance();

@@ -1,10 +1,10 @@
-//! What measures joint angles, and how far off it is.
+//! Measurement of joint angles, with its errors.
 
 use super::super::hand::{CAMERA_BIAS_RAD, CAMERA_NOISE_RAD, HandPose, MotionCapture, SeenBadly};
 use super::{Tracking, TrackingErrors, User};
 use crate::random::Noise;
 
-/// What measures joint angles.
+/// A tracker of joint angles.
 #[derive(Debug)]
 pub(super) struct Tracker {
     markers: Option<MotionCapture>,
@@ -28,7 +28,7 @@ impl Tracker {
         }
     }
 
-    /// Angles as they are measured, `dt_s` after those before. `[joints]`, rad.
+    /// Measured angles, `dt_s` after the previous ones. `[joints]`, rad.
     pub(super) fn measure(&mut self, dt_s: f64, pose: &HandPose, noise: &mut Noise) -> Vec<f64> {
         let mut angles = self.markers.as_ref().map_or_else(|| pose.angles(), |markers| markers.measure(pose, noise));
         self.errors.iter_mut().for_each(|errors| errors.put_on(dt_s, &mut angles));

@@ -1,4 +1,4 @@
-//! Windows put together for one step.
+//! Windows assembled for one step.
 
 use super::{Dataset, WindowIdx};
 
@@ -11,15 +11,15 @@ pub struct Batch {
     pub tactile: Vec<f32>,
     /// `[N, L, P]`, rad; empty for a network without pose.
     pub pose: Vec<f32>,
-    /// `[outputs, N]`, gF, at the last frames: of one of them `[N]`.
+    /// `[outputs, N]`, gF, at the last frames; `[N]` for a single output.
     pub truth_gf: Vec<f32>,
-    /// `[N]`: whether every frame of the window is free of load.
+    /// `[N]`: true if no frame of the window is loaded.
     pub zero_load: Vec<bool>,
-    /// `[L, N, T]`: target of the auxiliary decoder, zero where a window is loaded. Empty when it was not asked for.
+    /// `[L, N, T]`: target of the auxiliary decoder, zero if a window is loaded. Empty if it was not requested.
     pub artifact: Vec<f32>,
 }
 
-/// Smooths a window over time and subtracts its first frame: the net change that noise, drift and mounting don't make.
+/// Smooths a window over time and subtracts its first frame: the net change without noise, drift and mounting.
 ///
 /// The Gaussian is cut off at four sigmas, and the window is mirrored at its ends (each edge frame twice).
 ///
@@ -43,7 +43,7 @@ pub fn smoothed_change(window: &[f32], n_taxels: usize, sigma_frames: f32) -> Ve
     out
 }
 
-/// Weights of an odd number of frames that add up to 1.
+/// Weights of an odd number of frames, with sum 1.
 fn gaussian(sigma: f32) -> Vec<f32> {
     let radius = (4.0 * sigma + 0.5) as i32;
     let weight = |offset: i32| if sigma > 0.0 { (-0.5 * (offset as f32 / sigma).powi(2)).exp() } else { 1.0 };
@@ -52,7 +52,7 @@ fn gaussian(sigma: f32) -> Vec<f32> {
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// An index beyond the ends, mirrored back: d c b a | a b c d | d c b a.
+/// An index beyond the ends, mirrored: d c b a | a b c d | d c b a.
 fn mirrored(idx: isize, len: isize) -> usize {
     let folded = idx.rem_euclid(2 * len);
     (if folded < len { folded } else { 2 * len - 1 - folded }) as usize

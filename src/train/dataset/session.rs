@@ -1,18 +1,18 @@
-//! One recording of one donning, frame by frame, checked.
+//! One checked recording of one donning, frame by frame.
 
 use sha2::{Digest, Sha256};
 
 use super::super::error::DatasetError;
 use crate::eval::Part;
 
-/// The columns of a session. All have one entry a frame, matrices one row a frame.
+/// The columns of a session. All have one entry per frame, matrices one row per frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SessionFrames {
     /// Name for errors and reports: the recording.
     pub name: String,
-    /// Taxels in a frame.
+    /// Taxels per frame.
     pub n_taxels: usize,
-    /// Joint angles in a frame; 0 for a recording without pose.
+    /// Joint angles per frame; 0 for a recording without pose.
     pub n_joints: usize,
     /// `[n, T]` row-major: features as [`TaxelFeatures`](crate::fusion) writes them, baseline subtracted.
     pub tactile: Vec<f32>,
@@ -22,13 +22,13 @@ pub struct SessionFrames {
     pub truth_gf: Vec<f32>,
     /// `[n]`: frames annotated as free of load.
     pub zero_load: Vec<bool>,
-    /// `[n]`: what the frame is for.
+    /// `[n]`: part of the split.
     pub part: Vec<Part>,
-    /// `[n]`: changes wherever frames are missing. No window crosses such a gap.
+    /// `[n]`: changes at each gap in the frames. No window crosses a gap.
     pub epoch: Vec<u32>,
 }
 
-/// A session that can be trained on.
+/// A session that can be used for training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session(SessionFrames);
 
@@ -86,12 +86,12 @@ impl Session {
         &self.0.name
     }
 
-    /// Taxels in a frame.
+    /// Taxels per frame.
     pub fn n_taxels(&self) -> usize {
         self.0.n_taxels
     }
 
-    /// Joint angles in a frame.
+    /// Joint angles per frame.
     pub fn n_joints(&self) -> usize {
         self.0.n_joints
     }
@@ -101,7 +101,7 @@ impl Session {
         self.0.truth_gf.len()
     }
 
-    /// Feeds everything that training depends on into a hash.
+    /// Adds all data that affects training to a hash.
     pub(super) fn hash_into(&self, hash: &mut Sha256) {
         let frames = &self.0;
         for size in [self.n_frames(), frames.n_taxels, frames.n_joints] {

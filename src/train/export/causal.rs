@@ -1,4 +1,4 @@
-//! The causal network as nodes of a graph.
+//! The causal network as nodes of an ONNX graph.
 
 use super::super::architecture::{CAUSAL_CHANNELS, CAUSAL_DILATIONS, CAUSAL_FRAMES, TAPS};
 use super::Writer;
@@ -58,7 +58,7 @@ impl Writer<'_> {
     }
 }
 
-/// Part of an axis.
+/// A slice of an axis.
 fn slice(graph: &mut Graph, x: &str, output: &str, axis: i64, from: i64, to: i64) -> String {
     let bounds = [("starts", from), ("ends", to), ("axes", axis)];
     let [starts, ends, axes] = bounds.map(|(what, value)| graph.integers(&format!("{output}.{what}"), &[value]));

@@ -1,17 +1,17 @@
-//! What the network is made of, as nodes of an ONNX graph.
+//! The building blocks of the network, as nodes of an ONNX graph.
 
 use super::super::architecture::{Architecture, LSTM_HIDDEN, N_FEATURES};
 use crate::model::onnx::{AttributeProto, DimensionProto, Graph, GraphProto, NodeProto, ValueInfoProto};
 
 impl Graph {
-    /// One frame of a time-major tensor, its axis kept.
+    /// One frame of a time-major tensor, keeping its axis.
     pub(super) fn slice_frame(&mut self, x: &str, output: &str, frame: i64) -> String {
         let bounds = [("starts", frame), ("ends", frame + 1), ("axes", 0)];
         let [starts, ends, axes] = bounds.map(|(what, value)| self.integers(&format!("{output}.{what}"), &[value]));
         self.node("Slice", &[x, &starts, &ends, &axes], output, vec![])
     }
 
-    /// One frame of a time-major tensor, its axis gone.
+    /// One frame of a time-major tensor, without its axis.
     pub(super) fn gather_frame(&mut self, x: &str, output: &str, frame: i64) -> String {
         let slice = self.slice_frame(x, &format!("{output}.frame"), frame);
         self.squeeze(&slice, output, 0)

@@ -74,7 +74,7 @@ impl Writer<'_> {
     }
 }
 
-/// From PyTorch's order of gates (input, forget, cell, output) to ONNX's (input, output, forget, cell).
+/// From PyTorch's gate order (input, forget, cell, output) to ONNX's (input, output, forget, cell).
 fn by_onnx_gates(values: &[f32]) -> Vec<f32> {
     let gate = values.len() / 4;
     debug_assert_eq!(gate % LSTM_HIDDEN, 0);

@@ -1,6 +1,6 @@
-//! The causal network: dilated convolutions over taxels without their artifact, and one force and touch a frame.
+//! The causal network: dilated convolutions over taxels without their artifact, with one force and touch per frame.
 //!
-//! No frame beyond the ends is made up, so that a force is the same whatever window it is computed in.
+//! There is no padding, so a force is the same whatever window it is computed in.
 
 use burn::tensor::activation::relu;
 use burn::tensor::{Tensor, TensorData};
@@ -9,7 +9,7 @@ use super::super::architecture::{Architecture, CAUSAL_DILATIONS, CAUSAL_FRAMES, 
 use super::{Input, Output, Weights};
 
 impl Weights<'_> {
-    /// Forces of the last frames of each window: of as many as it has more than the network's own window, and one.
+    /// Forces of the last frames of each window: one, plus one for each frame beyond the network's own window.
     pub(super) fn causal(&self, input: Input) -> Output {
         let Architecture { window, n_taxels, tactile_scale, touch_scale, force_scale, .. } = *self.architecture;
         let Input { n, tactile, .. } = input;
@@ -48,7 +48,7 @@ impl Weights<'_> {
     }
 }
 
-/// Between -1 and 1, and nearly the value itself where that is small.
+/// Between -1 and 1, and nearly the value itself near zero.
 fn softsign(value: f32) -> f32 {
     value / (1.0 + value.abs())
 }

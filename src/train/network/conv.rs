@@ -1,7 +1,7 @@
 //! A convolution over time with three taps, forward and backward, on plain slices.
 //!
-//! Time-major, `[L, N, C]`, each tap is one matrix product of a frame and a weight matrix: nothing is copied together.
-//! Frames beyond the ends count as zero, so there are as many as before.
+//! Time-major, `[L, N, C]`, each tap is one matrix product of a frame and a weight matrix: no copies are made. Frames
+//! beyond the ends count as zero, so the number of frames stays the same.
 
 use std::array::from_fn;
 
@@ -13,13 +13,13 @@ use crate::kernels::matrix::{Matrix, add_column_sums, add_product};
 pub(super) struct ConvShape {
     pub(super) frames: usize,
     pub(super) batch: usize,
-    /// Channels that go in; [`N_FEATURES`] come out.
+    /// Input channels; the output has [`N_FEATURES`].
     pub(super) n_in: usize,
     /// Frames between the taps.
     pub(super) dilation: usize,
 }
 
-/// Gradients of a scalar with respect to what went into a forward pass.
+/// Gradients of a scalar with respect to the inputs of a forward pass.
 #[derive(Debug, Clone)]
 pub(super) struct ConvGradients {
     /// `[64, C, 3]`
@@ -29,7 +29,7 @@ pub(super) struct ConvGradients {
 }
 
 impl ConvShape {
-    /// The frame that a tap sees of the frame it writes, if there is one.
+    /// The input frame of a tap for an output frame, if there is one.
     fn source(&self, frame: usize, tap: usize) -> Option<usize> {
         (frame + tap * self.dilation).checked_sub(self.dilation).filter(|source| *source < self.frames)
     }
@@ -61,14 +61,14 @@ pub(super) fn forward(shape: ConvShape, x: &[f32], weight: &[f32], bias: &[f32])
     y
 }
 
-/// The gradient `grad [L, N, 64]` of the output as that of the input, `[L, N, C]`.
+/// From the gradient `grad [L, N, 64]` of the output to that of the input, `[L, N, C]`.
 pub(super) fn input_gradient(shape: ConvShape, weight: &[f32], grad: &[f32]) -> Vec<f32> {
     let n_in = shape.n_in;
     let taps: [Vec<f32>; TAPS] = from_fn(|tap| of_tap(weight, tap));
     let mut grad_x = vec![0.0; shape.frames * shape.batch * n_in];
     for (frame, grad_x) in grad_x.chunks_exact_mut(shape.batch * n_in).enumerate() {
         for (tap, weight) in taps.iter().enumerate() {
-            // A tap that sees ahead is seen from behind: the last tap's view turned round is the first one's.
+            // The output frame that used this input frame through a tap is found with the opposite tap.
             if let Some(seen_from) = shape.source(frame, TAPS - 1 - tap) {
                 add_product(grad_x, shape.output(grad, seen_from), Matrix::new(weight, N_FEATURES, n_in));
             }
@@ -77,7 +77,7 @@ pub(super) fn input_gradient(shape: ConvShape, weight: &[f32], grad: &[f32]) -> 
     grad_x
 }
 
-/// The gradient `grad [L, N, 64]` of the output as that of weight and bias.
+/// From the gradient `grad [L, N, 64]` of the output to that of weight and bias.
 pub(super) fn weight_gradient(shape: ConvShape, x: &[f32], grad: &[f32]) -> ConvGradients {
     let mut taps: [Vec<f32>; TAPS] = from_fn(|_| vec![0.0; N_FEATURES * shape.n_in]);
     for frame in 0..shape.frames {

@@ -3,7 +3,7 @@
 use burn::backend::flex::FlexTensor;
 use burn::tensor::{Tensor, TensorData};
 
-/// Why a tensor is one of `Autodiff<Flex>`.
+/// The reason why a tensor is on `Autodiff<Flex>`.
 pub(super) const ON_FLEX: &str = "every tensor of the network is made on the flex device with autodiff";
 
 /// A tensor of the backend itself.

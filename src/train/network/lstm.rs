@@ -15,11 +15,11 @@ pub(in crate::train) struct LstmShape {
     pub(in crate::train) batch: usize,
     pub(in crate::train) input: usize,
     pub(in crate::train) hidden: usize,
-    /// Whether time runs from the last frame to the first.
+    /// True if time runs from the last frame to the first.
     pub(in crate::train) reversed: bool,
 }
 
-/// Weights of a layer and direction; the two biases of PyTorch come as their sum.
+/// Weights of a layer and direction; PyTorch's two biases are given as their sum.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::train) struct LstmWeights<'a> {
     /// `[4H, I]`
@@ -30,10 +30,10 @@ pub(in crate::train) struct LstmWeights<'a> {
     pub(in crate::train) bias: &'a [f32],
 }
 
-/// What the backward pass needs of the forward pass.
+/// Values of the forward pass that the backward pass needs.
 #[derive(Debug, Clone)]
 pub(in crate::train) struct LstmTape {
-    /// `[L, B, 4H]`: gates behind their nonlinearities.
+    /// `[L, B, 4H]`: gates after their nonlinearities.
     gates: Vec<f32>,
     /// `[L, B, H]`: cells, and tanh of them.
     cells: Vec<f32>,
@@ -42,7 +42,7 @@ pub(in crate::train) struct LstmTape {
     pub(in crate::train) hidden: Vec<f32>,
 }
 
-/// Gradients of a scalar with respect to what went into a forward pass.
+/// Gradients of a scalar with respect to the inputs of a forward pass.
 #[derive(Debug, Clone)]
 pub(in crate::train) struct LstmGradients {
     pub(in crate::train) x: Vec<f32>,
@@ -52,7 +52,7 @@ pub(in crate::train) struct LstmGradients {
 }
 
 impl LstmShape {
-    /// The frame that is the `step`-th in the direction of time.
+    /// The `step`-th frame in the direction of time.
     fn frame(&self, step: usize) -> usize {
         if self.reversed { self.frames - 1 - step } else { step }
     }
@@ -87,7 +87,7 @@ pub(in crate::train) fn forward(shape: LstmShape, x: &[f32], weights: LstmWeight
         }
         let at = frame * n..(frame + 1) * n;
         let tanh_cells = &mut tape.tanh_cells[at.clone()];
-        // All vector instructions that the machine has: the exponentials are most of the time.
+        // Uses all vector instructions of the machine: the exponentials take most of the time.
         AutoArch::new().dispatch(|| advance(hidden, gates, &mut cells, tanh_cells, &mut outputs));
         tape.cells[at.clone()].copy_from_slice(&cells);
         tape.hidden[at].copy_from_slice(&outputs);
@@ -95,7 +95,7 @@ pub(in crate::train) fn forward(shape: LstmShape, x: &[f32], weights: LstmWeight
     tape
 }
 
-/// Gates of a frame through their nonlinearities, and cells and outputs one step on.
+/// Applies the nonlinearities to the gates of a frame, and computes the next cells and outputs.
 #[inline(always)]
 fn advance(hidden: usize, gates: &mut [f32], cells: &mut [f32], tanh_cells: &mut [f32], outputs: &mut [f32]) {
     for (row, gates) in gates.chunks_exact_mut(4 * hidden).enumerate() {
@@ -117,7 +117,7 @@ fn advance(hidden: usize, gates: &mut [f32], cells: &mut [f32], tanh_cells: &mut
     }
 }
 
-/// Carries the gradient of the output back through time.
+/// Propagates the gradient of the output back through time.
 ///
 /// # Shapes
 /// `grad`: `[L, B, H]`.
@@ -207,7 +207,7 @@ fn back_through_row(
 mod tests {
     use super::*;
 
-    /// Numbers about zero that look random.
+    /// Pseudo-random numbers around zero.
     fn numbers(n: usize, seed: u32) -> Vec<f32> {
         let hash = |idx: usize| (idx as u32 + seed).wrapping_mul(2_654_435_761) >> 8;
         (0..n).map(|idx| hash(idx) as f32 / (1u32 << 23) as f32 - 1.0).collect()
@@ -237,7 +237,7 @@ mod tests {
                         project(&run(&moved))
                     };
                     let measured = (at(0.01) - at(-0.01)) / 0.02;
-                    // A step of 0.01 bends the slope by about 1e-4, and float32 rounds it by 1e-4.
+                    // A step of 0.01 changes the slope by about 1e-4, and float32 rounds it by 1e-4.
                     assert!((measured - f64::from(*gradient)).abs() < 1e-3, "{reversed} {which} {idx}");
                 }
             }

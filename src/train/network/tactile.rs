@@ -10,7 +10,7 @@ use super::{BatchNormStatistics, NORM_EPSILON, Normalize};
 /// Weights and biases of [`Architecture::parameters`](super::super::Architecture::parameters) up to the last convolution.
 pub(super) const N_PARAMETERS: usize = 4 + 2 * DILATIONS.len();
 
-/// Where the normalization's gain and shift are among the parameters, and where the dilated convolutions begin.
+/// Indices of the normalization's gain and shift among the parameters, and of the first dilated convolution.
 const GAIN: usize = 2;
 const SHIFT: usize = 3;
 const DILATED: usize = 4;
@@ -23,13 +23,13 @@ pub(super) struct TactileShape {
     pub(super) n_taxels: usize,
 }
 
-/// What the backward pass needs of the forward pass.
+/// Values of the forward pass that the backward pass needs.
 #[derive(Debug, Clone)]
 pub(super) struct TactileTape {
     normalized: Normalized,
-    /// `[L, N, 64]` each: what goes into the dilated convolutions.
+    /// `[L, N, 64]` each: inputs of the dilated convolutions.
     inputs: Vec<Vec<f32>>,
-    /// `[N, 64]`: the frame with the largest value, the first of them where several have it.
+    /// `[N, 64]`: the frame with the largest value, the first one in a tie.
     peaks: Vec<usize>,
     /// `[N, 64]`: the output.
     pub(super) features: Vec<f32>,
@@ -41,7 +41,7 @@ impl TactileShape {
     }
 }
 
-/// Features of windows `x`, and the statistics of the batch when it was normalized by itself.
+/// Features of windows `x`, and the statistics of the batch if it was normalized by itself.
 pub(super) fn forward(
     shape: TactileShape,
     x: &[f32],
@@ -71,7 +71,7 @@ pub(super) fn forward(
     (TactileTape { normalized, inputs, peaks, features }, statistics)
 }
 
-/// The gradient `grad [N, 64]` of the features as that of the parameters.
+/// From the gradient `grad [N, 64]` of the features to that of the parameters.
 pub(super) fn backward(
     shape: TactileShape,
     x: &[f32],
@@ -101,18 +101,18 @@ pub(super) fn backward(
     back
 }
 
-/// NaN stays NaN, so that a run that has diverged is seen.
+/// NaN stays NaN, so that a diverged run is detected.
 fn relu(values: &mut [f32]) {
     values.iter_mut().for_each(|value| *value = if *value < 0.0 { 0.0 } else { *value });
 }
 
-/// Rows of channels without their mean, divided by their deviation.
+/// Rows of channels minus their mean, divided by their deviation.
 #[derive(Debug, Clone)]
 struct Normalized {
     values: Vec<f32>,
     batch: usize,
     inverse_deviation: Vec<f32>,
-    /// Whether mean and deviation are those of the rows, and move with them.
+    /// True if mean and deviation come from these rows, so that gradients flow through them.
     by_batch: bool,
 }
 
@@ -149,7 +149,7 @@ impl Normalized {
         out
     }
 
-    /// Turns the gradient of the scaled rows into that of the rows as they came; returns those of gain and shift.
+    /// Converts the gradient of the scaled rows to that of the input rows; returns those of gain and shift.
     fn back(&self, grad: &mut [f32], gain: &[f32]) -> (Vec<f32>, Vec<f32>) {
         let rows = (grad.len() / N_FEATURES) as f32;
         let mean_grad = channel_means(grad, self.batch, |value, _| value);
@@ -167,7 +167,7 @@ impl Normalized {
     }
 }
 
-/// Mean over all rows of a function of each value and its channel; frames are added up in f64.
+/// Mean over all rows of a function of each value and its channel; frames are summed in f64.
 fn channel_means(rows: &[f32], batch: usize, of: impl Fn(f32, usize) -> f32) -> Vec<f32> {
     let mut sums = [0.0f64; N_FEATURES];
     for frame in rows.chunks_exact(batch * N_FEATURES) {

@@ -30,7 +30,7 @@ impl Adam {
         let rate = (learning_rate / first_correction) as f32;
         let second_correction = second_correction.sqrt() as f32;
         for parameter in network.architecture.parameters() {
-            // Biases and normalizations are not decayed: nothing is gained by pulling them to zero.
+            // Biases and normalizations are not decayed: pulling them to zero gains nothing.
             let decay = if parameter.dims.len() > 1 { (learning_rate * weight_decay) as f32 } else { 0.0 };
             for idx in parameter.range() {
                 let g = gradient[idx];

@@ -1,4 +1,4 @@
-//! A run on disk.
+//! Checkpoints: a run on disk.
 
 use std::path::Path;
 
@@ -14,10 +14,10 @@ use crate::files;
 /// Version of the file.
 pub(super) const FORMAT: u32 = 1;
 
-/// The largest checkpoint that is read: far above what the paper's network makes, about 4 MiB.
+/// Size limit of a checkpoint: far above that of the paper's network, about 4 MiB.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// A run between two steps: all that it takes to go on, and the best network so far.
+/// A run between two steps: all data needed to resume, and the best network so far.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     pub(super) format: u32,
@@ -40,7 +40,7 @@ pub(super) struct Best {
 }
 
 impl Checkpoint {
-    /// Writes it under a temporary name beside `path`, then renames it: a crash leaves the one before.
+    /// Writes it under a temporary name beside `path`, then renames it: a crash leaves the previous file.
     ///
     /// # Errors
     /// [`TrainError::File`].
@@ -50,7 +50,7 @@ impl Checkpoint {
         files::replace(path, &text).map_err(failed)
     }
 
-    /// Reads one.
+    /// Reads a checkpoint.
     ///
     /// # Errors
     /// [`TrainError::File`], [`TrainError::Checkpoint`].
@@ -88,7 +88,7 @@ impl Checkpoint {
         &self.network
     }
 
-    /// The best network so far, the last one when none was picked.
+    /// The best network so far; the last one if none was selected.
     pub fn best(&self) -> &Network {
         self.best.as_ref().map_or(&self.network, |best| &best.network)
     }

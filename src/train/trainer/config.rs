@@ -10,13 +10,13 @@ use super::super::loss::LossConfig;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Schedule {
-    /// Steps in all.
+    /// Total number of steps.
     pub steps: u64,
     /// Steps until the peak.
     pub warmup_steps: u64,
     /// The peak.
     pub learning_rate: f64,
-    /// Where the cosine ends.
+    /// The final rate of the cosine.
     pub final_learning_rate: f64,
 }
 
@@ -39,24 +39,24 @@ impl Schedule {
     }
 }
 
-/// The settings of a run. With the data they decide its result, to the last bit.
+/// The settings of a run. Together with the data they determine its result, to the last bit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainConfig {
-    /// What to train.
+    /// Kind of network.
     pub kind: Kind,
-    /// Decides the first weights and the order of the windows.
+    /// Seed of the initial weights and the order of the windows.
     pub seed: u64,
-    /// Windows in a step.
+    /// Windows per step.
     pub batch: usize,
-    /// Parts of a batch that are run apart, at most as many threads are of use. Part of the result, as batch
-    /// normalization sees one shard at a time.
+    /// Number of parts of a batch that run separately, and the number of threads that can be used. It affects the
+    /// result, as batch normalization uses one shard at a time.
     pub shards: usize,
     /// Learning rate over the run.
     pub schedule: Schedule,
     /// Decoupled weight decay of the weight matrices (AdamW); 0 is Adam.
     pub weight_decay: f64,
-    /// Longest gradient, as a norm over all parameters.
+    /// Gradient clipping: maximum norm over all parameters.
     pub clip_norm: f64,
     /// Weights of the losses.
     pub loss: LossConfig,
@@ -66,11 +66,11 @@ pub struct TrainConfig {
     pub force_scale: f32,
     /// See [`Architecture::tactile_scale`](super::super::Architecture::tactile_scale); by default that of the data.
     pub tactile_scale: Option<f32>,
-    /// What a taxel reads of a light touch, for the causal network.
+    /// A taxel's reading of a light touch, for the causal network.
     pub touch_scale: f32,
-    /// Steps from one look at the validation part to the next.
+    /// Steps between validations.
     pub validate_every: u64,
-    /// Steps from one checkpoint to the next.
+    /// Steps between checkpoints.
     pub checkpoint_every: u64,
 }
 
@@ -95,7 +95,7 @@ impl Default for TrainConfig {
     }
 }
 
-/// Most windows in a step.
+/// Maximum number of windows per step.
 const MAX_BATCH: usize = 4096;
 
 impl TrainConfig {

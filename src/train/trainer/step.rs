@@ -11,16 +11,16 @@ use crate::eval::Part;
 /// Weight of a new batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;
 
-/// What a batch, or a shard of one, gives.
+/// Results of a batch, or of a shard.
 pub(in crate::train) struct Given {
     pub(in crate::train) loss: LossTerms,
     /// In the order of [`Network::values`].
     pub(in crate::train) gradient: Vec<f32>,
-    /// Statistics of each shard, in their order.
+    /// Statistics of each shard, in order.
     pub(in crate::train) statistics: Vec<BatchNormStatistics>,
 }
 
-/// Runs the shards of a batch and adds up what they give, in their order.
+/// Runs the shards of a batch and sums their results, in order.
 pub(super) fn run(
     network: &Network,
     dataset: &Dataset,
@@ -93,7 +93,7 @@ pub(in crate::train) fn run_shard(
     let mut gradients = total.backward();
     let mut gradient = vec![0.0; network.values.len()];
     for (tensor, range) in weights.tensors.iter().zip(weights.ranges()) {
-        // A parameter that no term of the loss reaches has no gradient: it stays.
+        // A parameter that does not affect any term of the loss has no gradient: it stays unchanged.
         if let Some(grad) = tensor.grad_remove(&mut gradients) {
             gradient[range].copy_from_slice(&values(grad));
         }
@@ -101,12 +101,12 @@ pub(in crate::train) fn run_shard(
     Given { loss, gradient, statistics }
 }
 
-/// Euclidean norm, added up in f64.
+/// Euclidean norm, summed in f64.
 pub(super) fn norm(gradient: &[f32]) -> f64 {
     gradient.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Shortens a gradient to the longest that is allowed.
+/// Clips a gradient to the maximum norm.
 pub(super) fn clip(gradient: &mut [f32], norm: f64, longest: f64) {
     if norm > longest {
         let factor = (longest / norm) as f32;
@@ -114,7 +114,7 @@ pub(super) fn clip(gradient: &mut [f32], norm: f64, longest: f64) {
     }
 }
 
-/// Moves the running statistics towards the mean of the shards'.
+/// Moves the running statistics towards the mean over the shards.
 pub(in crate::train) fn track(running: &mut BatchNormStatistics, shards: &[BatchNormStatistics]) {
     let share = MOMENTUM / shards.len().max(1) as f32;
     let move_to = |running: &mut Vec<f32>, of: fn(&BatchNormStatistics) -> &Vec<f32>| {

@@ -1,4 +1,4 @@
-//! How a network does on a part of the data, in few numbers. The report's metrics are made elsewhere.
+//! A few figures of a network's performance on a part of the data. The report's metrics are computed elsewhere.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,27 +10,28 @@ use super::step::on_threads;
 use crate::eval::Part;
 use crate::fusion::{Forces, Windows};
 
-/// Windows that are put together at once.
+/// Number of windows assembled at once.
 const BATCH: usize = 256;
 
-/// How a network does on a part of the data.
+/// Performance of a network on a part of the data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
-    /// Windows.
+    /// Number of windows.
     pub n: usize,
     /// Modified MAPE of the final force.
     pub loss: f64,
     /// Mean absolute error of the final force, gF.
     pub mae_gf: f64,
-    /// Balanced accuracy of touch by the final force; `None` when the part holds one class only.
+    /// Balanced accuracy of touch from the final force; `None` if the part has one class only.
     pub balanced_accuracy: Option<f64>,
-    /// Mean absolute error of the base force, gF: beside that of the final force it shows what the residual does.
+    /// Mean absolute error of the base force, gF: compared with that of the final force, it shows the residual's
+    /// effect.
     pub base_mae_gf: Option<f64>,
-    /// Balanced accuracy of touch by the base force.
+    /// Balanced accuracy of touch from the base force.
     pub base_balanced_accuracy: Option<f64>,
 }
 
-/// Runs a network over a part.
+/// Evaluates a network on a part.
 ///
 /// # Errors
 /// [`TrainError::Architecture`] when the network was made for other data.

@@ -1,4 +1,4 @@
-//! Messages as the bytes that they are on the wire, so that live node, replay and recordings read and write the same.
+//! Messages as their bytes on the wire, so that live node, replay and recordings read and write the same.
 
 use std::any::type_name;
 use std::fmt;
@@ -15,11 +15,11 @@ pub(super) struct CdrBytes(pub(super) Vec<u8>);
 /// Bytes of the encapsulation header.
 const HEADER: usize = 4;
 
-/// Most bytes that are taken from one message; DDS itself can't carry more.
+/// Maximum number of bytes read from one message; DDS itself can't carry more.
 const MAX_BYTES: usize = 1 << 31;
 
 impl serde::Serialize for CdrBytes {
-    /// Writes what follows the header; the middleware writes one of its own, little-endian.
+    /// Writes the bytes after the header; the middleware writes its own header, little-endian.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let body = self.0.get(HEADER..).unwrap_or_default();
         let mut tuple = serializer.serialize_tuple(body.len())?;
@@ -30,7 +30,7 @@ impl serde::Serialize for CdrBytes {
     }
 }
 
-/// Reads a message as it came, whatever its type.
+/// Reads a message of any type as received.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AsCdr;
 
@@ -38,7 +38,7 @@ impl<'de> DeserializeSeed<'de> for AsCdr {
     type Value = CdrBytes;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<CdrBytes, D::Error> {
-        // The middleware has taken the header off and says the byte order by the type of its deserializer only.
+        // The middleware has removed the header and gives the byte order only by the type of its deserializer.
         let given = type_name::<D>();
         let second = if given == type_name::<&mut CdrDeserializer<'_, LittleEndian>>() {
             1
@@ -51,7 +51,7 @@ impl<'de> DeserializeSeed<'de> for AsCdr {
     }
 }
 
-/// Takes bytes until there are no more.
+/// Reads bytes until the end.
 struct Bytes(Vec<u8>);
 
 impl<'de> Visitor<'de> for Bytes {

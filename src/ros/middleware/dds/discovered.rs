@@ -1,4 +1,4 @@
-//! Who else is in the graph, as RustDDS has discovered it.
+//! The other nodes' entities in the graph, as RustDDS has discovered them.
 
 use ros2_client::QosProfile;
 use ros2_client::dds::rustdds::{DomainParticipant, QosPolicies, RTPSEntity};
@@ -6,13 +6,13 @@ use ros2_client::dds::rustdds::{DomainParticipant, QosPolicies, RTPSEntity};
 use super::super::Discovered;
 use crate::ros::graph::Endpoint;
 
-/// Before the hash of a type in what a ROS 2 endpoint says of itself.
+/// Prefix of the type hash in the user data of a ROS 2 endpoint.
 const TYPE_HASH: &str = "typehash=";
 
-/// Most endpoints that are looked at: strangers can make any number of them.
+/// Maximum number of endpoints read: strangers can create any number of them.
 const MOST: usize = 4096;
 
-/// What a participant has discovered, itself left out.
+/// The endpoints that a participant has discovered, without its own.
 pub(super) struct Neighbours(pub(super) DomainParticipant);
 
 impl Discovered for Neighbours {
@@ -39,7 +39,7 @@ impl Discovered for Neighbours {
     }
 }
 
-/// An endpoint by the names of ROS 2; none for what is no topic of it.
+/// An endpoint with its ROS 2 names; `None` if it is not a ROS 2 topic.
 fn endpoint(topic: &str, type_name: &str, qos: &QosPolicies, user_data: &[u8]) -> Option<Endpoint> {
     Some(Endpoint {
         topic: topic.strip_prefix("rt")?.to_owned(),

@@ -1,24 +1,24 @@
-//! Tells Fast DDS that a participant is gone.
+//! Informs Fast DDS that a participant is gone.
 //!
 //! RustDDS disposes of its participant with the key in the payload. Fast DDS reads keys of builtin topics from the inline
-//! QoS only (`PID_KEY_HASH`), so there the participant and all it had would stay until the lease is over, a minute
-//! and more. This sends the same once more in the form that Fast DDS reads.
+//! QoS only (`PID_KEY_HASH`), so there the participant and all its entities would stay until the lease expires, a
+//! minute or more. This sends the same message again in the form that Fast DDS reads.
 //!
 //! # Source
 //! RTPS 2.5: 8.3.5 header, 9.4.5.4 Data, 9.6.2.3 ports, 9.6.4.3 status info, 9.6.4.8 key hash.
 
 use std::net::{Ipv4Addr, UdpSocket};
 
-/// Where every participant of a domain listens for others.
+/// The address where every participant of a domain receives discovery messages.
 const MULTICAST: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 
-/// Processes of this host that are told each by itself, as discovery does where there is no multicast.
+/// Number of processes on this host that are informed one by one, as discovery does without multicast.
 const LOCAL_PARTICIPANTS: u16 = 32;
 
-/// More than any participant has sent by itself: a reader takes only what is newer than the last it saw.
+/// Higher than any sequence number a participant has sent: a reader accepts only numbers above the last it received.
 const SEQUENCE_NUMBERS: [u32; 2] = [0x4000_0000, 0x4000_0001];
 
-/// Says that the participant of this GUID has left a domain. Where the network refuses, its lease ends as before.
+/// Announces that the participant of this GUID has left a domain. If the network refuses, its lease expires as before.
 pub(super) fn send(guid: [u8; 16], domain_id: u16) {
     let first_port = 7400 + 250 * domain_id;
     for (sequence_number, from) in

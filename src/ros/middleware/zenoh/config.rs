@@ -1,10 +1,10 @@
-//! The configuration of a session: as rmw_zenoh has it, or that of a file, and what is set over it.
+//! The configuration of a session: rmw_zenoh's default or a file, plus overrides.
 
 use ::zenoh::{Config, Result};
 
 use crate::ros::environment::ZenohVars;
 
-/// What rmw_zenoh sets for a session: a peer that finds others through the router of its own host.
+/// rmw_zenoh's session settings: a peer that finds others through the router of its own host.
 ///
 /// # Source
 /// DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5.
@@ -29,7 +29,7 @@ const AS_RMW_ZENOH: &str = r#"{
     queries_default_timeout: 600000,
 }"#;
 
-/// The configuration that the environment asks for.
+/// The configuration from the environment.
 ///
 /// # Errors
 /// A file or an override that can't be read, by the name of its variable.

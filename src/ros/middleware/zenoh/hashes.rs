@@ -1,10 +1,10 @@
-//! Hashes of the types that the node speaks whatever its inputs are.
+//! Hashes of the types that the node uses independent of its inputs.
 
-/// Those whose definition is not compiled in.
+/// Types without a compiled-in definition.
 ///
 /// # Source
-/// `type_hashes` in `share/<package>/{msg,srv}/<Name>.json` of ROS 2 Kilted; of our action, what
-/// `rosidl_generator_type_description` makes of `action/Calibrate.action`. `tests/node_zenoh.rs` compares them.
+/// `type_hashes` in `share/<package>/{msg,srv}/<Name>.json` of ROS 2 Kilted; of our action, the output of
+/// `rosidl_generator_type_description` for `action/Calibrate.action`. `tests/node_zenoh.rs` compares them.
 const HASHES: [(&str, &str); 21] = [
     ("action_msgs/msg/GoalStatusArray", "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e"),
     ("action_msgs/srv/CancelGoal", "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a"),
@@ -50,7 +50,7 @@ const HASHES: [(&str, &str); 21] = [
     ),
 ];
 
-/// The hash of a message, service or part of an action that the node speaks, by canonical name.
+/// The hash of a message, service or part of an action that the node uses, by canonical name.
 pub(super) fn of(type_name: &str) -> Option<String> {
     let known = HASHES.iter().find(|(name, _)| *name == type_name).map(|(_, hash)| (*hash).to_owned());
     known.or_else(|| crate::msg::rihs01(type_name))

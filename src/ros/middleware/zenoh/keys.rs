@@ -1,4 +1,4 @@
-//! Names on Zenoh: keys of data and services, liveliness tokens, and what goes with each message.
+//! Names on Zenoh: keys of data and services, liveliness tokens, and the attachment of each message.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use xxhash_rust::xxh3::xxh3_128;
 /// The enclave of a node without security.
 const ENCLAVE: &str = "/";
 
-/// What an entity is.
+/// The kind of an entity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Publisher,
@@ -17,7 +17,7 @@ pub(super) enum Kind {
     Server,
 }
 
-/// The keys of one node and of what it has.
+/// The keys of one node and of its entities.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct NodeKeys {
     domain_id: u16,
@@ -26,7 +26,7 @@ pub(super) struct NodeKeys {
 }
 
 impl NodeKeys {
-    /// Those of a node of a session, by its namespace and name.
+    /// The keys of a node in a session, by its namespace and name.
     pub(super) fn new(domain_id: u16, session: &str, namespace: &str, name: &str) -> Self {
         let node = format!("{}/{}/{}", mangled(ENCLAVE), mangled(namespace), mangled(name));
         NodeKeys { domain_id, session: session.to_owned(), node }
@@ -68,14 +68,14 @@ pub(super) fn gid(token: &str) -> [u8; 16] {
     xxh3_128(token.as_bytes()).to_le_bytes()
 }
 
-/// What goes with each message, request and response.
+/// The attachment of each message, request and response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Attachment {
-    /// Counts what the sender sent, from 1.
+    /// Sequence number of the sender, from 1.
     pub(super) sequence: i64,
     /// ns, by the sender's clock.
     pub(super) sent: i64,
-    /// Of the sender; with a response, of whoever asked.
+    /// Gid of the sender; in a response, of the client.
     pub(super) gid: [u8; 16],
 }
 
@@ -86,7 +86,7 @@ impl Attachment {
         [&self.sequence.to_le_bytes()[..], &self.sent.to_le_bytes(), &gid_len, &self.gid].concat()
     }
 
-    /// What these bytes say, if they are an attachment.
+    /// Reads an attachment; `None` if the bytes are not one.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (sequence, rest) = bytes.split_first_chunk()?;
         let (sent, rest) = rest.split_first_chunk()?;
@@ -108,7 +108,7 @@ fn dds_type(type_name: &str) -> String {
     format!("{}::dds_::{name}_", folder.replace('/', "::"))
 }
 
-/// Policies by the numbers of rmw, each one left out where it is rmw_zenoh's default, but for the depth.
+/// Policies by the numbers of rmw. A policy is left out if it is rmw_zenoh's default, except the depth.
 fn qos_text(qos: &QosProfile) -> String {
     let reliability = match qos.reliability {
         Reliability::Reliable { .. } => "",

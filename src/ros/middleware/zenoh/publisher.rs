@@ -1,4 +1,4 @@
-//! Publishers, which keep their last messages for who comes late where they are transient local.
+//! Publishers. Transient local ones keep their last messages for late subscribers.
 
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
@@ -16,7 +16,7 @@ use super::{Entity, Publish};
 use crate::ros::clock::system_now;
 use crate::ros::middleware::Refused;
 
-/// How often a transient local publisher says what it sent last, as in rmw_zenoh.
+/// How often a transient local publisher announces its last sequence number, as in rmw_zenoh.
 const HEARTBEAT: Duration = Duration::from_millis(500);
 
 pub(super) struct Publisher {
@@ -31,7 +31,7 @@ enum By {
     TransientLocal(AdvancedPublisher<'static>),
 }
 
-/// Declares what an entity of the graph publishes by.
+/// Declares the publisher of an entity in the graph.
 pub(super) fn declare(session: &Session, entity: Entity, qos: &QosProfile) -> Result<Publisher> {
     let (reliability, congestion) = match qos.reliability {
         qos::Reliability::BestEffort => (Reliability::BestEffort, CongestionControl::Drop),

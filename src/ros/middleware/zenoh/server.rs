@@ -12,10 +12,10 @@ use crate::msg::{decode, encode};
 use crate::ros::clock::system_now;
 use crate::ros::middleware::{Answer, Request, Requests};
 
-/// Requests that may wait for those before them.
+/// Maximum number of waiting requests.
 const CAPACITY: usize = 64;
 
-/// Declares what an entity of the graph answers by.
+/// Declares the queryable of an entity in the graph.
 pub(super) fn declare<Q, A>(session: &Session, entity: Entity) -> Result<Requests<Q, A>>
 where
     Q: Message + 'static,
@@ -25,7 +25,7 @@ where
     let Entity { key, token, .. } = entity;
     let queryable = session.declare_queryable(key.clone()).complete(true).callback(move |query: Query| {
         if let Err(mpsc::error::TrySendError::Full(query)) = sender.try_send(query) {
-            let _ = query.reply_err("too many requests wait").wait(); // who asked hears nothing, as of a lost request
+            let _ = query.reply_err("too many requests wait").wait(); // the client gets no answer, as for a lost request
         }
     });
     let declared = (queryable.wait()?, token);

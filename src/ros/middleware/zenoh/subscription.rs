@@ -1,4 +1,4 @@
-//! Subscriptions: the last messages of a topic until they are read, and a count of those that were lost.
+//! Subscriptions: the last messages of a topic until they are read, and a count of the lost ones.
 
 use std::any::Any;
 use std::collections::{BTreeMap, VecDeque};
@@ -18,10 +18,10 @@ use super::keys::Attachment;
 use crate::ros::clock::system_now;
 use crate::ros::middleware::{Arrival, Fault, Subscribe};
 
-/// Messages that a history without limit keeps: the largest depth that parameters may ask for.
+/// Messages kept by an unlimited history: the largest depth that parameters may set.
 const KEEP_ALL: usize = 100_000;
 
-/// Publishers whose messages are counted at a time.
+/// Maximum number of publishers whose messages are counted at a time.
 const MAX_PUBLISHERS: usize = 64;
 
 /// Messages that a history keeps.
@@ -38,7 +38,7 @@ pub(super) struct Subscription {
     _token: LivelinessToken,
 }
 
-/// What came and was not read yet.
+/// Messages that were not read yet.
 struct Inbox {
     depth: usize,
     waiting: Mutex<Waiting>,
@@ -48,13 +48,13 @@ struct Inbox {
 #[derive(Debug, Default)]
 struct Waiting {
     arrivals: VecDeque<Arrival>,
-    /// Messages that were not read in time, or that never came.
+    /// Messages that were not read in time, or that never arrived.
     lost: u64,
     /// The last message of each publisher, by its gid.
     last: BTreeMap<[u8; 16], i64>,
 }
 
-/// Declares what an entity of the graph receives by.
+/// Declares the subscriber of an entity in the graph.
 pub(super) fn declare(session: &Session, entity: Entity, qos: &QosProfile) -> Result<Subscription> {
     let inbox = Arc::new(Inbox { depth: depth(qos), waiting: Mutex::default(), ready: Notify::new() });
     let into = Arc::clone(&inbox);
