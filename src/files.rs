@@ -9,7 +9,7 @@ use tempfile::{NamedTempFile, TempDir};
 /// A hidden file beside `path` that holds `bytes` and is on the disk: whoever asked for it gives it its name.
 ///
 /// # Errors
-/// What the system says when it can't be made or written.
+/// The system's error if it can't be made or written.
 pub fn written_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
     let mut file = temporary_in(parent_of(path), ".tpf-")?;
     file.write_all(bytes)?;
@@ -28,7 +28,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// A temporary file, with the permissions that any new file gets.
 ///
 /// # Errors
-/// What the system says when it can't be made.
+/// The system's error if it can't be made.
 pub fn temporary_in(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(prefix).suffix(".tmp");
@@ -40,7 +40,7 @@ pub fn temporary_in(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
 /// A temporary folder, with the permissions that any new folder gets.
 ///
 /// # Errors
-/// What the system says when it can't be made.
+/// The system's error if it can't be made.
 pub fn temporary_folder_in(parent: &Path, prefix: &str) -> io::Result<TempDir> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(prefix).suffix(".tmp");

@@ -213,12 +213,12 @@ impl Fusion {
         Ok(())
     }
 
-    /// What known touches of this donning told of a region's forces.
+    /// Gain of a region's forces, from known touches of this donning.
     pub fn force_gain(&self, region_idx: usize) -> Option<&ForceGain> {
         self.regions[region_idx].force_gain()
     }
 
-    /// What follows the artifact of a region, where its model tells one.
+    /// Filter of a region's artifact, if its model has one.
     pub fn artifact(&self, region_idx: usize) -> Option<&ArtifactFilter> {
         self.regions[region_idx].artifact()
     }
@@ -286,7 +286,7 @@ impl Fusion {
         self.joints.missing()
     }
 
-    /// What is wrong with tactile sources at this moment.
+    /// Current faults of the tactile sources.
     pub fn source_faults(&self) -> Vec<SourceFault<'_>> {
         let sources = self.cfg.tactile_sources.iter().zip(&self.sources);
         let faults = |(cfg, source): (_, &Source)| Some(source.cutter.health().faults(cfg, self.model_hz(source)?));
@@ -299,7 +299,7 @@ impl Fusion {
         RateFault::judge(cfg, source.cutter.measured_rate_hz()?, self.model_hz(source)?)
     }
 
-    /// Rate of the model of a source's regions, which share it; none where no region uses it.
+    /// Model rate that a source's regions share; `None` if no region uses the source.
     fn model_hz(&self, source: &Source) -> Option<f64> {
         Some(self.contract(*source.regions.first()?).rate_hz)
     }
@@ -309,7 +309,7 @@ impl Fusion {
         self.waiting.len() + self.sources.iter().map(|source| source.pending.len()).sum::<usize>()
     }
 
-    /// What became of everything that went in.
+    /// Input counters, by outcome.
     pub fn counters(&self) -> Counters<'_> {
         let tactile = self.cfg.tactile_sources.iter().zip(&self.sources);
         let joints = self.cfg.joint_sources.iter().zip(self.joints.counters());

@@ -42,7 +42,7 @@ pub fn listen() {
     });
 }
 
-/// Whether this process is to end.
+/// True if this process is to end.
 pub fn asked() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
@@ -66,7 +66,7 @@ pub fn failure() -> Option<&'static str> {
 /// Asks this process to end after a while.
 ///
 /// # Errors
-/// When there is no thread to be had.
+/// If no thread can be started.
 pub fn after(time: Duration) -> std::io::Result<()> {
     let wait = move || {
         std::thread::sleep(time);
@@ -79,7 +79,7 @@ pub fn after(time: Duration) -> std::io::Result<()> {
 /// holds it. What is not to be cut off says so by [`keep`].
 ///
 /// # Errors
-/// When there is no thread to be had.
+/// If no thread can be started.
 pub fn in_time() -> std::io::Result<()> {
     static LIMITED: AtomicBool = AtomicBool::new(false);
     if LIMITED.swap(true, Ordering::Relaxed) {
@@ -131,7 +131,7 @@ fn start_listening() -> std::io::Result<()> {
     std::thread::Builder::new().name("signals".into()).spawn(listening).map(drop)
 }
 
-/// Whether this process was started by `nohup` or the like: then a terminal that is closed doesn't concern it.
+/// True if this process was started by `nohup` or the like: then a terminal that is closed doesn't concern it.
 fn hangups_are_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -32,7 +32,7 @@ pub struct TactileSource {
     pub n_taxels: usize,
     /// Added to every stamp of this source, ns.
     pub stamp_offset_ns: i64,
-    /// Whether a lower reading means more pressure.
+    /// True if a lower reading means more pressure.
     pub inverted: bool,
     /// How frames are cut from samples.
     pub frame_clock: FrameClock,
@@ -159,7 +159,7 @@ pub struct FusionConfig {
     pub timing: Timing,
     /// What the receipts of events say.
     pub receipts: Receipts,
-    /// What becomes of artifacts after the calibration, where models tell them.
+    /// Handling of artifacts after the calibration, for models that have them.
     pub following: Following,
     /// Frames run in one inference call; 1 gives each frame its own, and the same bytes live and offline.
     pub batch: usize,

@@ -7,7 +7,7 @@ use super::event::TactileBlock;
 use super::health::SourceHealth;
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
-/// What became of a source's samples. Every row is counted in exactly one of `used` and the drops after it, up to
+/// Counters of a source's samples, by outcome. Every row is counted in exactly one of `used` and the drops after it, up to
 /// `no_row_period`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TactileCounters {
@@ -152,7 +152,7 @@ impl FrameCutter {
         &self.health
     }
 
-    /// What became of the samples.
+    /// Sample counters.
     pub fn counters(&self) -> &TactileCounters {
         &self.counters
     }

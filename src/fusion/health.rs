@@ -56,7 +56,7 @@ pub struct RateFault<'a> {
     pub model_hz: f64,
 }
 
-/// What is wrong with a tactile source at this moment.
+/// Current faults of a tactile source.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SourceFault<'a> {
     /// All taxels stand still.
@@ -232,17 +232,17 @@ impl SourceHealth {
         (self.same_rows, self.same_since, self.frozen, self.n_stuck) = (0, stamp, false, 0);
     }
 
-    /// Whether the source repeats its last row for longer than noise allows.
+    /// True if the source repeats its last row for longer than noise allows.
     pub(super) fn is_frozen(&self) -> bool {
         self.frozen
     }
 
-    /// Whether rows of two senders come in turn.
+    /// True if rows of two senders come in turn.
     pub(super) fn is_interleaved(&self) -> bool {
         self.interleaved
     }
 
-    /// Whether some taxel stands still while others go on.
+    /// True if some taxel stands still while others go on.
     pub(super) fn has_stuck(&self) -> bool {
         self.n_stuck > 0 && !self.frozen
     }
@@ -265,7 +265,7 @@ impl SourceHealth {
         flags
     }
 
-    /// What is wrong at this moment, for people.
+    /// Current faults, as text for people.
     pub(super) fn faults<'a>(&self, source: &'a TactileSource, model_hz: f64) -> Vec<SourceFault<'a>> {
         let name = source.name.as_str();
         let mut faults = Vec::new();

@@ -15,7 +15,7 @@ use super::queue::Answer;
 use super::regressor::{Contract, PoseRange};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
-/// What became of a region's frames. Every frame is counted in `estimates` or in exactly one of the five after it.
+/// Counters of a region's frames, by outcome. Every frame is counted in `estimates` or in exactly one of the five after it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct RegionCounters {
     /// Frames of the region's source.
@@ -54,11 +54,11 @@ pub struct RegionCounters {
 /// What a frame made of a region's window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Readiness {
-    /// Whether the window should be run.
+    /// True if the window should be run.
     pub(super) run: bool,
-    /// Whether only the tactile branch of what comes out may be used.
+    /// True if only the tactile branch of what comes out may be used.
     pub(super) base_only: bool,
-    /// Whether frames were lost before this one: contact starts again.
+    /// True if frames were lost before this one: contact starts again.
     pub(super) after_reset: bool,
     pub(super) pose_age_ns: Option<i64>,
     pub(super) flags: Flags,
@@ -110,7 +110,7 @@ pub(super) struct Region {
     gain: Option<ForceGain>,
     /// What is wrong with its taxels by the frame that is handled.
     faults: Flags,
-    /// Whether the window was emptied since the last frame. Contact learns of it with the next one, because frames from
+    /// True if the window was emptied since the last frame. Contact learns of it with the next one, because frames from
     /// before may still wait for their forces.
     was_reset: bool,
     max_gap_ns: i64,
@@ -179,7 +179,7 @@ impl Region {
         self.gain.as_ref()
     }
 
-    /// Takes the artifact of this donning, where the model tells artifacts.
+    /// Takes the artifact of this donning, if the model has artifacts.
     pub(super) fn handle_artifact(&mut self, fit: ArtifactFit) -> Result<(), ArtifactError> {
         self.artifact.as_mut().map_or(Ok(()), |artifact| artifact.handle_fit(fit))
     }

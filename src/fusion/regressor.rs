@@ -63,7 +63,7 @@ pub struct TouchOutput {
 }
 
 impl Default for TouchOutput {
-    /// For a model that tells no levels.
+    /// For a model without levels.
     fn default() -> Self {
         TouchOutput { levels: TouchLevels::from_on(0.5), false_per_min: None }
     }
@@ -82,18 +82,18 @@ pub struct Contract {
     pub rate_hz: f64,
     /// The unit of every force output.
     pub unit: ForceUnit,
-    /// Whether the model also gives the force of its tactile branch alone, unmoved by pose.
+    /// True if the model also gives the force of its tactile branch alone, unmoved by pose.
     pub has_base: bool,
     /// The model's touch output, where it has one: contact is decided on it.
     pub touch: Option<TouchOutput>,
     /// What pose makes of the taxels, where the model tells it: it is taken out of them before they reach the model. The
     /// joints of a region are its joints, then, also for a model without a pose input.
     pub artifact: Option<Arc<ArtifactModel>>,
-    /// Joint names in the order of the region's joints, where the model tells them.
+    /// Joint names in the order of the region's joints, if the model has them.
     pub joints: Option<Vec<String>>,
-    /// Per joint, in the order of the region's joints, where the model tells it.
+    /// Per joint, in the order of the region's joints, if the model has it.
     pub pose_range: Option<Vec<PoseRange>>,
-    /// Minimum detectable force as measured when the model was trained, where the model tells it.
+    /// Minimum detectable force as measured when the model was trained, if the model has it.
     pub mdf: Option<Newton>,
 }
 

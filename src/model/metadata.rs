@@ -1,4 +1,4 @@
-//! What a model file says of itself in `metadata_props`: every key optional, every key checked when it is there.
+//! Metadata of a model file, from `metadata_props`: every key is optional and is checked if present.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,7 +10,7 @@ use super::onnx::StringStringEntryProto;
 use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchLevels, TouchOutput};
 use crate::units::{GramForce, Newton};
 
-/// The version of the contract that this build keeps, as `tpf.contract` tells it.
+/// The version of the contract that this build keeps, as in `tpf.contract`.
 pub const CONTRACT_VERSION: &str = "1";
 
 /// Key that names the sessions that a model was trained without, where it is one of several that are scored on those: a JSON
@@ -41,7 +41,7 @@ pub struct Metadata {
     pub touch: Option<TouchOutput>,
     /// `metrics.mdf_gf`: minimum detectable force, as measured at training.
     pub mdf: Option<Newton>,
-    /// Every entry as it stands in the file, our keys and others.
+    /// Every entry of the file, unchanged: our keys and others.
     pub entries: BTreeMap<String, String>,
 }
 
