@@ -20,7 +20,7 @@ pub fn written_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
 /// Writes a file in place of what is there, if anything is.
 ///
 /// # Errors
-/// What the system says; what was there is then as it was.
+/// The system's error; the existing file is then unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     written_beside(path, bytes)?.persist(path).map(|_| ()).map_err(|failed| failed.error)
 }
@@ -60,7 +60,7 @@ impl NewFolder {
     /// A hidden folder beside `out`, which is not there.
     ///
     /// # Errors
-    /// `AlreadyExists` when it is, or what the system says.
+    /// `AlreadyExists` if it is, or the system's error.
     pub fn create(out: &Path) -> io::Result<Self> {
         refuse_existing(out)?;
         let name = out.file_name().ok_or_else(|| io::Error::other("is no name for a folder"))?;
@@ -76,7 +76,7 @@ impl NewFolder {
     /// Gives the folder its name.
     ///
     /// # Errors
-    /// `AlreadyExists` when something has that name by now, or what the system says.
+    /// `AlreadyExists` when something has that name by now, or the system's error.
     pub fn put_in_place(self) -> io::Result<()> {
         let NewFolder { out, temp } = self;
         refuse_existing(&out)?;

@@ -20,7 +20,7 @@ const SLICE: Duration = Duration::from_millis(20);
 /// A signal that comes so soon after the first is the same one, passed on by a shell or a launcher.
 const ECHO: Duration = Duration::from_millis(100);
 
-/// Exit code of a process that had to be ended and was not told to by a signal.
+/// Exit code of a process that had to be ended without a signal.
 const FAILED: i32 = 1;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
@@ -47,7 +47,7 @@ pub fn asked() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// Whether this process is to end, for work that asks by itself.
+/// Flag that is set when this process is to end, for work that polls.
 pub fn flag() -> &'static AtomicBool {
     &ASKED
 }
@@ -58,7 +58,7 @@ pub fn fail(why: String) {
     ask(FAILED);
 }
 
-/// What has failed so that this process is to end.
+/// The failure that ends this process.
 pub fn failure() -> Option<&'static str> {
     FAILURE.get().map(String::as_str)
 }
@@ -76,7 +76,7 @@ pub fn after(time: Duration) -> std::io::Result<()> {
 }
 
 /// From now on this process ends within two seconds after it was asked to, even where a network, a subscriber or a request
-/// holds it. What is not to be cut off says so by [`keep`].
+/// holds it. Work that must not be cut off calls [`keep`].
 ///
 /// # Errors
 /// If no thread can be started.
@@ -104,7 +104,7 @@ impl Drop for Kept {
     }
 }
 
-/// What is done before the process is ended at once, such as giving back a terminal.
+/// Cleanup before the process is ended at once, such as giving back a terminal.
 pub fn before_the_end(last: Option<fn()>) {
     *LAST.lock().unwrap_or_else(PoisonError::into_inner) = last;
 }
@@ -173,7 +173,7 @@ fn end(code: i32) -> ! {
     signal_hook::low_level::exit(code)
 }
 
-/// Says something to the person at the terminal; a closed stderr is nobody to tell.
+/// Prints a message to the user at the terminal; a closed stderr is ignored.
 fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }

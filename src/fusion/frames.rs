@@ -64,7 +64,7 @@ pub struct Frame<'a> {
     pub values: &'a [f32],
 }
 
-/// What a source tells of itself besides frames.
+/// Change in a source's stream, besides frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Continuity {
     /// Nothing special.
@@ -73,7 +73,7 @@ pub enum Continuity {
     Jumped,
 }
 
-/// One source's way from messages to frames.
+/// Turns one source's messages into frames.
 #[derive(Debug, Clone)]
 pub struct FrameCutter {
     source: TactileSource,
@@ -147,7 +147,7 @@ impl FrameCutter {
         self.health.handle_noise(noise);
     }
 
-    /// Whether the source can be believed.
+    /// Health of the source.
     pub fn health(&self) -> &SourceHealth {
         &self.health
     }
@@ -191,7 +191,7 @@ impl FrameCutter {
         Continuity::Jumped
     }
 
-    /// Cuts the frames that a message completes, oldest first, and hands each to `sink`, with what is known of the source by then.
+    /// Cuts the frames that a message completes, oldest first, and passes each to `sink` with the source's health.
     pub fn cut(&mut self, block: &TactileBlock<'_>, mut sink: impl FnMut(Frame<'_>, &SourceHealth)) {
         let rows = block.rows;
         self.counters.rows += rows as u64;

@@ -51,7 +51,7 @@ pub struct RegionCounters {
     pub offsets: u64,
 }
 
-/// What a frame made of a region's window.
+/// State of a region's window after a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Readiness {
     /// True if the window should be run.
@@ -73,7 +73,7 @@ struct LastGood {
     number: i64,
 }
 
-/// Where a region belongs.
+/// Indices of a region.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     /// Index in the configuration.
@@ -106,9 +106,9 @@ pub(super) struct Region {
     between: Vec<f32>,
     pose: Vec<f32>,
     faulty: bool,
-    /// What known touches of this donning tell of the model's forces.
+    /// Gain of the model's forces, from known touches of this donning.
     gain: Option<ForceGain>,
-    /// What is wrong with its taxels by the frame that is handled.
+    /// Faults of its taxels at the current frame.
     faults: Flags,
     /// True if the window was emptied since the last frame. Contact learns of it with the next one, because frames from
     /// before may still wait for their forces.
@@ -119,7 +119,7 @@ pub(super) struct Region {
 }
 
 impl Region {
-    /// A region whose joints are told as indices into the timelines.
+    /// A region whose joints are given as indices into the timelines.
     pub(super) fn new(
         place: Place,
         cfg: &RegionConfig,
@@ -169,12 +169,12 @@ impl Region {
         self.reset();
     }
 
-    /// Takes what known touches of this donning tell of its forces.
+    /// Takes the gain of its forces from known touches of this donning.
     pub(super) fn handle_force_gain(&mut self, gain: &ForceGain) {
         self.gain = Some(*gain);
     }
 
-    /// What known touches of this donning told.
+    /// Gain from known touches of this donning.
     pub(super) fn force_gain(&self) -> Option<&ForceGain> {
         self.gain.as_ref()
     }
@@ -189,7 +189,7 @@ impl Region {
         self.artifact.as_ref()
     }
 
-    /// Takes a frame of the region's source, with what is wrong with its taxels, and says whether there is a window to run.
+    /// Takes a frame of the region's source, with the faults of its taxels, and returns whether there is a window to run.
     pub(super) fn handle_frame(
         &mut self,
         frame: &Frame<'_>,
@@ -209,7 +209,7 @@ impl Region {
         }
         let Some(baseline) = baseline else { return self.no_estimate(Flags::UNCALIBRATED, None) };
         if faults.contains(Flags::FROZEN) {
-            // What stands still is no data: the window starts again after it, as after a gap.
+            // Readings that stand still are no data: the window starts again after it, as after a gap.
             self.reset();
             let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
             return self.no_estimate(Flags::FROZEN, pose_age_ns);
@@ -257,7 +257,7 @@ impl Region {
         self.window.take()
     }
 
-    /// Turns what the model said, if it was asked, into the estimate of the frame at `stamp`.
+    /// Turns the model's output, if it was run, into the estimate of the frame at `stamp`.
     pub(super) fn estimate(&mut self, stamp: Stamp, readiness: &Readiness, answer: Option<Answer>) -> Estimate {
         let mut flags = readiness.flags;
         let (mut force, mut force_base, mut touch) = match answer {

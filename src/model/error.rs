@@ -201,7 +201,7 @@ pub enum ModelError {
         /// The runtime and its message.
         reason: String,
     },
-    /// The first run, in a process of its own, failed or ended that process.
+    /// The first run, in a separate process, failed or ended that process.
     #[error("{line}")]
     FirstRun {
         /// Message of that process, or how it ended.

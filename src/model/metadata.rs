@@ -17,7 +17,7 @@ pub const CONTRACT_VERSION: &str = "1";
 /// array of texts.
 pub const HELD_OUT: &str = "held_out";
 
-/// The highest rate that is believed, as in the parameters: what is missing between two samples is filled frame by frame.
+/// The highest rate that is accepted, as in the parameters: what is missing between two samples is filled frame by frame.
 const MAX_RATE_HZ: f64 = 10_000.0;
 
 /// Metadata of a model, understood.
