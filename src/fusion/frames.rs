@@ -191,7 +191,7 @@ impl FrameCutter {
         Continuity::Jumped
     }
 
-    /// Cuts the frames that a message completes, oldest first, and passes each to `sink` with the source's health.
+    /// Cuts the frames that a message completes, oldest first, and passes each to `sink` with the source's health then.
     pub fn cut(&mut self, block: &TactileBlock<'_>, mut sink: impl FnMut(Frame<'_>, &SourceHealth)) {
         let rows = block.rows;
         self.counters.rows += rows as u64;

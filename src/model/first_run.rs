@@ -1,7 +1,7 @@
 //! The first run of a model that isn't the paper's network: in a separate process, which may crash.
 //!
 //! A runtime that is given a chain of 100,000 nodes, or a tensor of 384 GB, ends its process. The resources of a graph
-//! can't be derived from its nodes alone, since sizes may depend on readings; so it is tried, under a limit of memory and time,
+//! can't be derived from its nodes, since sizes may depend on readings; so it is tried, with limited memory and time,
 //! with batches and readings larger than any that come. The trial process is this program, started again.
 
 use std::collections::BTreeSet;
