@@ -15,14 +15,14 @@ const FORMAT: &str = "tactile_pose_fusion/calibration/1";
 /// The largest file that is read; a glove of 4096 taxels takes a hundredth of it.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// What a calibration file holds. YAML on disk.
+/// Contents of a calibration file. YAML on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     format: String,
-    /// Serial number of the glove, as `glove` in the parameters; empty when it wasn't told.
+    /// Serial number of the glove, as `glove` in the parameters; empty if not given.
     pub glove: String,
-    /// Who wore it, as `user` in the parameters; empty when it wasn't told.
+    /// Who wore it, as `user` in the parameters; empty if not given.
     pub user: String,
     /// SHA-256 of each model in use then, by its name in the parameters.
     pub models: BTreeMap<String, String>,
@@ -30,7 +30,7 @@ pub struct Calibration {
     pub recorded: String,
     /// The baseline of each tactile source, by its name in the parameters.
     pub sources: BTreeMap<String, Baseline>,
-    /// The artifact of each region whose model tells artifacts, by its name in the parameters.
+    /// The artifact of each region whose model has artifacts, by its name in the parameters.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub artifacts: BTreeMap<String, ArtifactFit>,
     /// What forces are multiplied by in each region that was pressed with known forces, by its name in the parameters.

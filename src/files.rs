@@ -9,7 +9,7 @@ use tempfile::{NamedTempFile, TempDir};
 /// A hidden file beside `path` that holds `bytes` and is on the disk: whoever asked for it gives it its name.
 ///
 /// # Errors
-/// What the system says when it can't be made or written.
+/// The system's error if it can't be made or written.
 pub fn written_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
     let mut file = temporary_in(parent_of(path), ".tpf-")?;
     file.write_all(bytes)?;
@@ -20,7 +20,7 @@ pub fn written_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
 /// Writes a file in place of what is there, if anything is.
 ///
 /// # Errors
-/// What the system says; what was there is then as it was.
+/// The system's error; the existing file is then unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     written_beside(path, bytes)?.persist(path).map(|_| ()).map_err(|failed| failed.error)
 }
@@ -28,7 +28,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// A temporary file, with the permissions that any new file gets.
 ///
 /// # Errors
-/// What the system says when it can't be made.
+/// The system's error if it can't be made.
 pub fn temporary_in(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(prefix).suffix(".tmp");
@@ -40,7 +40,7 @@ pub fn temporary_in(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
 /// A temporary folder, with the permissions that any new folder gets.
 ///
 /// # Errors
-/// What the system says when it can't be made.
+/// The system's error if it can't be made.
 pub fn temporary_folder_in(parent: &Path, prefix: &str) -> io::Result<TempDir> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(prefix).suffix(".tmp");
@@ -60,7 +60,7 @@ impl NewFolder {
     /// A hidden folder beside `out`, which is not there.
     ///
     /// # Errors
-    /// `AlreadyExists` when it is, or what the system says.
+    /// `AlreadyExists` if it is, or the system's error.
     pub fn create(out: &Path) -> io::Result<Self> {
         refuse_existing(out)?;
         let name = out.file_name().ok_or_else(|| io::Error::other("is no name for a folder"))?;
@@ -76,7 +76,7 @@ impl NewFolder {
     /// Gives the folder its name.
     ///
     /// # Errors
-    /// `AlreadyExists` when something has that name by now, or what the system says.
+    /// `AlreadyExists` when something has that name by now, or the system's error.
     pub fn put_in_place(self) -> io::Result<()> {
         let NewFolder { out, temp } = self;
         refuse_existing(&out)?;

@@ -192,7 +192,7 @@ impl Fusion {
         Ok(())
     }
 
-    /// Takes the artifact of a region's donning, after the baseline that it was fitted above. A region whose model tells no
+    /// Takes the artifact of a region's donning, after the baseline that it was fitted above. A region whose model has no
     /// artifact has no use for one.
     ///
     /// # Errors
@@ -202,10 +202,11 @@ impl Fusion {
         self.regions[region_idx].handle_artifact(fit).map_err(|error| SetupError::Artifact { region, error })
     }
 
-    /// Takes what known touches tell of a region's forces in this donning, after the baseline that they were measured above.
+    /// Takes the gain of a region's forces from known touches of this donning, after the baseline
+    /// that they were measured above.
     ///
     /// # Errors
-    /// [`SetupError::Gain`] when no touches can have told it; nothing has changed then.
+    /// [`SetupError::Gain`] if no touches can give this gain; nothing has changed then.
     pub fn handle_force_gain(&mut self, region_idx: usize, gain: &ForceGain) -> Result<(), SetupError> {
         let region = self.cfg.regions[region_idx].name.clone();
         gain.check().map_err(|error| SetupError::Gain { region, error })?;
@@ -213,12 +214,12 @@ impl Fusion {
         Ok(())
     }
 
-    /// What known touches of this donning told of a region's forces.
+    /// Gain of a region's forces, from known touches of this donning.
     pub fn force_gain(&self, region_idx: usize) -> Option<&ForceGain> {
         self.regions[region_idx].force_gain()
     }
 
-    /// What follows the artifact of a region, where its model tells one.
+    /// Filter of a region's artifact, if its model has one.
     pub fn artifact(&self, region_idx: usize) -> Option<&ArtifactFilter> {
         self.regions[region_idx].artifact()
     }
@@ -234,7 +235,7 @@ impl Fusion {
         }
     }
 
-    /// The baseline of a tactile source, where it has one.
+    /// The baseline of a tactile source; `None` if it has none.
     pub fn baseline(&self, source: TactileSourceIdx) -> Option<&Baseline> {
         self.sources[source.0].baseline.as_ref()
     }
@@ -251,7 +252,7 @@ impl Fusion {
     /// The next finished frame, oldest first, or `None` until more events come.
     ///
     /// # Errors
-    /// [`FusionError`] when a model's runtime fails; nothing more can be had from this core then.
+    /// [`FusionError`] when a model's runtime fails; this core gives no more frames then.
     pub fn poll(&mut self) -> Result<Option<&Tick>, FusionError> {
         if let Some(tick) = self.current.take() {
             self.spare_ticks.push(tick);
@@ -266,7 +267,7 @@ impl Fusion {
         Ok(self.current.as_ref())
     }
 
-    /// What the core was told at the start.
+    /// The configuration given at the start.
     pub fn config(&self) -> &FusionConfig {
         &self.cfg
     }
@@ -281,25 +282,25 @@ impl Fusion {
         self.models[self.cfg.regions[region_idx].model].regressor.contract()
     }
 
-    /// Joints that regions need and no message has named so far.
+    /// Joints that regions need and that no message has named so far.
     pub fn missing_joints(&self) -> impl Iterator<Item = &str> {
         self.joints.missing()
     }
 
-    /// What is wrong with tactile sources at this moment.
+    /// Current faults of the tactile sources.
     pub fn source_faults(&self) -> Vec<SourceFault<'_>> {
         let sources = self.cfg.tactile_sources.iter().zip(&self.sources);
         let faults = |(cfg, source): (_, &Source)| Some(source.cutter.health().faults(cfg, self.model_hz(source)?));
         sources.filter_map(faults).flatten().collect()
     }
 
-    /// What is wrong with the rate of a tactile source, over all of its frames so far.
+    /// Rate fault of a tactile source, over all of its frames so far.
     pub fn rate_fault(&self, source: TactileSourceIdx) -> Option<RateFault<'_>> {
         let (cfg, source) = (&self.cfg.tactile_sources[source.0], &self.sources[source.0]);
         RateFault::judge(cfg, source.cutter.measured_rate_hz()?, self.model_hz(source)?)
     }
 
-    /// Rate of the model of a source's regions, which share it; none where no region uses it.
+    /// Model rate that a source's regions share; `None` if no region uses the source.
     fn model_hz(&self, source: &Source) -> Option<f64> {
         Some(self.contract(*source.regions.first()?).rate_hz)
     }
@@ -309,7 +310,7 @@ impl Fusion {
         self.waiting.len() + self.sources.iter().map(|source| source.pending.len()).sum::<usize>()
     }
 
-    /// What became of everything that went in.
+    /// Input counters, by outcome.
     pub fn counters(&self) -> Counters<'_> {
         let tactile = self.cfg.tactile_sources.iter().zip(&self.sources);
         let joints = self.cfg.joint_sources.iter().zip(self.joints.counters());
@@ -345,7 +346,7 @@ impl Fusion {
         self.settle(source_idx, block.received, false);
     }
 
-    /// Moves on the frames whose joint angles are final: the later state is here, or its time is over.
+    /// Settles the frames whose joint angles are final: the later state has arrived, or the wait is over.
     fn settle(&mut self, source_idx: usize, received: Stamp, all: bool) {
         let slack_ns = nanos(self.cfg.timing.joint_slack);
         loop {

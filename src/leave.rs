@@ -20,7 +20,7 @@ const SLICE: Duration = Duration::from_millis(20);
 /// A signal that comes so soon after the first is the same one, passed on by a shell or a launcher.
 const ECHO: Duration = Duration::from_millis(100);
 
-/// Exit code of a process that had to be ended and was not told to by a signal.
+/// Exit code of a process that had to be ended without a signal.
 const FAILED: i32 = 1;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
@@ -42,12 +42,12 @@ pub fn listen() {
     });
 }
 
-/// Whether this process is to end.
+/// True if this process is to end.
 pub fn asked() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// Whether this process is to end, for work that asks by itself.
+/// Flag that is set when this process is to end, for work that polls.
 pub fn flag() -> &'static AtomicBool {
     &ASKED
 }
@@ -58,7 +58,7 @@ pub fn fail(why: String) {
     ask(FAILED);
 }
 
-/// What has failed so that this process is to end.
+/// The failure that ends this process.
 pub fn failure() -> Option<&'static str> {
     FAILURE.get().map(String::as_str)
 }
@@ -66,7 +66,7 @@ pub fn failure() -> Option<&'static str> {
 /// Asks this process to end after a while.
 ///
 /// # Errors
-/// When there is no thread to be had.
+/// If no thread can be started.
 pub fn after(time: Duration) -> std::io::Result<()> {
     let wait = move || {
         std::thread::sleep(time);
@@ -76,10 +76,10 @@ pub fn after(time: Duration) -> std::io::Result<()> {
 }
 
 /// From now on this process ends within two seconds after it was asked to, even where a network, a subscriber or a request
-/// holds it. What is not to be cut off says so by [`keep`].
+/// holds it. Work that must not be cut off calls [`keep`].
 ///
 /// # Errors
-/// When there is no thread to be had.
+/// If no thread can be started.
 pub fn in_time() -> std::io::Result<()> {
     static LIMITED: AtomicBool = AtomicBool::new(false);
     if LIMITED.swap(true, Ordering::Relaxed) {
@@ -104,7 +104,7 @@ impl Drop for Kept {
     }
 }
 
-/// What is done before the process is ended at once, such as giving back a terminal.
+/// Cleanup before the process is ended at once, such as giving back a terminal.
 pub fn before_the_end(last: Option<fn()>) {
     *LAST.lock().unwrap_or_else(PoisonError::into_inner) = last;
 }
@@ -131,7 +131,7 @@ fn start_listening() -> std::io::Result<()> {
     std::thread::Builder::new().name("signals".into()).spawn(listening).map(drop)
 }
 
-/// Whether this process was started by `nohup` or the like: then a terminal that is closed doesn't concern it.
+/// True if this process was started by `nohup` or the like: then a terminal that is closed doesn't concern it.
 fn hangups_are_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -173,7 +173,7 @@ fn end(code: i32) -> ! {
     signal_hook::low_level::exit(code)
 }
 
-/// Says something to the person at the terminal; a closed stderr is nobody to tell.
+/// Prints a message to the user at the terminal; a closed stderr is ignored.
 fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }

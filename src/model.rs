@@ -211,7 +211,7 @@ struct Opened {
     bytes: Vec<u8>,
     /// The paper's network, or why our own code can't run the model.
     own: Result<Paper, String>,
-    /// Whether it is the paper's network and nothing beside: what a runtime makes of it is known.
+    /// True if it is the paper's network and nothing beside: what a runtime makes of it is known.
     is_known: bool,
     terms: Terms,
     info: ModelInfo,

@@ -1,4 +1,4 @@
-//! What the fusion core is told before the first event. Values here are valid: whoever builds them has refused the rest.
+//! Configuration of the fusion core. Values here are valid: invalid ones were refused when they were built.
 
 use std::time::Duration;
 
@@ -32,7 +32,7 @@ pub struct TactileSource {
     pub n_taxels: usize,
     /// Added to every stamp of this source, ns.
     pub stamp_offset_ns: i64,
-    /// Whether a lower reading means more pressure.
+    /// True if a lower reading means more pressure.
     pub inverted: bool,
     /// How frames are cut from samples.
     pub frame_clock: FrameClock,
@@ -62,7 +62,7 @@ pub struct Timing {
     /// A stamp this far behind the newest one of its stream is a jump of time, not a late sample.
     pub time_jump: Duration,
     /// A frame whose stamp is further than this from its receipt is LATE, where receipts are those of a live run. `None`
-    /// for no such limit.
+    /// for no limit.
     pub max_age: Option<Duration>,
 }
 
@@ -78,7 +78,7 @@ impl Timing {
     }
 }
 
-/// What contact is decided on.
+/// The signal that contact is decided on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ContactBy {
     /// The touch output of a model that has one, else the force.
@@ -91,9 +91,9 @@ pub enum ContactBy {
 /// When a force or a probability of touch becomes a contact, and when it stops being one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactThresholds {
-    /// What contact is decided on.
+    /// The signal that contact is decided on.
     pub by: ContactBy,
-    /// Instead of the levels that the model tells for its touch output.
+    /// Replaces the levels that the model gives for its touch output.
     pub touch: Option<TouchLevels>,
     /// At or above this force there may be contact; also the single threshold of `contact_raw`.
     pub force_on: Newton,
@@ -136,7 +136,7 @@ pub struct RegionConfig {
     pub contact: ContactThresholds,
 }
 
-/// What the receipts of events say.
+/// Meaning of the receipt times of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Receipts {
     /// Nothing of how old the data were: they mark outputs and reach no estimate. A bag of any other recorder.
@@ -157,9 +157,9 @@ pub struct FusionConfig {
     pub regions: Vec<RegionConfig>,
     /// Tolerances in time.
     pub timing: Timing,
-    /// What the receipts of events say.
+    /// Meaning of the receipt times of events.
     pub receipts: Receipts,
-    /// What becomes of artifacts after the calibration, where models tell them.
+    /// Handling of artifacts after the calibration, for models that have them.
     pub following: Following,
     /// Frames run in one inference call; 1 gives each frame its own, and the same bytes live and offline.
     pub batch: usize,

@@ -5,7 +5,7 @@ use super::config::ContactThresholds;
 use super::regressor::TouchOutput;
 use crate::units::{Newton, Stamp};
 
-/// What changed at a frame.
+/// Change of contact at a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ContactEvent {
     /// Nothing.
@@ -23,7 +23,7 @@ pub struct Contact {
     /// Force, or probability of touch, at or above its on threshold at this very frame: what the paper's metrics use. False
     /// without an estimate.
     pub raw: bool,
-    /// Whether it was decided on the probability of touch.
+    /// True if it was decided on the probability of touch.
     pub by_touch: bool,
     /// State with hysteresis and debounce. Held over frames without an estimate, which their flags tell.
     pub state: bool,

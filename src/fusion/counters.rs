@@ -1,4 +1,4 @@
-//! What became of everything that went in, by name.
+//! Input counters, by name.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! What can be wrong with a setup, and what can fail while it runs.
+//! Setup errors and runtime errors.
 
 use super::artifact::ArtifactError;
 use super::calibration::Baseline;
@@ -42,7 +42,7 @@ pub enum SetupError {
     BaselineNotFinite { source_name: String, taxel_idx: usize },
 }
 
-/// What can fail after a good start.
+/// Runtime errors, after a valid start.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FusionError {
     /// A model's runtime gave up.

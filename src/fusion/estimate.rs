@@ -63,12 +63,12 @@ impl Flags {
         Flags(bits)
     }
 
-    /// Whether every flag of `other` is set.
+    /// True if every flag of `other` is set.
     pub fn contains(self, other: Flags) -> bool {
         self.0 & other.0 == other.0
     }
 
-    /// Whether none is set.
+    /// True if none is set.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }

@@ -1,4 +1,4 @@
-//! What goes into the fusion core. Samples are borrowed: the core copies what it keeps into buffers it already owns.
+//! Inputs of the fusion core. Samples are borrowed: the core copies what it keeps into buffers it already owns.
 
 use crate::units::Stamp;
 
@@ -31,7 +31,7 @@ pub struct TactileBlock<'a> {
 }
 
 impl TactileBlock<'_> {
-    /// Whether it holds whole samples of so many taxels, with the time between them where there are several. Nothing else
+    /// True if it holds whole samples of so many taxels, with the time between them where there are several. Nothing else
     /// of a message that doesn't is used, its stamp included.
     pub fn is_of(&self, n_taxels: usize) -> bool {
         self.rows > 0
@@ -40,7 +40,7 @@ impl TactileBlock<'_> {
     }
 }
 
-/// One message of joint angles. Joints are told apart by name, never by position.
+/// One message of joint angles. Joints are matched by name, never by position.
 #[derive(Debug, Clone, Copy)]
 pub struct JointSample<'a> {
     /// Which source sent it.

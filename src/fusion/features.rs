@@ -115,7 +115,7 @@ impl FeatureWindow {
         self.n_new += 1;
     }
 
-    /// Whether there are enough frames for an estimate.
+    /// True if there are enough frames for an estimate.
     pub fn is_full(&self) -> bool {
         self.filled == self.len
     }

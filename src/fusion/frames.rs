@@ -7,7 +7,7 @@ use super::event::TactileBlock;
 use super::health::SourceHealth;
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
-/// What became of a source's samples. Every row is counted in exactly one of `used` and the drops after it, up to
+/// Counters of a source's samples, by outcome. Every row is counted in exactly one of `used` and the drops after it, up to
 /// `no_row_period`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TactileCounters {
@@ -64,7 +64,7 @@ pub struct Frame<'a> {
     pub values: &'a [f32],
 }
 
-/// What a source tells of itself besides frames.
+/// Change in a source's stream, besides frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Continuity {
     /// Nothing special.
@@ -73,7 +73,7 @@ pub enum Continuity {
     Jumped,
 }
 
-/// One source's way from messages to frames.
+/// Turns one source's messages into frames.
 #[derive(Debug, Clone)]
 pub struct FrameCutter {
     source: TactileSource,
@@ -147,12 +147,12 @@ impl FrameCutter {
         self.health.handle_noise(noise);
     }
 
-    /// Whether the source can be believed.
+    /// Health of the source.
     pub fn health(&self) -> &SourceHealth {
         &self.health
     }
 
-    /// What became of the samples.
+    /// Sample counters.
     pub fn counters(&self) -> &TactileCounters {
         &self.counters
     }
@@ -191,7 +191,7 @@ impl FrameCutter {
         Continuity::Jumped
     }
 
-    /// Cuts the frames that a message completes, oldest first, and hands each to `sink`, with what is known of the source by then.
+    /// Cuts the frames that a message completes, oldest first, and passes each to `sink` with the source's health then.
     pub fn cut(&mut self, block: &TactileBlock<'_>, mut sink: impl FnMut(Frame<'_>, &SourceHealth)) {
         let rows = block.rows;
         self.counters.rows += rows as u64;

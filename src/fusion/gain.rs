@@ -18,11 +18,11 @@ const WIDEST: f64 = 1.3;
 pub struct KnownTouch {
     /// True force, N, mean over the touch.
     pub force: Newton,
-    /// What the model said without a gain, N, mean over the same frames.
+    /// Model output without a gain, N, mean over the same frames.
     pub estimate: Newton,
 }
 
-/// What the forces of a region are multiplied by in this donning.
+/// Factor on the forces of a region in this donning.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForceGain {

@@ -13,14 +13,14 @@ pub struct Wrench {
     pub torque: Vector3<f64>,
 }
 
-/// A tactile patch as it sits in the frame that its wrench is told in.
+/// A tactile patch in the frame of its wrench.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
     /// The frame of the wrench, right-handed (REP-103).
     pub frame_id: String,
     /// Direction of the force on the hand by the object, in the patch's own frame.
     pub normal_in_patch: Unit<Vector3<f64>>,
-    /// Where the patch sits in `frame_id`, m. The identity when the patch's frame is `frame_id` itself.
+    /// Pose of the patch in `frame_id`, m. The identity when the patch's frame is `frame_id` itself.
     pub frame_from_patch: Isometry3<f64>,
 }
 

@@ -1,8 +1,8 @@
-//! Whether a tactile source can be believed while it runs: readings that stand still, two senders on one topic, and a rate that
+//! Faults of a tactile source while it runs: readings that stand still, two senders on one topic, and a rate that
 //! isn't the model's.
 //!
-//! What is judged is the raw rows, by the noise that the calibration found. A taxel whose noise is 0 there, because it is
-//! quantized more coarsely than it is noisy, or because nobody knows, may stand still for as long as it likes.
+//! The raw rows are checked, by the noise that the calibration found. A taxel whose noise is 0 there, because it is
+//! quantized more coarsely than it is noisy, or because it is unknown, may stand still for any time.
 
 use std::fmt;
 
@@ -39,7 +39,7 @@ const ALONE_ROWS: u32 = 4;
 const ALTERNATION: f64 = 4.0;
 const ALTERNATION_NOISE: f64 = 8.0;
 
-/// How far the rate of a source may lie from its model's.
+/// Tolerance of a source's rate against its model's.
 const RATE_TOLERANCE: f64 = 0.2;
 
 /// Time of frames that a rate is taken over.
@@ -56,7 +56,7 @@ pub struct RateFault<'a> {
     pub model_hz: f64,
 }
 
-/// What is wrong with a tactile source at this moment.
+/// Current faults of a tactile source.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SourceFault<'a> {
     /// All taxels stand still.
@@ -73,7 +73,7 @@ pub enum SourceFault<'a> {
 #[derive(Debug, Clone)]
 pub struct SourceHealth {
     taxels: Vec<Taxel>,
-    /// What one repeated row of all taxels tells, nats.
+    /// Evidence from one repeated row of all taxels, nats.
     evidence: f64,
     /// How far the taxels scatter by noise or steps, summed, raw units.
     noise: f64,
@@ -104,7 +104,7 @@ struct Taxel {
     /// Smallest step that was seen, raw units; infinite before the first.
     step: f32,
     noise: f32,
-    /// What one repeated reading tells, nats.
+    /// Evidence from one repeated reading, nats.
     evidence: f64,
     rows: u32,
     since: Stamp,
@@ -112,7 +112,7 @@ struct Taxel {
 }
 
 impl SourceHealth {
-    /// Of a source of which nothing is known.
+    /// For a source with unknown properties.
     pub(super) fn new(source: &TactileSource, model_hz: f64) -> Self {
         let n_taxels = source.n_taxels;
         let taxel =
@@ -232,22 +232,22 @@ impl SourceHealth {
         (self.same_rows, self.same_since, self.frozen, self.n_stuck) = (0, stamp, false, 0);
     }
 
-    /// Whether the source repeats its last row for longer than noise allows.
+    /// True if the source repeats its last row for longer than noise allows.
     pub(super) fn is_frozen(&self) -> bool {
         self.frozen
     }
 
-    /// Whether rows of two senders come in turn.
+    /// True if rows of two senders come in turn.
     pub(super) fn is_interleaved(&self) -> bool {
         self.interleaved
     }
 
-    /// Whether some taxel stands still while others go on.
+    /// True if some taxel stands still while others go on.
     pub(super) fn has_stuck(&self) -> bool {
         self.n_stuck > 0 && !self.frozen
     }
 
-    /// What to know of a region with these taxels.
+    /// Faults that concern a region with these taxels.
     pub(super) fn flags(&self, taxels: &[usize]) -> Flags {
         let mut flags = Flags::default();
         let too_fast = self.model_hz.zip(self.recent_hz).is_some_and(|(model, hz)| hz > model * (1.0 + RATE_TOLERANCE));
@@ -265,7 +265,7 @@ impl SourceHealth {
         flags
     }
 
-    /// What is wrong at this moment, for people.
+    /// Current faults, as text for people.
     pub(super) fn faults<'a>(&self, source: &'a TactileSource, model_hz: f64) -> Vec<SourceFault<'a>> {
         let name = source.name.as_str();
         let mut faults = Vec::new();
@@ -324,13 +324,13 @@ impl fmt::Display for SourceFault<'_> {
 }
 
 impl Taxel {
-    /// How far readings lie apart by noise or steps alone; 0 where nobody knows.
+    /// How far readings lie apart by noise or steps alone; 0 if unknown.
     fn scatter(&self) -> f64 {
         let step = if self.step.is_finite() { self.step } else { 0.0 };
         f64::from(self.noise.max(step))
     }
 
-    /// What one repeated reading tells, by noise and step.
+    /// Evidence from one repeated reading, by noise and step.
     fn told(&self) -> f64 {
         match self.noise / self.step {
             _ if self.noise <= 0.0 => 0.0,

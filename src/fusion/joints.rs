@@ -26,7 +26,7 @@ const HELD_PERIODS: i64 = 3;
 /// Unless it is set, no pose is held for longer.
 const LONGEST_HOLD_NS: i64 = 500_000_000;
 
-/// What became of a source's messages of joint angles. Every message is counted in exactly one of the fields after
+/// Counters of a source's joint messages, by outcome. Every message is counted in exactly one of the fields after
 /// `messages`, up to `malformed`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct JointCounters {
@@ -168,7 +168,7 @@ impl JointTimelines {
         }
     }
 
-    /// Whether no later message can change the angle of `joint_idx` at `stamp`: a state at or after it is here.
+    /// True if no later message can change the angle of `joint_idx` at `stamp`: a state at or after it is here.
     pub fn is_settled(&self, joint_idx: usize, stamp: Stamp) -> bool {
         self.timelines[joint_idx].states.back().is_some_and(|newest| newest.stamp >= stamp)
     }
@@ -214,7 +214,7 @@ impl JointTimelines {
         self.timelines.iter().filter(|timeline| timeline.states.is_empty()).map(|timeline| timeline.name.as_str())
     }
 
-    /// What became of the messages, per source.
+    /// Message counters, per source.
     pub fn counters(&self) -> &[JointCounters] {
         &self.counters
     }

@@ -17,7 +17,7 @@ pub(super) struct ModelQueue {
     forces: Forces,
 }
 
-/// What a model says of one window.
+/// Model output for one window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Answer {
     pub(super) force: Newton,

@@ -15,7 +15,7 @@ use super::queue::Answer;
 use super::regressor::{Contract, PoseRange};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
-/// What became of a region's frames. Every frame is counted in `estimates` or in exactly one of the five after it.
+/// Counters of a region's frames, by outcome. Every frame is counted in `estimates` or in exactly one of the five after it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct RegionCounters {
     /// Frames of the region's source.
@@ -51,14 +51,14 @@ pub struct RegionCounters {
     pub offsets: u64,
 }
 
-/// What a frame made of a region's window.
+/// State of a region's window after a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Readiness {
-    /// Whether the window should be run.
+    /// True if the window should be run.
     pub(super) run: bool,
-    /// Whether only the tactile branch of what comes out may be used.
+    /// True if only the tactile branch of what comes out may be used.
     pub(super) base_only: bool,
-    /// Whether frames were lost before this one: contact starts again.
+    /// True if frames were lost before this one: contact starts again.
     pub(super) after_reset: bool,
     pub(super) pose_age_ns: Option<i64>,
     pub(super) flags: Flags,
@@ -73,7 +73,7 @@ struct LastGood {
     number: i64,
 }
 
-/// Where a region belongs.
+/// Indices of a region.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     /// Index in the configuration.
@@ -106,11 +106,11 @@ pub(super) struct Region {
     between: Vec<f32>,
     pose: Vec<f32>,
     faulty: bool,
-    /// What known touches of this donning tell of the model's forces.
+    /// Gain of the model's forces, from known touches of this donning.
     gain: Option<ForceGain>,
-    /// What is wrong with its taxels by the frame that is handled.
+    /// Faults of its taxels at the current frame.
     faults: Flags,
-    /// Whether the window was emptied since the last frame. Contact learns of it with the next one, because frames from
+    /// True if the window was emptied since the last frame. Contact learns of it with the next one, because frames from
     /// before may still wait for their forces.
     was_reset: bool,
     max_gap_ns: i64,
@@ -119,7 +119,7 @@ pub(super) struct Region {
 }
 
 impl Region {
-    /// A region whose joints are told as indices into the timelines.
+    /// A region whose joints are given as indices into the timelines.
     pub(super) fn new(
         place: Place,
         cfg: &RegionConfig,
@@ -169,17 +169,17 @@ impl Region {
         self.reset();
     }
 
-    /// Takes what known touches of this donning tell of its forces.
+    /// Takes the gain of its forces from known touches of this donning.
     pub(super) fn handle_force_gain(&mut self, gain: &ForceGain) {
         self.gain = Some(*gain);
     }
 
-    /// What known touches of this donning told.
+    /// Gain from known touches of this donning.
     pub(super) fn force_gain(&self) -> Option<&ForceGain> {
         self.gain.as_ref()
     }
 
-    /// Takes the artifact of this donning, where the model tells artifacts.
+    /// Takes the artifact of this donning, if the model has artifacts.
     pub(super) fn handle_artifact(&mut self, fit: ArtifactFit) -> Result<(), ArtifactError> {
         self.artifact.as_mut().map_or(Ok(()), |artifact| artifact.handle_fit(fit))
     }
@@ -189,7 +189,7 @@ impl Region {
         self.artifact.as_ref()
     }
 
-    /// Takes a frame of the region's source, with what is wrong with its taxels, and says whether there is a window to run.
+    /// Takes a frame of the region's source, with the faults of its taxels, and returns whether there is a window to run.
     pub(super) fn handle_frame(
         &mut self,
         frame: &Frame<'_>,
@@ -209,7 +209,7 @@ impl Region {
         }
         let Some(baseline) = baseline else { return self.no_estimate(Flags::UNCALIBRATED, None) };
         if faults.contains(Flags::FROZEN) {
-            // What stands still is no data: the window starts again after it, as after a gap.
+            // Readings that stand still are no data: the window starts again after it, as after a gap.
             self.reset();
             let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
             return self.no_estimate(Flags::FROZEN, pose_age_ns);
@@ -257,7 +257,7 @@ impl Region {
         self.window.take()
     }
 
-    /// Turns what the model said, if it was asked, into the estimate of the frame at `stamp`.
+    /// Turns the model's output, if it was run, into the estimate of the frame at `stamp`.
     pub(super) fn estimate(&mut self, stamp: Stamp, readiness: &Readiness, answer: Option<Answer>) -> Estimate {
         let mut flags = readiness.flags;
         let (mut force, mut force_base, mut touch) = match answer {

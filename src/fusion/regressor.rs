@@ -1,4 +1,4 @@
-//! What the fusion core asks of a force model: a contract that is known before the first window, and one batched run.
+//! Interface of a force model for the fusion core: a contract that is known before the first window, and one batched run.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub struct PoseRange {
     pub max: f64,
 }
 
-/// At which probabilities of touch contact begins and ends.
+/// Touch probabilities at which contact begins and ends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TouchLevels {
     /// At or above this probability there may be contact; also the single threshold of `contact_raw`.
@@ -55,21 +55,21 @@ impl TouchLevels {
 /// A model's touch output: the probability that something touches the region.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TouchOutput {
-    /// The levels that the model was judged with when it was trained, or those of a model that tells none.
+    /// The levels that the model was judged with when it was trained, or the defaults for a model without levels.
     #[serde(flatten)]
     pub levels: TouchLevels,
-    /// False touches a minute in the air at these levels, as measured when the model was trained, where the model tells it.
+    /// False touches a minute in the air at these levels, as measured when the model was trained, if the model has it.
     pub false_per_min: Option<f64>,
 }
 
 impl Default for TouchOutput {
-    /// For a model that tells no levels.
+    /// For a model without levels.
     fn default() -> Self {
         TouchOutput { levels: TouchLevels::from_on(0.5), false_per_min: None }
     }
 }
 
-/// What a model promises: read from the file once, checked against the parameters at start.
+/// Contract of a model: read from the file once, checked against the parameters at start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contract {
     /// Frames in a window.
@@ -82,18 +82,18 @@ pub struct Contract {
     pub rate_hz: f64,
     /// The unit of every force output.
     pub unit: ForceUnit,
-    /// Whether the model also gives the force of its tactile branch alone, unmoved by pose.
+    /// True if the model also gives the force of its tactile branch alone, unmoved by pose.
     pub has_base: bool,
     /// The model's touch output, where it has one: contact is decided on it.
     pub touch: Option<TouchOutput>,
-    /// What pose makes of the taxels, where the model tells it: it is taken out of them before they reach the model. The
+    /// Effect of pose on the taxels, if the model has it: it is taken out of them before they reach the model. The
     /// joints of a region are its joints, then, also for a model without a pose input.
     pub artifact: Option<Arc<ArtifactModel>>,
-    /// Joint names in the order of the region's joints, where the model tells them.
+    /// Joint names in the order of the region's joints, if the model has them.
     pub joints: Option<Vec<String>>,
-    /// Per joint, in the order of the region's joints, where the model tells it.
+    /// Per joint, in the order of the region's joints, if the model has it.
     pub pose_range: Option<Vec<PoseRange>>,
-    /// Minimum detectable force as measured when the model was trained, where the model tells it.
+    /// Minimum detectable force as measured when the model was trained, if the model has it.
     pub mdf: Option<Newton>,
 }
 
@@ -145,14 +145,14 @@ impl Forces {
     }
 }
 
-/// A model that failed to run. The text names the model and what its runtime said.
+/// A model that failed to run. The text gives the model and its runtime's error.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct RegressError(pub String);
 
 /// A force model behind any runtime.
 pub trait Regressor: Debug + Send {
-    /// What the model promises.
+    /// Contract of the model.
     fn contract(&self) -> &Contract;
 
     /// Runs a batch and writes its forces to `out`, whatever they held before.

@@ -14,7 +14,7 @@ pub(crate) fn tanh_of(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }
 
-/// What bounds exponents of which three are multiplied: beyond it a sigmoid is 0 or 1 to 1e-12.
+/// Bound on exponents of which three are multiplied: beyond it a sigmoid is 0 or 1 to 1e-12.
 const BOUND: f32 = 28.0; // exp(28)^3 is 3e36, of 3.4e38 that fit
 
 /// `sigmoid(forget) * cell + sigmoid(input) * tanh(candidate)`: the next cell of an LSTM, with a single division.

@@ -14,7 +14,7 @@ use crate::fusion::{Contract, ForceUnit, TouchLevels, TouchOutput};
 /// Model frames a second when neither the model nor the parameters say it: the paper's rate.
 const DEFAULT_RATE_HZ: f64 = 100.0;
 
-/// The largest window of input that is believed, in numbers; the paper's is 64 x 20. It bounds what a trial run takes.
+/// Maximum size of an input window, in numbers; the paper's is 64 x 20. It bounds what a trial run takes.
 const MAX_WINDOW_NUMBERS: usize = 1 << 22;
 
 /// A contract, and what is needed to run by it.
@@ -59,7 +59,7 @@ impl Tensors {
     }
 }
 
-/// The most frames in a window that are believed: nearly three minutes at 100 Hz.
+/// Maximum frames in a window: nearly three minutes at 100 Hz.
 const MAX_WINDOW_FRAMES: usize = 1 << 14;
 
 /// Settles the contract of a graph.

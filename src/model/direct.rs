@@ -45,7 +45,7 @@ struct Job<'a> {
     base: &'a mut [f32],
 }
 
-/// What a thread needs to run stretches.
+/// Buffers of a thread that runs stretches.
 #[derive(Debug, Default)]
 struct Worker {
     known: Known,

@@ -10,7 +10,7 @@ pub enum ModelError {
     Read {
         /// The model file.
         path: PathBuf,
-        /// What the system said.
+        /// Message of the system.
         reason: std::io::Error,
     },
     /// The file is larger than a model of this kind can be.
@@ -78,9 +78,9 @@ pub enum ModelError {
     Conflict {
         /// The model file.
         path: PathBuf,
-        /// What one says.
+        /// Value in one.
         first: String,
-        /// What the other says.
+        /// Value in the other.
         second: String,
         /// What to do.
         remedy: String,
@@ -171,7 +171,7 @@ pub enum ModelError {
         /// Where it was looked for and what was found.
         reason: String,
     },
-    /// The model tells another glove than the parameters.
+    /// The model names a different glove than the parameters.
     #[error(
         "{path}: was trained on glove {trained:?}, the parameters say {key}: {wanted:?}; take the model of this glove, correct `{key}`, or set model.NAME.glove to {trained:?} to use it all the same"
     )]
@@ -198,13 +198,13 @@ pub enum ModelError {
     Runtime {
         /// The model file.
         path: PathBuf,
-        /// Which runtime, and what it said.
+        /// The runtime and its message.
         reason: String,
     },
-    /// The first run, in a process of its own, failed or ended that process.
+    /// The first run, in a separate process, failed or ended that process.
     #[error("{line}")]
     FirstRun {
-        /// What that process said, or how it ended.
+        /// Message of that process, or how it ended.
         line: String,
     },
     /// A trial run gave something other than a finite force.

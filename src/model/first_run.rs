@@ -1,8 +1,8 @@
-//! The first run of a model that isn't the paper's network: in a process of its own, which may die.
+//! The first run of a model that isn't the paper's network: in a separate process, which may crash.
 //!
-//! A runtime that is given a chain of 100,000 nodes, or a tensor of 384 GB, ends its process. What a graph asks for can't
-//! be told from its nodes alone, since sizes may depend on readings; so it is tried, under a limit of memory and time,
-//! with batches and readings larger than any that come. The process that tries is this program, called anew.
+//! A runtime that is given a chain of 100,000 nodes, or a tensor of 384 GB, ends its process. The resources of a graph
+//! can't be derived from its nodes, since sizes may depend on readings; so it is tried, with limited memory and time,
+//! with batches and readings larger than any that come. The trial process is this program, started again.
 
 use std::collections::BTreeSet;
 use std::io::Read as _;
@@ -27,7 +27,7 @@ const MAX_MEMORY_KIB: u64 = 4 << 20;
 /// Time that the first run may take; the paper's network takes a fiftieth of a second.
 const MAX_TIME: Duration = Duration::from_secs(20);
 
-/// How often the process that tries is looked after.
+/// Polling interval for the trial process.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
 /// Stack of the thread that tries: less than any thread has that loads models.
@@ -36,7 +36,7 @@ const STACK: usize = 1 << 20;
 /// Windows that are run at once: as many as a runtime is ever given.
 const N_WINDOWS: usize = 64;
 
-/// The program to call, where there is one.
+/// The program to start, if there is one.
 static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 
 /// Models that were tried, by their SHA-256, backend and names of tensors.
@@ -83,7 +83,7 @@ fn run(spec: &ModelSpec) -> Result<(), String> {
     Ok(())
 }
 
-/// Tries a model in a process of its own, once; `Some` says why that was not possible.
+/// Tries a model in a separate process, once; `Some` gives the reason why that was not possible.
 ///
 /// # Errors
 /// [`ModelError::FirstRun`] with what that process said, or how it ended.

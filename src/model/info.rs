@@ -47,7 +47,7 @@ pub struct ModelInfo {
     pub not_builtin: Option<String>,
     /// Windows of one call that it runs fastest with.
     pub batch_hint: usize,
-    /// What a person should know: fallbacks, defaults that were taken, outputs that are not used.
+    /// Notes for the user: fallbacks, defaults in use, unused outputs.
     pub notes: Vec<String>,
 }
 
@@ -56,7 +56,7 @@ pub struct ModelInfo {
 pub struct BackendInfo {
     /// Which runtime.
     pub runtime: RuntimeName,
-    /// Its version, `unknown` where it can't be told.
+    /// Its version; `unknown` if it can't be read.
     pub version: String,
     /// The shared library, for ONNX Runtime.
     #[serde(serialize_with = "lossy_optional_path", skip_serializing_if = "Option::is_none")]
@@ -91,7 +91,7 @@ impl fmt::Display for BackendInfo {
     }
 }
 
-/// What models run in.
+/// Runtimes for models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RuntimeName {
@@ -121,7 +121,7 @@ pub enum Origin {
     Metadata,
     /// The parameters.
     Parameters,
-    /// Nobody said, so the paper's value holds.
+    /// Not specified: the paper's value is used.
     Default,
 }
 

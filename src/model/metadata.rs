@@ -1,4 +1,4 @@
-//! What a model file says of itself in `metadata_props`: every key optional, every key checked when it is there.
+//! Metadata of a model file, from `metadata_props`: every key is optional and is checked if present.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,14 +10,14 @@ use super::onnx::StringStringEntryProto;
 use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchLevels, TouchOutput};
 use crate::units::{GramForce, Newton};
 
-/// The version of the contract that this build keeps, as `tpf.contract` tells it.
+/// The version of the contract that this build keeps, as in `tpf.contract`.
 pub const CONTRACT_VERSION: &str = "1";
 
 /// Key that names the sessions that a model was trained without, where it is one of several that are scored on those: a JSON
 /// array of texts.
 pub const HELD_OUT: &str = "held_out";
 
-/// The highest rate that is believed, as in the parameters: what is missing between two samples is filled frame by frame.
+/// The highest rate that is accepted, as in the parameters: what is missing between two samples is filled frame by frame.
 const MAX_RATE_HZ: f64 = 10_000.0;
 
 /// Metadata of a model, understood.
@@ -41,7 +41,7 @@ pub struct Metadata {
     pub touch: Option<TouchOutput>,
     /// `metrics.mdf_gf`: minimum detectable force, as measured at training.
     pub mdf: Option<Newton>,
-    /// Every entry as it stands in the file, our keys and others.
+    /// Every entry of the file, unchanged: our keys and others.
     pub entries: BTreeMap<String, String>,
 }
 

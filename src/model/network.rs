@@ -56,7 +56,7 @@ pub(super) struct Known {
     pose: pose::Known,
 }
 
-/// What is computed anew for every window.
+/// Values computed again for every window.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     touch: touch::Scratch,

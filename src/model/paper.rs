@@ -111,7 +111,7 @@ pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
     paper(walked, ours, terms).ok_or_else(|| "its nodes are the paper's network's, and not all of them".to_owned())
 }
 
-/// Whether an output depends on every node of a graph.
+/// True if an output depends on every node of a graph.
 pub(super) fn needs_every_node(graph: &GraphProto) -> bool {
     walk::needed(graph).is_some_and(|needed| needed.len() == graph.node.len())
 }

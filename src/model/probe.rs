@@ -128,7 +128,7 @@ fn run(
     Ok(outputs)
 }
 
-/// Whether two forces lie further apart than `tolerance`, or only one of them is a number.
+/// True if two forces lie further apart than `tolerance`, or only one of them is a number.
 fn differ(a: f32, b: f32, tolerance: f32) -> bool {
     match (a.is_finite(), b.is_finite()) {
         (true, true) => (a - b).abs() > tolerance,

@@ -48,7 +48,7 @@ const SLIP_AT_START: f64 = 0.3;
 /// Keeps the variance of a gain that slip leaves alone above zero.
 const LEAST_VARIANCE: f64 = 1e-4;
 
-/// What becomes of the gains after the calibration.
+/// Handling of the gains after the calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Following {
     /// Taxels are left as they are: nothing is taken out of them.
@@ -60,7 +60,7 @@ pub enum Following {
     On,
 }
 
-/// What a filter is doing.
+/// State of a filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Adaptation {
     /// There is no artifact model, or nothing is taken out.
@@ -101,7 +101,7 @@ pub struct ArtifactFilter {
     n_since: i32,
     n_without_pose: i32,
     is_capped: bool,
-    /// Whether a touch was larger than its uncertainty at the last measurement.
+    /// True if a touch was larger than its uncertainty at the last measurement.
     sees_touch: bool,
     innovation: Vec<f64>,
     noise: Vec<f64>,

@@ -28,7 +28,7 @@ impl JointHistory {
         }
     }
 
-    /// Whether angles are such as joints can have.
+    /// True if angles are such as joints can have.
     pub fn takes(pose: &[f32]) -> bool {
         pose.iter().all(|angle| angle.abs() <= MAX_ANGLE)
     }
@@ -38,7 +38,7 @@ impl JointHistory {
         self.has_begun = false;
     }
 
-    /// Whether there are angles.
+    /// True if there are angles.
     pub fn has_begun(&self) -> bool {
         self.has_begun
     }

@@ -69,7 +69,7 @@ impl Lanes {
 }
 
 impl Group {
-    /// Whether these windows are the group's, each moved on by a frame.
+    /// True if these windows are the group's, each moved on by a frame.
     fn goes_on(&self, network: &Network, windows: SharedWindows<'_>) -> bool {
         let Network { window, n_taxels, n_joints, .. } = *network;
         let moved_on = |kept: &[f32], frames: &[f32], width: usize| {
@@ -83,7 +83,7 @@ impl Group {
     }
 }
 
-/// Whether two slices hold the same, where equal numbers may be different zeros and what is not a number equals nothing.
+/// True if two slices hold the same, where equal numbers may be different zeros and what is not a number equals nothing.
 fn same_bits(a: &[f32], b: &[f32]) -> bool {
     bytemuck::cast_slice::<f32, u32>(a) == bytemuck::cast_slice::<f32, u32>(b)
 }

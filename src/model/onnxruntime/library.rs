@@ -25,7 +25,7 @@ pub(super) struct Library {
     pub(super) environment: Environment,
     /// The file, where it can be told.
     pub(super) path: PathBuf,
-    /// Its version, `unknown` where it can't be told.
+    /// Its version; `unknown` if it can't be read.
     pub(super) version: String,
 }
 

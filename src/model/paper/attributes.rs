@@ -24,7 +24,7 @@ impl<'g> Attributes<'g> {
         (by_name.len() == node.attribute.len()).then_some(Attributes(by_name))
     }
 
-    /// Whether every setting was read.
+    /// True if every setting was read.
     pub(super) fn all_read(&self) -> bool {
         self.0.is_empty()
     }
@@ -39,7 +39,7 @@ impl<'g> Attributes<'g> {
         self.take(name, kind::INT).map_or(Some(default), |found| Some(found?.i.unwrap_or(0)))
     }
 
-    /// Whether an integer is what it must be, or is left to a default of that value.
+    /// True if an integer is what it must be, or is left to a default of that value.
     pub(super) fn is(&mut self, name: &str, expected: i64) -> bool {
         self.int(name, expected) == Some(expected)
     }
@@ -48,7 +48,7 @@ impl<'g> Attributes<'g> {
         self.take(name, kind::FLOAT).map_or(Some(default), |found| Some(found?.f.unwrap_or(0.0)))
     }
 
-    /// Whether a text is what it must be, or is left to a default of that value.
+    /// True if a text is what it must be, or is left to a default of that value.
     pub(super) fn says(&mut self, name: &str, expected: &str) -> bool {
         let said = self.text(name, expected);
         said.is_some_and(|said| said == expected.as_bytes())
@@ -70,7 +70,7 @@ impl<'g> Attributes<'g> {
         }
     }
 
-    /// Whether integers are what they must be, or are left to a default of that value.
+    /// True if integers are what they must be, or are left to a default of that value.
     pub(super) fn are(&mut self, name: &str, expected: &[i64]) -> bool {
         self.ints(name).is_some_and(|found| found.is_none_or(|found| found == expected))
     }

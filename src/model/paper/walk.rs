@@ -17,7 +17,7 @@ use crate::model::onnx::{GraphProto, NodeProto, TensorProto, data_type};
 /// The most nodes that are followed; PyTorch's exporters write the network in less than 100.
 const MAX_NODES: usize = 1024;
 
-/// Whether a domain is that of the standard operators.
+/// True if a domain is that of the standard operators.
 pub(super) fn is_standard(domain: &str) -> bool {
     ["", "ai.onnx"].contains(&domain)
 }

@@ -144,7 +144,7 @@ impl<'g> Walk<'g> {
     }
 }
 
-/// Whether a float tensor holds a single zero.
+/// True if a float tensor holds a single zero.
 fn is_zero(tensor: &TensorProto) -> bool {
     match &tensor.raw_data {
         Some(raw) => raw.as_slice() == [0; 4],
