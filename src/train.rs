@@ -25,5 +25,5 @@ pub use error::{DatasetError, TrainError};
 pub use export::{GraphForm, ModelCard, onnx_model};
 pub use loss::{LossConfig, LossTerms};
 pub use network::{BatchNormStatistics, Network};
-pub use touch::calibrate_touch;
+pub use touch::{TouchCalibration, TriedLevel, calibrate_touch};
 pub use trainer::{Checkpoint, Outcome, Progress, Schedule, TrainConfig, Trainer, Validation, validate};

@@ -1,10 +1,12 @@
 //! Calibrates the touch output to a probability, and finds its contact thresholds. Both use only the validation part.
 
+use serde::Serialize;
+
 use super::dataset::{Dataset, TOUCH_GF};
 use super::error::TrainError;
 use super::network::Network;
 use super::trainer::on_threads;
-use crate::eval::Part;
+use crate::eval::{Part, Tally};
 use crate::fusion::{ContactBy, ContactDetector, ContactEvent, ContactThresholds, TouchLevels, TouchOutput, Windows};
 use crate::units::{Newton, Stamp};
 
@@ -14,9 +16,6 @@ const BATCH: usize = 256;
 /// Thresholds tried, in percent.
 const LEVELS: std::ops::Range<u32> = 1..100;
 
-/// A higher threshold is taken, for fewer false touches, as long as the balanced accuracy is within this of the best.
-const AS_GOOD: f64 = 0.001;
-
 /// Maximum number of steps of Newton's method; it converges in about five.
 const STEPS: usize = 50;
 
@@ -25,12 +24,35 @@ struct Judged {
     session: usize,
     frame: usize,
     touch: f64,
+    truth_gf: f64,
     is_touch: bool,
     zero_load: bool,
 }
 
+/// Calibrated touch output of a network.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TouchCalibration {
+    /// The chosen thresholds.
+    pub output: TouchOutput,
+    /// Every threshold that was tried, in increasing order.
+    pub tried: Vec<TriedLevel>,
+}
+
+/// Scores of one contact threshold on the validation part.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TriedLevel {
+    /// Probability from which there is contact.
+    pub on: f64,
+    /// Balanced accuracy, 0 to 1.
+    pub ba: f64,
+    /// Minimal detectable force, gF; `None` if the curve does not cross 90 %.
+    pub mdf_gf: Option<f64>,
+    /// Contacts per minute that begin while nothing touches; `None` without a frame at rest.
+    pub false_per_min: Option<f64>,
+}
+
 /// Calibrates the touch output of a network to a probability on the validation part, and finds its contact thresholds:
-/// the highest with a balanced accuracy within 0.1 % of the best.
+/// those with the best balanced accuracy, the highest if several are equal.
 ///
 /// `None` for a network without such an output, and if the validation part lacks touch or air.
 ///
@@ -43,7 +65,7 @@ pub fn calibrate_touch(
     dataset: &Dataset,
     rate_hz: f64,
     threads: usize,
-) -> Result<Option<TouchOutput>, TrainError> {
+) -> Result<Option<TouchCalibration>, TrainError> {
     let mut frames = judge(network, dataset, threads)?;
     let n_touch = frames.iter().filter(|frame| frame.is_touch).count();
     if n_touch == 0 || n_touch == frames.len() {
@@ -53,8 +75,12 @@ pub fn calibrate_touch(
         network.move_touch(gain as f32, shift as f32)?;
         frames.iter_mut().for_each(|frame| frame.touch = probability(gain * odds(frame.touch) + shift));
     }
-    let levels = levels(&frames, n_touch);
-    Ok(Some(TouchOutput { levels, false_per_min: false_per_min(&frames, levels, rate_hz) }))
+    let tried: Vec<TriedLevel> =
+        LEVELS.map(|percent| try_level(&frames, f64::from(percent) / 100.0, rate_hz)).collect();
+    Ok(best(&tried).map(|best| {
+        let output = TouchOutput { levels: TouchLevels::from_on(best.on), false_per_min: best.false_per_min };
+        TouchCalibration { output, tried }
+    }))
 }
 
 /// Every frame of the validation part, in the order of sessions and time.
@@ -74,8 +100,15 @@ fn judge(network: &Network, dataset: &Dataset, threads: usize) -> Result<Vec<Jud
         for (window, touch) in windows.iter().zip(touches?) {
             let Some((session, frame)) = dataset.window_end(Part::Validation, *window) else { continue };
             let of = dataset.sessions()[session].frames();
-            let (is_touch, zero_load) = (of.truth_gf[frame] >= TOUCH_GF, of.zero_load[frame]);
-            frames.push(Judged { session, frame, touch: f64::from(touch), is_touch, zero_load });
+            let (truth_gf, zero_load) = (of.truth_gf[frame], of.zero_load[frame]);
+            frames.push(Judged {
+                session,
+                frame,
+                touch: f64::from(touch),
+                truth_gf: f64::from(truth_gf),
+                is_touch: truth_gf >= TOUCH_GF,
+                zero_load,
+            });
         }
     }
     Ok(frames)
@@ -124,19 +157,23 @@ fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
     (gain > 0.0).then_some((gain, shift))
 }
 
-fn levels(frames: &[Judged], n_touch: usize) -> TouchLevels {
-    let level = |step: u32| f64::from(step) / 100.0;
-    let n_air = frames.len() - n_touch;
-    let accuracy = |on: f64| {
-        let right = |touch: bool| {
-            frames.iter().filter(|frame| frame.is_touch == touch && (frame.touch >= on) == touch).count() as f64
-        };
-        (right(true) / n_touch as f64 + right(false) / n_air as f64) / 2.0
-    };
-    let tried: Vec<(f64, f64)> = LEVELS.map(|step| (level(step), accuracy(level(step)))).collect();
-    let best = tried.iter().fold(0.0_f64, |best, (_, accuracy)| best.max(*accuracy));
-    let on = tried.iter().rev().find(|(_, accuracy)| *accuracy >= best - AS_GOOD).map_or(0.5, |(level, _)| *level);
-    TouchLevels::from_on(on)
+/// The threshold with the best balanced accuracy, the highest if several are equal.
+fn best(tried: &[TriedLevel]) -> Option<TriedLevel> {
+    tried.iter().copied().max_by(|a, b| a.ba.total_cmp(&b.ba))
+}
+
+fn try_level(frames: &[Judged], on: f64, rate_hz: f64) -> TriedLevel {
+    let mut tally = Tally::default();
+    for frame in frames {
+        tally.add_judged(frame.truth_gf, Some(frame.truth_gf), Some(frame.touch >= on));
+    }
+    let score = tally.score();
+    TriedLevel {
+        on,
+        ba: score.ba.value().unwrap_or_default(),
+        mdf_gf: score.mdf.value(),
+        false_per_min: false_per_min(frames, TouchLevels::from_on(on), rate_hz),
+    }
 }
 
 /// Number of contacts that begin while nothing touches, as the node would report them; `None` without a frame at rest.
@@ -175,7 +212,14 @@ mod tests {
         let frame = |frame: usize| {
             let truth = 4.0 * f64::from(random.symmetric(1.0));
             let is_touch = f64::from(random.symmetric(0.5)) + 0.5 < probability(truth);
-            Judged { session: 0, frame, touch: probability(truth / 2.0 + 1.0), is_touch, zero_load: !is_touch }
+            Judged {
+                session: 0,
+                frame,
+                touch: probability(truth / 2.0 + 1.0),
+                truth_gf: 0.0,
+                is_touch,
+                zero_load: !is_touch,
+            }
         };
         (0..20_000).map(frame).collect()
     }
@@ -192,18 +236,18 @@ mod tests {
             session: 0,
             frame,
             touch,
+            truth_gf: if is_touch { 10.0 } else { 0.0 },
             is_touch,
             zero_load: !is_touch,
         };
         // Every threshold from 0.31 to 0.89 separates them equally well.
         let frames: Vec<Judged> =
             (0..600).map(|frame| if frame < 300 { of(0.305, false, frame) } else { of(0.895, true, frame) }).collect();
-        let found = levels(&frames, 300);
-        assert_eq!(found.on, 0.89);
-        assert!((found.off - 0.623).abs() < 1e-12);
-        assert_eq!(false_per_min(&frames, found, 100.0), Some(0.0));
-        let low = TouchLevels { on: 0.3, off: 0.2 };
+        let tried: Vec<TriedLevel> = [0.3, 0.31, 0.89, 0.9].map(|on| try_level(&frames, on, 100.0)).into();
+        assert_eq!(tried.iter().map(|level| level.ba).collect::<Vec<_>>(), [0.5, 1.0, 1.0, 0.5]);
+        assert_eq!(best(&tried).map(|level| level.on), Some(0.89));
+        assert_eq!(tried[2].false_per_min, Some(0.0));
         // One false touch in 3 s.
-        assert!((false_per_min(&frames, low, 100.0).unwrap() - 20.0).abs() < 1e-9);
+        assert!((tried[0].false_per_min.unwrap() - 20.0).abs() < 1e-9);
     }
 }

@@ -9,7 +9,9 @@ use serde_json::{Value, json};
 use super::{Failure, Files, SessionNotes};
 use crate::eval::{Part, Score, Scoring, Split, Tally};
 use crate::fusion::{TouchOutput, Windows};
-use crate::train::{Dataset, Kind, LossTerms, Network, Progress, TrainConfig, Validation};
+use crate::train::{
+    Dataset, Kind, LossTerms, Network, Progress, TouchCalibration, TrainConfig, TriedLevel, Validation,
+};
 
 /// Steps of which the curve keeps the mean, at most so many points in all.
 const MAX_POINTS: u64 = 500;
@@ -43,6 +45,9 @@ struct Run {
     /// Probabilities of touch at which there is contact, where the network has an output for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     touch: Option<TouchOutput>,
+    /// Scores of every contact threshold that was tried on the validation part.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    touch_levels: Vec<TriedLevel>,
     curve: Vec<Point>,
     validation: Vec<Look>,
     #[serde(skip)]
@@ -130,14 +135,17 @@ impl Report {
         lambda: f32,
         cfg: &TrainConfig,
         outcome: crate::train::Outcome,
-        touch: Option<TouchOutput>,
+        touch: Option<TouchCalibration>,
     ) {
         let run = self.run(lambda);
         run.settings = Some(cfg.clone());
         run.best_step = outcome.best_step;
         run.best_validation = outcome.best_validation;
         run.network = Some(outcome.best);
-        run.touch = touch;
+        if let Some(TouchCalibration { output, tried }) = touch {
+            run.touch = Some(output);
+            run.touch_levels = tried;
+        }
     }
 
     fn run(&mut self, lambda: f32) -> &mut Run {
@@ -154,6 +162,7 @@ impl Report {
                     since: Vec::new(),
                     network: None,
                     touch: None,
+                    touch_levels: Vec::new(),
                 });
                 self.runs.len() - 1
             }
