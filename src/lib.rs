@@ -118,6 +118,7 @@ pub mod export;
 pub mod files;
 pub mod fusion;
 pub mod glove;
+pub mod hand;
 mod kernels;
 pub mod leave;
 pub mod model;

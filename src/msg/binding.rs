@@ -1,11 +1,13 @@
 //! What turns one raw message into samples for the core: shared by bag replay and the live node, so that both read a
 //! message alike.
 
+mod hand;
 mod joints;
 mod samples;
 mod taxels;
 mod truth;
 
+pub use hand::{HandFields, hand_paths};
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
@@ -138,6 +140,36 @@ pub enum SampleError {
         /// Numbers at the path.
         n_values: usize,
     },
+    /// Coordinates that are not three a point.
+    #[error("a {type_name} holds {n_values} coordinates, which are not three a point")]
+    Coordinates {
+        /// The type.
+        type_name: String,
+        /// Numbers in the message.
+        n_values: usize,
+    },
+    /// Fewer points than a hand has.
+    #[error(
+        "a {type_name} holds {n_points} points where at least {wanted} are wanted: correct hand.layout or hand.points"
+    )]
+    Points {
+        /// The type.
+        type_name: String,
+        /// Points in the message.
+        n_points: usize,
+        /// Points up to the last one of the hand.
+        wanted: usize,
+    },
+    /// Names, validities or orientations that are not as many as the points.
+    #[error("a {type_name} holds {n_points} points and {n_beside} names, validities or orientations; expected as many")]
+    Beside {
+        /// The type.
+        type_name: String,
+        /// Points in the message.
+        n_points: usize,
+        /// What stands beside them.
+        n_beside: usize,
+    },
     /// Names and angles of joints are not equally many.
     #[error("a {type_name} names {n_names} joints and holds {n_positions} positions; expected as many of both")]
     JointCount {
@@ -158,6 +190,7 @@ impl SampleError {
             SampleError::Empty { .. } => "empty",
             SampleError::Shape { .. } | SampleError::Uneven { .. } | SampleError::NotOneForce { .. } => "shape",
             SampleError::RowPeriod { .. } => "row_period",
+            SampleError::Coordinates { .. } | SampleError::Points { .. } | SampleError::Beside { .. } => "points",
             SampleError::JointCount { .. } => "joint_count",
         }
     }

@@ -124,6 +124,7 @@ fn region_joints(reader: &Reader<'_>, key: &str, topics: &[Topic<JointFields>]) 
     for topic in topics {
         match &topic.fields.names {
             NamesFrom::Constant(names) => known.extend(names.iter().map(String::as_str)),
+            NamesFrom::Hand(hand) => known.extend(hand.joints.iter().map(String::as_str)),
             NamesFrom::Field(_) => return Ok(joints),
         }
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
 use super::TruthSource;
+use super::hand::{is_hand, of_hand};
 use super::reader::Reader;
 use crate::fusion::{ForceUnit, FrameClock, JointSource, TactileSource};
 use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields, Topic, TruthFields};
@@ -111,6 +112,9 @@ fn row_period(
 pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Topic<JointFields>), ConfigError> {
     let key = |tail: &str| format!("joint.{name}.{tail}");
     let type_name = message_type(reader, &key("type"))?;
+    if is_hand(reader, &key) {
+        return of_hand(reader, name, type_name);
+    }
     let known = JointFields::for_type(&type_name);
     let (names_field, names) = (key("names_field"), key("names"));
     let names = match (reader.is_set(&names_field), reader.is_set(&names)) {
@@ -198,7 +202,7 @@ pub(super) fn one_type_a_topic(reader: &Reader<'_>, sources: &Named<'_>) -> Resu
 }
 
 /// A stamp whose default is the header's.
-fn stamp(reader: &Reader<'_>, key: &str) -> Result<StampFrom, ConfigError> {
+pub(super) fn stamp(reader: &Reader<'_>, key: &str) -> Result<StampFrom, ConfigError> {
     match reader.is_set(key) {
         false => Ok(StampFrom::Field("header.stamp".to_owned())),
         true if reader.text(key)? == RECEIPT => Ok(StampFrom::Receipt),
@@ -219,7 +223,7 @@ fn count(reader: &Reader<'_>, key: &str) -> Result<Option<CountFrom>, ConfigErro
 }
 
 /// The path of a field: none where it is unset, none inside where it is set to be empty.
-fn optional_field(reader: &Reader<'_>, key: &str) -> Result<Option<Option<String>>, ConfigError> {
+pub(super) fn optional_field(reader: &Reader<'_>, key: &str) -> Result<Option<Option<String>>, ConfigError> {
     match reader.is_set(key) {
         false => Ok(None),
         true if reader.text(key)?.is_empty() => Ok(Some(None)),
@@ -227,7 +231,7 @@ fn optional_field(reader: &Reader<'_>, key: &str) -> Result<Option<Option<String
     }
 }
 
-fn field_or(reader: &Reader<'_>, key: &str, known: Option<&str>) -> Result<String, ConfigError> {
+pub(super) fn field_or(reader: &Reader<'_>, key: &str, known: Option<&str>) -> Result<String, ConfigError> {
     match known {
         Some(known) if !reader.is_set(key) => Ok(known.to_owned()),
         _ => reader.field(key),
@@ -255,6 +259,6 @@ fn message_type(reader: &Reader<'_>, key: &str) -> Result<String, ConfigError> {
 }
 
 /// Milliseconds as nanoseconds; the table keeps them far below what an `i64` holds.
-fn millis_to_ns(ms: f64) -> i64 {
+pub(super) fn millis_to_ns(ms: f64) -> i64 {
     (ms * 1e6).round() as i64
 }

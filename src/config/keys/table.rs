@@ -133,6 +133,35 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("joint.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
         .range(OFFSET_MS)
         .unit("ms"),
+    // A stream of joint angles that are computed from the points of a hand.
+    ParamKey::new(
+        "joint.<source>.hand.layout",
+        Kind::Str,
+        Str(""),
+        "Layout of a hand's points, for messages that hold points and no angles: openxr (26), openxr25 (without the palm), mano21 or manus",
+    )
+    .range(OneOf(&["", "openxr", "openxr25", "mano21", "manus"])),
+    ParamKey::new("joint.<source>.hand.side", Kind::Str, Str(""), "Which hand it is; the points alone don't tell")
+        .range(OneOf(&["", "left", "right"])),
+    ParamKey::new(
+        "joint.<source>.hand.points",
+        Kind::StrArray,
+        Depends("the names of the layout"),
+        "Names of the points: 21 in the order of mano21, or 25 in that of openxr25",
+    ),
+    ParamKey::new(
+        "joint.<source>.hand.first",
+        Kind::Int,
+        Int(0),
+        "Index of the hand's first point, where a message holds more than one hand",
+    )
+    .range(Ints { min: 0, max: 4096 }),
+    ParamKey::new(
+        "joint.<source>.hand.valid",
+        Kind::Str,
+        Str(""),
+        "Path of whether each point is valid; \"\" where messages don't say",
+    ),
     // One force sensor that tells the true force.
     ParamKey::new("truth.<source>.topic", Kind::Str, Required, "Topic of the true force"),
     ParamKey::new(

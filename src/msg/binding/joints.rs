@@ -1,5 +1,6 @@
 //! Messages that hold joint angles.
 
+use super::hand::{HandFields, HandPlan};
 use super::{BindingError, SampleError, StampFrom, StampPlan, plan};
 use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs};
@@ -10,7 +11,7 @@ use crate::units::Stamp;
 pub struct JointFields {
     /// Where the stamp comes from; `None` where the type has none and nobody has said.
     pub stamp: Option<StampFrom>,
-    /// Path of the angles.
+    /// Path of the angles, or of the positions of a hand's points.
     pub positions: String,
     /// Where the names of the joints come from.
     pub names: NamesFrom,
@@ -23,6 +24,8 @@ pub enum NamesFrom {
     Field(String),
     /// The parameters say, in the order of the angles in the message.
     Constant(Vec<String>),
+    /// The message holds points of a hand, from whose positions the angles are computed, in rad.
+    Hand(Box<HandFields>),
 }
 
 impl JointFields {
@@ -52,10 +55,16 @@ pub struct JointMessage<'a> {
 pub struct JointBinding {
     type_name: String,
     stamp: StampPlan,
-    positions: FieldPlan,
-    names: Option<FieldPlan>, // None: they are constant
+    source: AngleSource,
     joint_names: Vec<String>,
     angles: Vec<f64>,
+}
+
+/// Where the angles of a message are, compiled.
+#[derive(Debug, Clone)]
+enum AngleSource {
+    Sent { positions: FieldPlan, names: Option<FieldPlan> }, // names: None where they are constant
+    Hand(Box<HandPlan>),
 }
 
 impl JointBinding {
@@ -64,15 +73,21 @@ impl JointBinding {
     /// # Errors
     /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
     pub fn compile(fields: &JointFields, tree: &TypeTree) -> Result<Self, BindingError> {
-        let (names, joint_names) = match &fields.names {
-            NamesFrom::Field(path) => (Some(plan("names", tree, path, ReadAs::Texts)?), vec![]),
-            NamesFrom::Constant(names) => (None, names.clone()),
+        let sent = |names| -> Result<AngleSource, BindingError> {
+            Ok(AngleSource::Sent { positions: plan("positions", tree, &fields.positions, ReadAs::Numbers)?, names })
+        };
+        let (source, joint_names) = match &fields.names {
+            NamesFrom::Field(path) => (sent(Some(plan("names", tree, path, ReadAs::Texts)?))?, vec![]),
+            NamesFrom::Constant(names) => (sent(None)?, names.clone()),
+            NamesFrom::Hand(hand) => {
+                let plan = HandPlan::compile(&fields.positions, hand, tree)?;
+                (AngleSource::Hand(Box::new(plan)), hand.joints.clone())
+            }
         };
         Ok(JointBinding {
             type_name: tree.type_name().to_owned(),
             stamp: StampPlan::compile(fields.stamp.as_ref(), tree)?,
-            positions: plan("positions", tree, &fields.positions, ReadAs::Numbers)?,
-            names,
+            source,
             joint_names,
             angles: vec![],
         })
@@ -83,10 +98,15 @@ impl JointBinding {
     /// # Errors
     /// [`SampleError`] when names and angles are not equally many, or there are none of them.
     pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<JointMessage<'_>, SampleError> {
-        self.angles.clear();
-        self.positions.read_f64(cdr, &mut self.angles)?;
-        if let Some(names) = &self.names {
-            names.read_texts(cdr, &mut self.joint_names)?;
+        match &mut self.source {
+            AngleSource::Hand(hand) => hand.decode(cdr, &mut self.angles)?,
+            AngleSource::Sent { positions, names } => {
+                self.angles.clear();
+                positions.read_f64(cdr, &mut self.angles)?;
+                if let Some(names) = names {
+                    names.read_texts(cdr, &mut self.joint_names)?;
+                }
+            }
         }
         let stamp = self.stamp.read(cdr, received)?;
         let (n_names, n_positions) = (self.joint_names.len(), self.angles.len());

@@ -1,0 +1,180 @@
+//! Messages that hold the keypoints of a hand, as positions or poses.
+
+use super::{BindingError, SampleError, plan};
+use crate::hand::{self, Layout, Point, Side};
+use crate::msg::definition::{TypeTree, canonical_type_name};
+use crate::msg::dynamic::{FieldPlan, ReadAs, ReadError};
+
+/// How the keypoints of a hand stand in a message.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HandFields {
+    /// Where the keypoints stand among [`points`](Self::points).
+    pub layout: Layout,
+    /// Which hand it is.
+    pub side: Side,
+    /// Names of the points, or just as many where they are told by their order.
+    pub points: Vec<String>,
+    /// Paths of the points' names, whose texts are joined by `_`; none where points are told by their order.
+    pub names: Vec<String>,
+    /// Path of whether each point is valid, for messages that say it.
+    pub valid: Option<String>,
+    /// Index of the first point of this hand, where a message holds more.
+    pub first: usize,
+    /// Names of the angles, in the order of [`hand::JOINTS`].
+    pub joints: Vec<String>,
+}
+
+/// Where types that are known here hold the positions of points, and their names.
+pub fn hand_paths(type_name: &str) -> Option<(&'static str, &'static [&'static str])> {
+    match canonical_type_name(type_name).as_str() {
+        "geometry_msgs/msg/PoseArray" => Some(("poses[].position", &[])),
+        "manus_ros2_msgs/msg/ManusGlove" => {
+            Some(("raw_nodes[].pose.position", &["raw_nodes[].chain_type", "raw_nodes[].joint_type"]))
+        }
+        _ => None,
+    }
+}
+
+/// Fields of a message type, compiled: from one message after another to angles.
+#[derive(Debug, Clone)]
+pub(super) struct HandPlan {
+    type_name: String,
+    positions: Vec<FieldPlan>,    // one: x, y, z of each point in turn; three: each by itself
+    orientations: Vec<FieldPlan>, // none, or x, y, z, w
+    valid: Option<FieldPlan>,
+    names: Vec<FieldPlan>,
+    fields: HandFields,
+    columns: [Vec<f64>; 8], // x, y, z; x, y, z, w; valid
+    texts: Vec<Vec<String>>,
+    points: Vec<Point>,
+}
+
+const VALID: usize = 7;
+
+impl HandPlan {
+    /// Compiles the path of the points' positions, and what stands beside them.
+    pub(super) fn compile(path: &str, fields: &HandFields, tree: &TypeTree) -> Result<Self, BindingError> {
+        let axes = |of: &str, axes: &[&str]| -> Result<Vec<FieldPlan>, BindingError> {
+            axes.iter().map(|axis| plan("field", tree, &format!("{of}.{axis}"), ReadAs::Numbers)).collect()
+        };
+        let positions = match plan("field", tree, path, ReadAs::Numbers) {
+            Ok(flat) => vec![flat],
+            Err(error) => axes(path, &["x", "y", "z"]).map_err(|_| error)?,
+        };
+        // A pose says by its orientation, too, that it is not known.
+        let orientations = path
+            .strip_suffix(".position")
+            .and_then(|pose| axes(&format!("{pose}.orientation"), &["x", "y", "z", "w"]).ok())
+            .unwrap_or_default();
+        let names: Result<Vec<_>, _> =
+            fields.names.iter().map(|path| plan("names_field", tree, path, ReadAs::Texts)).collect();
+        let valid = fields.valid.as_ref().map(|path| plan("hand.valid", tree, path, ReadAs::Numbers)).transpose()?;
+        let names = names?;
+        Ok(HandPlan {
+            type_name: tree.type_name().to_owned(),
+            positions,
+            orientations,
+            valid,
+            texts: vec![vec![]; names.len()],
+            names,
+            points: vec![[f64::NAN; 3]; fields.points.len()],
+            fields: fields.clone(),
+            columns: Default::default(),
+        })
+    }
+
+    /// Replaces `angles` by those of the hand in a message, rad; NaN where its points are missing.
+    pub(super) fn decode(&mut self, cdr: &[u8], angles: &mut Vec<f64>) -> Result<(), SampleError> {
+        angles.clear();
+        let n_points = self.read(cdr)?;
+        self.points.fill([f64::NAN; 3]);
+        let is_flat = self.positions.len() == 1;
+        for element in self.fields.first..n_points {
+            let Some(slot) = self.slot_of(element) else { continue };
+            let [x, y, z, .., valid] = &self.columns;
+            let is_known = valid.get(element).is_none_or(|valid| *valid != 0.0) && self.is_turned(element);
+            if is_known {
+                self.points[slot] = match is_flat {
+                    true => [x[3 * element], x[3 * element + 1], x[3 * element + 2]],
+                    false => [x[element], y[element], z[element]],
+                };
+            }
+        }
+        angles.extend(hand::angles(&self.points, &self.fields.layout, self.fields.side));
+        Ok(())
+    }
+
+    /// Reads all columns; how many points there are.
+    fn read(&mut self, cdr: &[u8]) -> Result<usize, SampleError> {
+        self.columns.iter_mut().for_each(Vec::clear);
+        let columns: Result<(), ReadError> = self
+            .positions
+            .iter()
+            .zip(0..)
+            .chain(self.orientations.iter().zip(3..))
+            .chain(self.valid.iter().zip(VALID..))
+            .try_for_each(|(plan, column): (_, usize)| plan.read_f64(cdr, &mut self.columns[column]).map(|_| ()));
+        columns?;
+        for (plan, texts) in self.names.iter().zip(&mut self.texts) {
+            plan.read_texts(cdr, texts)?;
+        }
+        let n_values = self.columns[0].len();
+        let n_points = if self.positions.len() == 1 { n_values / 3 } else { n_values };
+        let type_name = || self.type_name.clone();
+        if n_values == 0 {
+            return Err(SampleError::Empty { type_name: type_name(), rows: 1, n_values });
+        }
+        if self.positions.len() == 1 && n_values % 3 != 0 {
+            return Err(SampleError::Coordinates { type_name: type_name(), n_values });
+        }
+        let lengths = self.columns[3..].iter().map(Vec::len).chain(self.columns[1..3].iter().map(Vec::len));
+        let beside = lengths.filter(|len| *len > 0).chain(self.texts.iter().map(Vec::len));
+        let beside = beside.chain(self.valid.iter().map(|_| self.columns[VALID].len()));
+        if let Some(n_beside) = beside.into_iter().find(|len| *len != n_points) {
+            return Err(SampleError::Beside { type_name: type_name(), n_points, n_beside });
+        }
+        let wanted = self.fields.first + self.fields.points.len();
+        if self.names.is_empty() && n_points < wanted {
+            return Err(SampleError::Points { type_name: type_name(), n_points, wanted });
+        }
+        Ok(n_points)
+    }
+
+    /// Where the layout has an element of the message. Of points with one name the first that is known counts.
+    fn slot_of(&self, element: usize) -> Option<usize> {
+        if self.names.is_empty() {
+            return Some(element - self.fields.first).filter(|slot| *slot < self.points.len());
+        }
+        let texts = || self.texts.iter().map(|texts| bare(&texts[element]));
+        let is_named = |name: &str| {
+            let mut rest = Some(name);
+            for (k, text) in texts().enumerate() {
+                let from = if k == 0 { rest } else { rest.and_then(|rest| rest.strip_prefix('_')) };
+                rest = from.and_then(|rest| strip_prefix(rest, text));
+            }
+            rest == Some("")
+        };
+        let slot = self.fields.points.iter().position(|name| is_named(name))?;
+        self.points[slot][0].is_nan().then_some(slot)
+    }
+
+    /// Whether the orientation beside a position is one: neither NaN nor all zeros.
+    fn is_turned(&self, element: usize) -> bool {
+        self.orientations.is_empty() || {
+            let norm: f64 = self.columns[3..VALID].iter().map(|axis| axis[element] * axis[element]).sum();
+            norm.is_finite() && norm > 1e-6
+        }
+    }
+}
+
+/// A point's name without what OpenXR's own constants have around it: `XR_HAND_JOINT_INDEX_TIP_EXT` is `INDEX_TIP`.
+fn bare(name: &str) -> &str {
+    let from = strip_prefix(name, "XR_HAND_JOINT_").unwrap_or(name);
+    from.strip_suffix("_EXT").or_else(|| from.strip_suffix("_ext")).unwrap_or(from)
+}
+
+/// As `str::strip_prefix`, without regard to ASCII case.
+fn strip_prefix<'a>(text: &'a str, prefix: &str) -> Option<&'a str> {
+    let (start, rest) = text.split_at_checked(prefix.len())?;
+    start.eq_ignore_ascii_case(prefix).then_some(rest)
+}
