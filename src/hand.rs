@@ -1,4 +1,4 @@
-//! From the keypoints of a hand to its joint angles, as hand trackers send the former and models are given the latter.
+//! Joint angles of a hand from its keypoints, and back: hand trackers send the latter, models need the former.
 //!
 //! A finger is a chain of bones: metacarpal, proximal, middle, distal. Each joint is the turn from one bone to the next,
 //! told about an axis that points to the thumb's side and is carried along the chain. At its start that axis comes from the
@@ -16,9 +16,11 @@
 //! What is missing stays missing: a point that isn't finite, two that coincide, or bones along the axis make the angles that
 //! depend on them NaN, which the core takes for a joint without an angle.
 
+mod forward;
 mod layout;
 mod vector;
 
+pub use forward::{HandPose, poses};
 pub use layout::{Layout, LayoutError, NamedLayout};
 
 use vector::{cross, direction, dot, sub};
@@ -73,7 +75,7 @@ pub fn angles(points: &[Point], layout: &Layout, side: Side) -> [f64; 20] {
     let back = back_of_hand(bone(layout.wrist, knuckle(0)), bone(layout.wrist, knuckle(3)), side);
     for (finger, chain) in layout.fingers.iter().enumerate() {
         let bones = [0, 1, 2, 3].map(|k| bone(chain[k], chain[k + 1]));
-        let Some(metacarpal) = Pose::at(bones[0], back, side) else { continue };
+        let Some(metacarpal) = Frame::at(bones[0], back, side) else { continue };
         let Some((proximal, flexion, abduction)) = metacarpal.turn(bones[1]) else { continue };
         angles[4 * finger + 2] = flexion;
         angles[4 * finger + 3] = abduction;
@@ -86,7 +88,7 @@ pub fn angles(points: &[Point], layout: &Layout, side: Side) -> [f64; 20] {
     let thumb = [0, 1, 2].map(|k| bone(layout.thumb[k], layout.thumb[k + 1]));
     angles[16] = between(thumb[1], thumb[2]);
     angles[17] = between(thumb[0], thumb[1]);
-    let palm = Pose::at(bone(layout.wrist, knuckle(1)), back, side);
+    let palm = Frame::at(bone(layout.wrist, knuckle(1)), back, side);
     if let Some((_, flexion, abduction)) = palm.and_then(|palm| palm.turn(thumb[0])) {
         (angles[18], angles[19]) = (flexion, abduction);
     }
@@ -95,7 +97,7 @@ pub fn angles(points: &[Point], layout: &Layout, side: Side) -> [f64; 20] {
 
 /// A bone and the axis about which the next one flexes: unit vectors, at right angles.
 #[derive(Debug, Clone, Copy)]
-struct Pose {
+struct Frame {
     forward: Point,
     /// Towards the thumb's side.
     radial: Point,
@@ -103,7 +105,7 @@ struct Pose {
     back: Point,
 }
 
-impl Pose {
+impl Frame {
     /// A bone that lies in a hand whose back points to `back`.
     fn at(forward: Option<Point>, back: Option<Point>, side: Side) -> Option<Self> {
         let (forward, back) = (forward?, back?);
@@ -122,7 +124,14 @@ impl Pose {
         };
         let radial = steep(without(radial, forward))?;
         let back = steep(without(without(back, forward), radial))?;
-        Some(Pose { forward, radial, back })
+        Some(Frame { forward, radial, back })
+    }
+
+    /// The frame of a bone that is turned so.
+    fn turned(&self, flexion: f64, abduction: f64) -> Option<Self> {
+        let ((sin_f, cos_f), (sin_a, cos_a)) = (flexion.sin_cos(), abduction.sin_cos());
+        let bone = [0, 1, 2].map(|k| cos_a * (cos_f * self.forward[k] - sin_f * self.back[k]) + sin_a * self.radial[k]);
+        self.turn(direction(bone)).map(|(next, ..)| next)
     }
 
     /// The next bone, and by how much it turns: flexion in the plane of `forward` and `back`, then abduction out of it.

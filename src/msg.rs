@@ -25,8 +25,8 @@ pub use interfaces::{ContactArray, ContactState, Stage, TaxelArray};
 pub use outgoing::{EstimateTopics, Outgoing, Slot};
 pub use schema::{definition_text, standard_text};
 pub use standard::{
-    Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Text, Time, Vector3,
-    Wrench, WrenchStamped,
+    Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Point, Pose, PoseArray,
+    Quaternion, Text, Time, Vector3, Wrench, WrenchStamped,
 };
 pub use type_hash::{rihs01, type_hash};
 

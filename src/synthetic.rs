@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::bag::{BagError, BagMetadata, BagWriter, OutChannel, WriteOptions};
+use crate::hand::{self, NamedLayout, Side};
 use crate::msg::{
-    Duration, Header, JointState, Stage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped, to_cdr_into,
+    Duration, Header, JointState, Point, Pose, PoseArray, Quaternion, Stage, TaxelArray, Vector3, WireType, Wrench,
+    WrenchStamped, to_cdr_into,
 };
 use crate::observer::{Cancelled, Observer, check};
 use crate::recording::SESSION_NOTES;
-use crate::sim::hand::Finger;
+use crate::sim::hand::{Finger, JOINTS as SIM_JOINTS};
 use crate::sim::{Fingers, Record, SessionSpec, SimError, simulate};
 use crate::units::Stamp;
 
@@ -17,6 +19,8 @@ use crate::units::Stamp;
 pub const TAXELS: &str = "/glove/taxels";
 /// Topic of the joint angles.
 pub const JOINTS: &str = "/hand/joint_states";
+/// Topic of the hand's points, in place of [`JOINTS`].
+pub const POSES: &str = "/hand/poses";
 /// Topic of the true force for a glove with taxels on one finger.
 pub const TRUTH: &str = "/load_cell/wrench";
 
@@ -26,6 +30,16 @@ pub fn truth_topic(under: Option<Finger>) -> String {
 }
 /// Topic of the annotations.
 pub const STAGE: &str = "/stage";
+
+/// Form in which the hand is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum HandForm {
+    /// Joint angles on [`JOINTS`].
+    #[default]
+    Angles,
+    /// The poses of a right hand's points on [`POSES`], in the order of a layout.
+    Poses(NamedLayout),
+}
 
 /// The reason why a session is not written.
 #[derive(Debug, thiserror::Error)]
@@ -44,13 +58,31 @@ pub enum SyntheticError {
 /// # Errors
 /// [`SyntheticError`] when there is no such session, or the bag can't be written; the bag is absent then.
 pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Observer) -> Result<u64, SyntheticError> {
+    write_as(spec, HandForm::Angles, path, overwrite, observer)
+}
+
+/// Writes one session with the hand in another form; returns the number of its messages.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_as(
+    spec: &SessionSpec,
+    hand: HandForm,
+    path: &Path,
+    overwrite: bool,
+    observer: &dyn Observer,
+) -> Result<u64, SyntheticError> {
     let session = simulate(spec)?;
     let total = session.n_frames();
     let mut bag = BagWriter::create(path, WriteOptions { overwrite, ..WriteOptions::default() })?;
     bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &session.metadata() })?;
     let mut topics = Topics {
         taxels: bag.add_topic::<TaxelArray>(TAXELS)?,
-        joints: bag.add_topic::<JointState>(JOINTS)?,
+        joints: match hand {
+            HandForm::Angles => bag.add_topic::<JointState>(JOINTS)?,
+            HandForm::Poses(_) => bag.add_topic::<PoseArray>(POSES)?,
+        },
+        hand,
         truth: match spec.conditions.fingers {
             Fingers::Index => BTreeMap::from([(None, bag.add_topic::<WrenchStamped>(TRUTH)?)]),
             Fingers::All => BTreeMap::new(), // a finger that the load cell is never under has no topic
@@ -72,6 +104,7 @@ pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Ob
 struct Topics {
     taxels: OutChannel,
     joints: OutChannel,
+    hand: HandForm,
     truth: BTreeMap<Option<Finger>, OutChannel>,
     stage: OutChannel,
     bag: BagWriter,
@@ -81,9 +114,10 @@ struct Topics {
 impl Topics {
     fn write(&mut self, record: &Record) -> Result<(), BagError> {
         let received = record.received();
-        match message(record) {
+        match message(record, self.hand) {
             Message::Taxels(message) => self.send(self.taxels, received, &message),
             Message::Joints(message) => self.send(self.joints, received, &message),
+            Message::Poses(message) => self.send(self.joints, received, &message),
             Message::Truth(under, message) => {
                 let channel = match self.truth.get(&under) {
                     Some(channel) => *channel,
@@ -112,6 +146,8 @@ pub enum Message {
     Taxels(TaxelArray),
     /// On [`JOINTS`].
     Joints(JointState),
+    /// On [`POSES`].
+    Poses(PoseArray),
     /// On the [`truth_topic`] of the finger above the load cell.
     Truth(Option<Finger>, WrenchStamped),
     /// On [`STAGE`].
@@ -119,7 +155,7 @@ pub enum Message {
 }
 
 /// A record of a simulated session as a message.
-pub fn message(record: &Record) -> Message {
+pub fn message(record: &Record, hand: HandForm) -> Message {
     let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
     let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
     match record {
@@ -127,11 +163,16 @@ pub fn message(record: &Record) -> Message {
             let (rows, row_period, values) = (1, Duration::default(), values.clone());
             Message::Taxels(TaxelArray { header: header("index_tip"), sequence: *sequence, rows, row_period, values })
         }
-        Record::Joints { names, positions, .. } => {
-            let (velocity, effort) = (Vec::new(), Vec::new());
-            let (name, position) = (names.to_vec(), positions.clone());
-            Message::Joints(JointState { header: header(""), name, position, velocity, effort })
-        }
+        Record::Joints { names, positions, .. } => match hand {
+            HandForm::Angles => {
+                let (velocity, effort) = (Vec::new(), Vec::new());
+                let (name, position) = (names.to_vec(), positions.clone());
+                Message::Joints(JointState { header: header(""), name, position, velocity, effort })
+            }
+            HandForm::Poses(layout) => {
+                Message::Poses(PoseArray { header: header("wrist"), poses: poses(names, positions, layout) })
+            }
+        },
         Record::Truth { force, torque, under, .. } => {
             let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
             Message::Truth(*under, WrenchStamped { header: header("load_cell"), wrench })
@@ -142,4 +183,15 @@ pub fn message(record: &Record) -> Message {
             Message::Stage(Stage { header: header(""), stage, substage, pose, repetition, zero_load })
         }
     }
+}
+
+/// The poses of a right hand; NaN where an angle is missing.
+fn poses(names: &[String], positions: &[f64], layout: NamedLayout) -> Vec<Pose> {
+    let angle = |joint: &str| names.iter().zip(positions).find(|(name, _)| *name == joint).map(|(_, angle)| *angle);
+    let angles = SIM_JOINTS.map(|joint| angle(joint).unwrap_or(f64::NAN));
+    let pose = |hand::HandPose { position: [x, y, z], orientation: [qx, qy, qz, qw] }| Pose {
+        position: Point { x, y, z },
+        orientation: Quaternion { x: qx, y: qy, z: qz, w: qw },
+    };
+    hand::poses(&angles, layout, Side::Right).into_iter().map(pose).collect()
 }

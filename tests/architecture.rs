@@ -66,7 +66,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
         ],
     ),
     ("replay", &["bag", "config", "fusion", "glove", "model", "msg", "observer", "recording", "units", "zero"]),
-    ("synthetic", &["bag", "msg", "observer", "recording", "sim", "units"]),
+    ("synthetic", &["bag", "hand", "msg", "observer", "recording", "sim", "units"]),
     ("ros", &["config", "fusion", "leave", "model", "msg", "units", "zero"]),
     (
         "commands",
@@ -83,6 +83,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "files",
             "fusion",
             "glove",
+            "hand",
             "leave",
             "model",
             "msg",

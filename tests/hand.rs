@@ -4,7 +4,7 @@ mod msg_common;
 
 use msg_common::CdrWriter;
 use serde::Deserialize;
-use tactile_pose_fusion::hand::{JOINTS, Layout, NamedLayout, Point, Side, angles};
+use tactile_pose_fusion::hand::{JOINTS, Layout, NamedLayout, Point, Side, angles, poses};
 use tactile_pose_fusion::msg::binding::{HandFields, JointBinding, JointFields, NamesFrom, StampFrom};
 use tactile_pose_fusion::msg::definition::TypeTree;
 use tactile_pose_fusion::sim::hand::TERMINAL_POSES;
@@ -101,6 +101,48 @@ fn the_simulators_poses_come_back_from_their_points_and_a_straight_hand_is_zero(
     }
     assert!(worst(&angles(&right_hand(&[0.0; 20]), &layout, Side::Right), &[0.0; 20]) < 1e-9, "a straight hand");
     assert_eq!(JOINTS, tactile_pose_fusion::sim::hand::JOINTS, "named alike");
+}
+
+#[test]
+fn a_hand_made_from_angles_gives_them_back_in_every_layout() {
+    let layouts = [NamedLayout::OpenXr, NamedLayout::OpenXr25, NamedLayout::Mano21, NamedLayout::Manus];
+    for (hand, layout) in reference().iter().zip(layouts.into_iter().cycle()) {
+        let made: [f64; 20] = hand.angles.clone().try_into().expect("20 angles");
+        for side in [Side::Left, Side::Right] {
+            let poses = poses(&made, layout, side);
+            assert_eq!(poses.len(), layout.points().len());
+            let points: Vec<Point> = poses.iter().map(|pose| pose.position).collect();
+            assert!(worst(&angles(&points, &layout.layout(), side), &made) < 1e-9, "{layout:?} {side:?}");
+            for pose in &poses {
+                let [x, y, z, w] = pose.orientation;
+                assert!((x * x + y * y + z * z + w * w - 1.0).abs() < 1e-12, "{pose:?}");
+            }
+            // -z of a point's orientation is the bone to the next one.
+            let chain = layout.layout().fingers[0];
+            for bone in chain.windows(2).skip(1) {
+                let along = [0, 1, 2].map(|k| points[bone[1]][k] - points[bone[0]][k]);
+                let length = along.iter().map(|part| part * part).sum::<f64>().sqrt();
+                let minus_z = turned(poses[bone[0]].orientation, [0.0, 0.0, -1.0]);
+                assert!((0..3).all(|k| (along[k] / length - minus_z[k]).abs() < 1e-9), "{bone:?} {layout:?} {side:?}");
+            }
+        }
+    }
+    let mut without = [0.1; 20];
+    without[2] = f64::NAN; // flexion of the index finger's MCP
+    let points: Vec<Point> =
+        poses(&without, NamedLayout::OpenXr, Side::Right).iter().map(|pose| pose.position).collect();
+    let found = angles(&points, &NamedLayout::OpenXr.layout(), Side::Right);
+    let known = |joint: &str| !joint.starts_with("index_");
+    assert!(JOINTS.iter().zip(found).all(|(joint, angle)| angle.is_finite() == known(joint)), "{found:?}");
+}
+
+/// A vector turned by a unit quaternion.
+fn turned([x, y, z, w]: [f64; 4], of: Point) -> Point {
+    let cross = |a: Point, b: Point| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let vector = [x, y, z];
+    let once = cross(vector, of).map(|part| 2.0 * part);
+    let twice = cross(vector, once);
+    [0, 1, 2].map(|k| of[k] + w * once[k] + twice[k])
 }
 
 #[test]

@@ -109,6 +109,12 @@ fn standard_structs_mirror_their_texts() {
     assert_mirrors_text(&wrench().force);
     assert_mirrors_text(&wrench());
     assert_mirrors_text(&WrenchStamped { header: header(), wrench: wrench() });
+    let pose =
+        Pose { position: Point { x: 0.5, y: 1.5, z: 2.5 }, orientation: Quaternion { x: 3.5, y: 4.5, z: 5.5, w: 6.5 } };
+    assert_mirrors_text(&pose.position);
+    assert_mirrors_text(&pose.orientation);
+    assert_mirrors_text(&pose);
+    assert_mirrors_text(&PoseArray { header: header(), poses: vec![pose; 3] });
     assert_mirrors_text(&JointState {
         header: header(),
         name: vec!["index_mcp".to_owned(), "index_pip".to_owned(), String::new()],

@@ -3,10 +3,12 @@
 mod common;
 
 use std::fs;
+use std::path::Path;
 
 use common::bags::messages;
 use common::onnx::LinearModel;
 use common::tpf::tpf;
+use tactile_pose_fusion::msg::{WrenchStamped, from_cdr};
 
 const SIMULATE: [&str; 8] = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes=2"];
 
@@ -39,6 +41,47 @@ fn a_simulated_session_replays_with_its_annotated_zero() {
     assert!(estimates as f64 > 0.95 * frames.as_f64().unwrap(), "{summary:#}");
     let inspected = tpf(folder, &["inspect", bag]).ok();
     assert!(inspected.stdout.contains("/glove/taxels") && inspected.stdout.contains("/stage"));
+}
+
+/// Forces of a session whose hand is written in this form, N.
+fn forces(folder: &Path, form: &str, hand: &str) -> Vec<f64> {
+    tpf(folder, &[&SIMULATE[..], &["--seed", "7", "--hand", form, "-o", form]].concat()).ok();
+    let params = format!(
+        "/**:
+  ros__parameters:
+    regions: [index]
+    tactile_sources: [glove]
+    joint_sources: [hand]
+    tactile.glove: {{topic: /glove/taxels, n_taxels: 6}}
+    joint.hand: {hand}
+    model.tip: {{path: model.onnx}}
+    calibration.max_force: 1000.0
+    region.index: {{model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}}
+"
+    );
+    let (params_file, output) = (format!("{form}.yaml"), format!("{form}.mcap"));
+    fs::write(folder.join(&params_file), params).unwrap();
+    let bag = format!("{form}/glove1_user01_session1");
+    tpf(folder, &["replay", &bag, "--params-file", &params_file, "-o", &output]).ok();
+    let wrenches = messages(&folder.join(output)).into_iter().filter(|message| message.topic.ends_with("/wrench"));
+    wrenches.map(|message| from_cdr::<WrenchStamped>(&message.data).unwrap().wrench.force.z).collect()
+}
+
+#[test]
+fn a_hand_in_poses_gives_the_forces_of_its_angles() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    LinearModel::new(64, 6, 4).gains(0.01, 3.0).metadata("unit", "gF").write(folder, "model.onnx");
+    let of_angles = forces(folder, "angles", "{topic: /hand/joint_states}");
+    assert!(of_angles.len() > 10_000);
+    for form in ["openxr", "openxr25", "mano21"] {
+        let hand =
+            format!("{{topic: /hand/poses, type: geometry_msgs/msg/PoseArray, hand: {{layout: {form}, side: right}}}}");
+        let of_poses = forces(folder, form, &hand);
+        assert_eq!(of_poses.len(), of_angles.len(), "{form}");
+        let off = of_poses.iter().zip(&of_angles).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-5, "{form}: {off} N");
+    }
 }
 
 #[test]

@@ -8,8 +8,9 @@ use std::path::PathBuf;
 
 use super::progress::Shown;
 use super::{Failure, Outcome, counted, interrupt, print, say};
+use crate::hand::NamedLayout;
 use crate::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking, simulate};
-use crate::synthetic;
+use crate::synthetic::{self, HandForm};
 use conditions::{ConditionArgs, GloveArg};
 
 /// Writes sessions of a synthetic glove: taxels, joint angles, force truth and stage annotations.
@@ -35,6 +36,10 @@ pub(super) struct Args {
     /// How joint angles are measured: markers (100 Hz, as the paper), or camera (30 Hz, late, noisy, off by 10 degrees)
     #[arg(long, value_name = "HOW", default_value = "markers", value_parser = tracking)]
     tracking: Tracking,
+    /// What the hand is told as: angles (sensor_msgs/JointState on /hand/joint_states), or the poses of its points
+    /// (geometry_msgs/PoseArray on /hand/poses): openxr (26), openxr25 (without the palm), mano21
+    #[arg(long, value_name = "FORM", default_value = "angles", value_parser = hand_form)]
+    hand: HandForm,
     /// Length of a session, 27.7 if not given; less than the whole protocol has fewer repetitions, never fewer substages.
     /// With --live: end after so long
     #[arg(long, value_name = "M")]
@@ -85,7 +90,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     for spec in &specs {
         let name = format!("{}_user{:02}_session{}", args.glove, spec.user, spec.session);
         let path = output.join(name);
-        let n_messages = synthetic::write(spec, &path, false, &Shown::steps("simulate"))?;
+        let n_messages = synthetic::write_as(spec, args.hand, &path, false, &Shown::steps("simulate"))?;
         text += &format!("{}: {} (synthetic)\n", path.display(), counted(n_messages, "message"));
     }
     print(&text)?;
@@ -102,4 +107,14 @@ fn tracking(text: &str) -> Result<Tracking, String> {
     let known = [Tracking::Markers, Tracking::Camera];
     let found = known.into_iter().find(|tracking| tracking.name() == text);
     found.ok_or_else(|| format!("expected markers or camera, got {text:?}"))
+}
+
+fn hand_form(text: &str) -> Result<HandForm, String> {
+    match text {
+        "angles" => Ok(HandForm::Angles),
+        "openxr" => Ok(HandForm::Poses(NamedLayout::OpenXr)),
+        "openxr25" => Ok(HandForm::Poses(NamedLayout::OpenXr25)),
+        "mano21" => Ok(HandForm::Poses(NamedLayout::Mano21)),
+        other => Err(format!("expected angles, openxr, openxr25 or mano21, got {other:?}")),
+    }
 }

@@ -5,11 +5,15 @@ use std::collections::BTreeSet;
 use super::definition::{BaseType, MessageDefinition};
 
 /// Canonical name and text of every type that has a struct here, ours and the standard ones.
-const TEXTS: [(&str, &str); 16] = [
+const TEXTS: [(&str, &str); 20] = [
     ("builtin_interfaces/msg/Duration", include_str!("../../msg/standard/Duration.msg")),
     ("builtin_interfaces/msg/Time", include_str!("../../msg/standard/Time.msg")),
     ("geometry_msgs/msg/Vector3", include_str!("../../msg/standard/Vector3.msg")),
     ("geometry_msgs/msg/Wrench", include_str!("../../msg/standard/Wrench.msg")),
+    ("geometry_msgs/msg/Point", include_str!("../../msg/standard/Point.msg")),
+    ("geometry_msgs/msg/Pose", include_str!("../../msg/standard/Pose.msg")),
+    ("geometry_msgs/msg/PoseArray", include_str!("../../msg/standard/PoseArray.msg")),
+    ("geometry_msgs/msg/Quaternion", include_str!("../../msg/standard/Quaternion.msg")),
     ("geometry_msgs/msg/WrenchStamped", include_str!("../../msg/standard/WrenchStamped.msg")),
     ("sensor_msgs/msg/JointState", include_str!("../../msg/standard/JointState.msg")),
     ("service_msgs/msg/ServiceEventInfo", include_str!("../../msg/standard/ServiceEventInfo.msg")),

@@ -84,6 +84,55 @@ pub struct Vector3 {
     pub z: f64,
 }
 
+/// A point in a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Point {
+    /// Along x, m.
+    pub x: f64,
+    /// Along y, m.
+    pub y: f64,
+    /// Along z, m.
+    pub z: f64,
+}
+
+/// An orientation as a unit quaternion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Quaternion {
+    /// Of the vector part.
+    pub x: f64,
+    /// Of the vector part.
+    pub y: f64,
+    /// Of the vector part.
+    pub z: f64,
+    /// The scalar part.
+    pub w: f64,
+}
+
+impl Default for Quaternion {
+    /// No rotation.
+    fn default() -> Self {
+        Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
+    }
+}
+
+/// A position and an orientation in a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Pose {
+    /// The position.
+    pub position: Point,
+    /// The orientation.
+    pub orientation: Quaternion,
+}
+
+/// Poses in one frame, such as those of a hand's joints.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct PoseArray {
+    /// Time and frame.
+    pub header: Header,
+    /// The poses.
+    pub poses: Vec<Pose>,
+}
+
 /// A force and a torque about the origin of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Wrench {
@@ -156,6 +205,22 @@ impl WireType for Header {
 
 impl WireType for JointState {
     const TYPE_NAME: &'static str = "sensor_msgs/msg/JointState";
+}
+
+impl WireType for Point {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/Point";
+}
+
+impl WireType for Quaternion {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/Quaternion";
+}
+
+impl WireType for Pose {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/Pose";
+}
+
+impl WireType for PoseArray {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/PoseArray";
 }
 
 impl WireType for Vector3 {

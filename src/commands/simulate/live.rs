@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say};
 use crate::leave;
-use crate::msg::{JointState, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
+use crate::msg::{JointState, PoseArray, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::hand::Finger;
 use crate::sim::{Activity, Fault, Fingers, LiveSession, Prompt, SYNTHETIC_TOPIC};
-use crate::synthetic::{JOINTS, Message, STAGE, TAXELS, message, truth_topic};
+use crate::synthetic::{HandForm, JOINTS, Message, POSES, STAGE, TAXELS, message, truth_topic};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";
@@ -82,7 +82,11 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     // In its namespace, so that two gloves can be told apart; the load cell is the room's.
     let of_glove = |topic: &str| place.topic(topic.trim_start_matches('/'));
     let taxels = listening.speak(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
-    let joints = listening.speak(&of_glove(JOINTS)?, known(JointState::TYPE_NAME), Delivery::Data)?;
+    let (topic, type_name) = match args.hand {
+        HandForm::Angles => (JOINTS, JointState::TYPE_NAME),
+        HandForm::Poses(_) => (POSES, PoseArray::TYPE_NAME),
+    };
+    let joints = listening.speak(&of_glove(topic)?, known(type_name), Delivery::Data)?;
     let under = match spec.conditions.fingers {
         Fingers::Index => vec![None],
         Fingers::All => Finger::ALL.into_iter().map(Some).collect(),
@@ -107,9 +111,10 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
                 n_late += 1;
                 continue;
             }
-            n_sent += u64::from(match message(&record) {
+            n_sent += u64::from(match message(&record, args.hand) {
                 Message::Taxels(message) => listener.say(taxels, &message),
                 Message::Joints(message) => listener.say(joints, &message),
+                Message::Poses(message) => listener.say(joints, &message),
                 Message::Truth(under, message) => truth.get(&under).is_some_and(|truth| listener.say(*truth, &message)),
                 Message::Stage(_) => false, // who collects annotates
             });
