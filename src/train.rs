@@ -10,6 +10,7 @@ mod dataset;
 mod error;
 mod exact_floats;
 mod export;
+mod light_touch;
 mod loss;
 mod network;
 mod random;

@@ -10,7 +10,12 @@ pub(super) enum Stream {
     Weights,
     /// The order of the windows of an epoch.
     Epoch(u64),
+    /// The light touches that are added in a step.
+    LightTouch(u64),
 }
+
+/// The half of the streams that light touches have.
+const LIGHT_TOUCH: u64 = 1 << 63;
 
 /// A stream of random numbers.
 pub(super) struct Random(ChaCha8Rng);
@@ -22,15 +27,20 @@ impl Random {
         let mut rng = ChaCha8Rng::from_seed(key);
         rng.set_stream(match stream {
             Stream::Weights => 0,
-            Stream::Epoch(epoch) => epoch.wrapping_add(1),
+            Stream::Epoch(epoch) => epoch.wrapping_add(1) & (LIGHT_TOUCH - 1),
+            Stream::LightTouch(step) => LIGHT_TOUCH | step,
         });
         Random(rng)
     }
 
+    /// A number in `[0, 1)`.
+    pub(super) fn unit(&mut self) -> f32 {
+        (self.0.next_u32() >> 8) as f32 / (1u32 << 24) as f32 // 24 bits, exact in f32
+    }
+
     /// A number in `[-bound, bound)`.
     pub(super) fn symmetric(&mut self, bound: f32) -> f32 {
-        let unit = (self.0.next_u32() >> 8) as f32 / (1u32 << 24) as f32; // 24 bits, exact in f32
-        bound * (2.0 * unit - 1.0)
+        bound * (2.0 * self.unit() - 1.0)
     }
 
     /// Fisher and Yates' shuffle.

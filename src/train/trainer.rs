@@ -220,7 +220,7 @@ impl<'a> Trainer<'a> {
         let windows = &order[start..start + batch_len];
 
         let device = Device::flex().autodiff();
-        let mut given = step::run(&self.network, dataset, windows, &self.cfg, self.threads, &device);
+        let mut given = step::run(&self.network, dataset, windows, self.step, &self.cfg, self.threads, &device);
         let gradient_norm = step::norm(&given.gradient);
         if !given.loss.total.is_finite() || !gradient_norm.is_finite() {
             return Err(TrainError::Diverged { step: self.step + 1, loss: given.loss.total });

@@ -66,6 +66,9 @@ pub struct TrainConfig {
     pub force_scale: f32,
     /// See [`Architecture::tactile_scale`](super::super::Architecture::tactile_scale); by default that of the data.
     pub tactile_scale: Option<f32>,
+    /// Fraction of the training windows in the air that get a light touch; only for a network whose taxels have their
+    /// artifact removed.
+    pub light_touches: f32,
     /// A taxel's reading of a light touch, for the causal network.
     pub touch_scale: f32,
     /// Steps between validations.
@@ -88,6 +91,7 @@ impl Default for TrainConfig {
             smoothing_frames: 2.0,
             force_scale: 100.0,
             tactile_scale: None,
+            light_touches: 0.0,
             touch_scale: 1.0,
             validate_every: 250,
             checkpoint_every: 250,
@@ -132,6 +136,9 @@ impl TrainConfig {
         }
         if self.smoothing_frames > 1000.0 {
             return refuse("smoothing_frames", self.smoothing_frames.to_string(), "at most 1000 frames");
+        }
+        if !(0.0..=1.0).contains(&self.light_touches) {
+            return refuse("light_touches", self.light_touches.to_string(), "0 to 1");
         }
         if self.clip_norm.is_nan() || self.clip_norm <= 0.0 {
             return refuse("clip_norm", self.clip_norm.to_string(), "a positive number");

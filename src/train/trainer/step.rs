@@ -3,6 +3,7 @@
 use burn::tensor::Device;
 
 use super::super::dataset::{Batch, Dataset};
+use super::super::light_touch;
 use super::super::loss::{self, LossTerms, Measure};
 use super::super::network::{BatchNormStatistics, Network, Normalize, values};
 use super::config::TrainConfig;
@@ -25,15 +26,20 @@ pub(super) fn run(
     network: &Network,
     dataset: &Dataset,
     windows: &[usize],
+    step: u64,
     cfg: &TrainConfig,
     threads: usize,
     device: &Device,
 ) -> Given {
     let smoothing = (cfg.loss.lambda > 0.0).then_some(cfg.smoothing_frames);
-    let shards: Vec<Batch> = windows
+    let mut shards: Vec<Batch> = windows
         .chunks(windows.len().div_ceil(cfg.shards))
         .map(|windows| dataset.batch(Part::Train, windows, smoothing))
         .collect();
+    for (idx, shard) in (0..).zip(&mut shards) {
+        let stream = step * cfg.shards as u64 + idx;
+        light_touch::add(shard, cfg.light_touches, dataset.spec().outputs, cfg.seed, stream);
+    }
     let measure = Measure {
         truths: windows.len() * dataset.spec().outputs,
         zero_load: shards.iter().flat_map(|shard| &shard.zero_load).filter(|zero_load| **zero_load).count(),
