@@ -10,16 +10,26 @@ use common::tpf::tpf;
 fn the_demo_leaves_bags_and_a_picture_and_says_that_it_is_synthetic() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let run = tpf(folder, &["demo", "--minutes=1.7", "-o", "shown"]).ok();
+    let run = tpf(folder, &["demo", "--minutes=2", "-o", "shown"]).ok();
     assert!(run.stderr.contains("SYNTHETIC DEMO") && !run.stderr.contains("interrupts"), "{run:?}");
-    for told in ["SYNTHETIC data", "glove3_tactile_only", "glove3_pose_aware", "MDF gF", "With your own glove"] {
+    let models = ["glove3_taxels_times_gain", "glove3_tactile_only", "glove3_pose_aware", "glove3_adaptive"];
+    for told in ["SYNTHETIC data", "MDF gF", "With your own glove"].into_iter().chain(models) {
         assert!(run.stdout.contains(told), "{told}: {run:?}");
     }
-    for made in ["session", "tactile_only", "pose_aware", "force.svg", "params/glove3.yaml"] {
+    let replayed = ["taxels_times_gain", "tactile_only", "pose_aware", "adaptive"];
+    for made in ["session", "force.svg", "params/glove3.yaml"].into_iter().chain(replayed) {
         assert!(folder.join("shown").join(made).exists(), "{made}");
     }
     let svg = fs::read_to_string(folder.join("shown/force.svg")).unwrap();
-    for drawn in ["Synthetic glove 3", "true force", "tactile-only", "pose-aware", "contact, true"] {
+    for drawn in [
+        "Synthetic glove 3",
+        "true force",
+        "taxels-times-gain",
+        "tactile-only",
+        "pose-aware",
+        "adaptive",
+        "contact, true",
+    ] {
         assert!(svg.contains(drawn), "{drawn}");
     }
 

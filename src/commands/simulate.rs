@@ -30,7 +30,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "S")]
     seed: u64,
     /// What is done: protocol (the paper's), or manipulation (free: light touches held for a minute, grasps without air,
-    /// slow ramps, slips, now and then a start in contact; 10 to 120 minutes)
+    /// slow ramps, slips, now and then a start in contact; 10 to 120 minutes, from 2 minutes on where --episodes has no grasp)
     #[arg(long, value_name = "WHAT", default_value = "protocol", value_parser = activity)]
     activity: Activity,
     /// How joint angles are measured: markers (100 Hz, as the paper), or camera (30 Hz, late, noisy, off by 10 degrees)

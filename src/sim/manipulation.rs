@@ -13,6 +13,8 @@ use crate::random::Noise;
 
 /// The shortest session of free manipulation, minutes: it contains each kind of episode once, whatever its length.
 pub const MIN_MANIPULATION_MINUTES: f64 = 10.0;
+/// The shortest session of free manipulation without grasps, minutes.
+pub const MIN_MINUTES_WITHOUT_GRASP: f64 = 2.0;
 /// The longest, minutes.
 pub const MAX_MANIPULATION_MINUTES: f64 = 120.0;
 

@@ -18,7 +18,9 @@ use tracker::Tracker;
 use super::glove::{GloveDesign, WornGlove};
 use super::hand::{Finger, Hand, JOINTS};
 use super::load_cell::LoadCell;
-use super::manipulation::{MAX_MANIPULATION_MINUTES, MIN_MANIPULATION_MINUTES, Repertoire, Touching};
+use super::manipulation::{
+    Episode, MAX_MANIPULATION_MINUTES, MIN_MANIPULATION_MINUTES, MIN_MINUTES_WITHOUT_GRASP, Repertoire, Touching,
+};
 use super::performance::{Annotation, HandState, Performance, Performer};
 use super::touch::ForceStyle;
 use crate::protocol::{Name, Plan, Protocol};
@@ -70,16 +72,21 @@ impl Activity {
             Activity::Manipulation => "manipulation",
         }
     }
-
-    fn minutes(self) -> std::ops::RangeInclusive<f64> {
-        match self {
-            Activity::Protocol => MIN_MINUTES..=FULL_MINUTES,
-            Activity::Manipulation => MIN_MANIPULATION_MINUTES..=MAX_MANIPULATION_MINUTES,
-        }
-    }
 }
 
 impl SessionSpec {
+    /// Possible durations, minutes. Free manipulation without grasps, which take minutes, may be shorter.
+    fn minutes_range(&self) -> std::ops::RangeInclusive<f64> {
+        let chosen = &self.conditions.episodes;
+        match self.activity {
+            Activity::Protocol => MIN_MINUTES..=FULL_MINUTES,
+            Activity::Manipulation if chosen.is_empty() || chosen.contains(&Episode::Grasp) => {
+                MIN_MANIPULATION_MINUTES..=MAX_MANIPULATION_MINUTES
+            }
+            Activity::Manipulation => MIN_MINUTES_WITHOUT_GRASP..=MAX_MANIPULATION_MINUTES,
+        }
+    }
+
     pub(super) fn user_name(&self) -> String {
         format!("seed {}, user {}", self.seed, self.user)
     }
@@ -222,8 +229,9 @@ const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always
 /// [`SimError`] when there is no such glove or the protocol doesn't fit into the duration.
 pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
     let glove = design(spec)?;
-    if !spec.activity.minutes().contains(&spec.minutes) {
-        return Err(SimError::Minutes { got: spec.minutes, activity: spec.activity });
+    let range = spec.minutes_range();
+    if !range.contains(&spec.minutes) {
+        return Err(SimError::Minutes { got: spec.minutes, activity: spec.activity, range });
     }
     conditions::check(spec)?;
     Ok(Session::new(spec.clone(), glove))

@@ -9,20 +9,28 @@ use crate::page::longest_step;
 /// What is shown of the session, s.
 const SPAN_S: f64 = 25.0;
 
-const SIZE: (u32, u32) = (1000, 460);
+/// Upper limit of the force axis, gF: a firm press must not make light touches invisible.
+const CUT_GF: f64 = 100.0;
+
+const SIZE: (u32, u32) = (1000, 500);
 
 /// Height of the rows of contact, and width of what stands left of the axes.
-const CONTACTS_PX: u32 = 96;
-const LABELS_PX: u32 = 130;
+const CONTACTS_PX: u32 = 130;
+const LABELS_PX: u32 = 175;
 
 /// Okabe and Ito's colours, which people tell apart however they see them.
 const ORANGE: RGBColor = RGBColor(230, 159, 0);
 const BLUE: RGBColor = RGBColor(0, 114, 178);
+const GREEN: RGBColor = RGBColor(0, 158, 115);
 const GRAY: RGBColor = RGBColor(110, 110, 110);
+const LIGHT_GRAY: RGBColor = RGBColor(170, 170, 170);
 
-/// An SVG of the stretch that says most: true touches, and bending that the first model takes for touch.
-pub(super) fn draw(series: &[(&str, ScoredFrames)], glove: u8) -> Result<String, Failure> {
-    let Some((_, first)) = series.first() else { return Err(Failure("there is nothing to draw".to_owned())) };
+/// An SVG of the stretch that shows most: light touches, and movement in the air that the model `by` takes for touch, or
+/// touches that it misses.
+pub(super) fn draw(series: &[(&str, ScoredFrames)], by: &str, glove: u8) -> Result<String, Failure> {
+    let Some((_, first)) = series.iter().find(|(name, _)| *name == by) else {
+        return Err(Failure("there is nothing to draw".to_owned()));
+    };
     let mut svg = String::new();
     let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
     paint(&root, series, first, glove).map_err(|error| Failure(format!("picture: {error}")))?;
@@ -42,14 +50,10 @@ fn paint(
     let range = telling_stretch(first);
     let start = first.stamp.get(range.start).copied().unwrap_or_default();
     let seconds = |frames: &ScoredFrames, idx: usize| frames.stamp[idx].nanos_since(start) as f64 * 1e-9;
-    let colours = [ORANGE, BLUE];
-    let highest = series
-        .iter()
-        .flat_map(|(_, frames)| range.clone().filter_map(|idx| frames.estimate_gf.get(idx).copied().flatten()))
-        .chain(range.clone().map(|idx| first.truth_gf[idx]))
-        .filter(|force| force.is_finite())
-        .fold(50.0_f64, f64::max)
-        * 1.1;
+    let colours = [LIGHT_GRAY, ORANGE, BLUE, GREEN];
+    let truth = range.clone().map(|idx| first.truth_gf[idx]).filter(|force| force.is_finite());
+    let highest = (1.3 * truth.fold(30.0_f64, f64::max)).min(CUT_GF); // forces beyond it are drawn at the edge
+    let lowest = -0.2 * highest;
 
     let (upper, lower) = root.split_vertically(SIZE.1 - CONTACTS_PX);
     let title = format!("Synthetic glove {glove}: force on a fingertip while the hand moves and touches");
@@ -58,8 +62,8 @@ fn paint(
         .margin(10)
         .x_label_area_size(34)
         .y_label_area_size(LABELS_PX)
-        .build_cartesian_2d(0.0..SPAN_S, -0.12 * highest..highest)?;
-    chart.configure_mesh().x_desc("time, s").y_desc("force, gF").light_line_style(WHITE).draw()?;
+        .build_cartesian_2d(0.0..SPAN_S, lowest..highest)?;
+    chart.configure_mesh().x_desc("time, s").y_desc("force, gF (cut at the edges)").light_line_style(WHITE).draw()?;
     let mut line = |name: &str, points: Vec<(f64, Option<f64>)>, colour: RGBColor, width: u32| -> Painted {
         chart
             .draw_series(unbroken(&points).into_iter().map(|run| PathElement::new(run, colour.stroke_width(width))))?
@@ -67,11 +71,12 @@ fn paint(
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
         Ok(())
     };
-    let truth = range.clone().map(|idx| (seconds(first, idx), Some(first.truth_gf[idx])));
+    let truth = range.clone().map(|idx| (seconds(first, idx), Some(first.truth_gf[idx].min(highest))));
     line("true force", truth.collect(), BLACK, 2)?;
     for ((name, frames), colour) in series.iter().zip(colours) {
         let known = range.clone().filter(|idx| *idx < frames.stamp.len());
-        let points = known.map(|idx| (seconds(frames, idx), frames.estimate_gf.get(idx).copied().flatten()));
+        let force = |idx: usize| frames.estimate_gf.get(idx).copied().flatten().map(|gf| gf.clamp(lowest, highest));
+        let points = known.map(|idx| (seconds(frames, idx), force(idx)));
         line(name, points.collect(), colour, 1)?;
     }
     chart

@@ -16,14 +16,16 @@ pub enum SimError {
     #[error(
         "minutes {got}: a session of {activity} takes {from} to {until} minutes",
         activity = match activity { Activity::Protocol => "the protocol", Activity::Manipulation => "free manipulation" },
-        from = activity.minutes().start(),
-        until = activity.minutes().end()
+        from = range.start(),
+        until = range.end()
     )]
     Minutes {
         /// The requested duration.
         got: f64,
         /// The activity.
         activity: Activity,
+        /// Possible durations.
+        range: std::ops::RangeInclusive<f64>,
     },
     /// A value is out of range.
     #[error("{what}: expected {from} to {to} {unit}, got {got}")]
