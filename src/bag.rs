@@ -1,4 +1,4 @@
-//! MCAP bags: recorded messages in, estimates out.
+//! Bags: recorded messages in, of MCAP and of rosbag2's sqlite3 storage, and estimates out, as MCAP.
 //!
 //! This layer moves messages as bytes: [`BagReader`] streams them out of one or several recordings in bounded memory,
 //! [`BagWriter`] writes a bag that `ros2 bag`, Foxglove and PlotJuggler open, and [`BagStats`] sums up what is in one.
@@ -28,7 +28,7 @@ pub use portion::Portion;
 pub use qos::BEST_EFFORT_QOS;
 pub use read::{
     BagAttachment, BagChannel, BagMessage, BagMetadata, BagReader, BagRecord, BagSchema, BagSummary, Loss,
-    RECORD_LIMIT, Recordings, recordings_at,
+    RECORD_LIMIT, Recordings, SchemaError, recordings_at,
 };
 pub use stats::{BagStats, GAP_FACTOR, TopicStats};
 pub use write::{BagWriter, Compression, Finished, NewChannel, OutChannel, WriteOptions};

@@ -37,6 +37,7 @@ pub fn input_topics(cfg: &Config) -> InputTopics {
         joint_sources: cfg.fusion.joint_sources.clone(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
+        message_definitions: cfg.live.message_definitions.clone(),
     }
 }
 

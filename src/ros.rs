@@ -6,7 +6,6 @@
 //! as arguments and are tested without a network.
 
 pub mod args;
-pub mod definitions;
 pub mod diagnostics;
 pub mod environment;
 pub mod graph;

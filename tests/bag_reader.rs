@@ -312,27 +312,30 @@ fn what_is_no_bag_is_refused_by_what_it_is() {
         fs::write(&path, bytes).unwrap();
         refusal(&path)
     };
-    assert!(at("a.db3", b"SQLite format 3\0....").contains("ros2 bag convert"));
+    assert!(at("a.db3", b"SQLite format 3\0....").contains("cut off"));
     assert!(at("metadata.yaml", b"rosbag2_bagfile_information:\n").contains("give the folder"));
     assert!(at("empty.mcap", b"").contains("empty"));
     assert!(at("text.mcap", "grüße an alle".as_bytes()).contains("text"));
     assert!(at("zeros.mcap", &[0; 100]).contains("zeros"));
     assert!(at("a.bag", b"#ROSBAG V2.0\n").contains("ROS 1"));
-    assert!(at("a.mcap.zstd", &[0x28, 0xB5, 0x2F, 0xFD, 1]).contains("zstd -d"));
+    assert!(at("a.mcap.zstd", &[0x28, 0xB5, 0x2F, 0xFD, 1]).contains("can't be unpacked"));
     assert!(at("noise.mcap", &[1, 200, 3]).contains("01 c8 03"));
     assert!(at("short.mcap", &mcap::MAGIC[..5]).contains("cut off after 5 bytes"));
     assert!(refusal(&folder.path().join("nowhere.mcap")).contains("not found"));
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
-    assert!(refusal(&empty).contains("no .mcap file"));
+    assert!(refusal(&empty).contains("no .mcap or .db3 file"));
     fs::write(empty.join("a.db3"), b"").unwrap();
-    assert!(refusal(&empty).contains("sqlite3"));
+    assert!(refusal(&empty).contains("it is empty"));
     let listing = |text: &str| {
         fs::write(empty.join("metadata.yaml"), format!("rosbag2_bagfile_information:\n{text}")).unwrap();
         refusal(&empty)
     };
-    assert!(listing("  storage_identifier: sqlite3\n").contains("ros2 bag convert"));
-    assert!(listing("  storage_identifier: mcap\n  compression_mode: MESSAGE\n").contains("compression_mode"));
+    assert!(listing("  storage_identifier: rosbag_v2\n").contains("ros2 bag convert"));
+    assert!(
+        listing("  storage_identifier: mcap\n  compression_mode: MESSAGE\n  compression_format: lz4\n")
+            .contains("compression_mode")
+    );
     assert!(listing("  storage_identifier: mcap\n  relative_file_paths: [x.mcap]\n").contains("x.mcap"));
     assert!(listing("  - [\n").contains("no rosbag2 metadata"));
 }

@@ -45,6 +45,48 @@ impl Drop for Disk {
     }
 }
 
+/// A bag whose rows must be put in order, for which SQLite needs a temporary file.
+fn bag_by_topic(path: &Path) {
+    let bag = rusqlite::Connection::open(path).unwrap();
+    bag.execute_batch(
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT);
+        INSERT INTO topics VALUES (0, '/a', 'std_msgs/msg/Empty', 'cdr'), (1, '/b', 'std_msgs/msg/Empty', 'cdr');
+        CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);
+        INSERT INTO messages WITH RECURSIVE r(n) AS (SELECT 0 UNION ALL SELECT n + 1 FROM r WHERE n < 999999)
+            SELECT n, n / 500000, n % 500000 * 2 + n / 500000, x'0001000000' FROM r;",
+    )
+    .unwrap();
+}
+
+#[test]
+fn a_bag_that_needs_more_temporary_space_than_there_is_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let Some(disk) = Disk::mount(folder, "size=64k") else {
+        common::skipped("mounting a small disk is not permitted here");
+        return;
+    };
+    bag_by_topic(&folder.join("by_topic.db3"));
+    let packed = zstd::encode_all(fs::File::open(folder.join("by_topic.db3")).unwrap(), 1).unwrap();
+    fs::write(folder.join("packed.db3.zstd"), packed).unwrap();
+    for (bag, what) in [("by_topic.db3", "put its messages in order in"), ("packed.db3.zstd", "unpack to")] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
+        let command = command.current_dir(folder).args(["diff", bag, bag]);
+        let run = Run::from(command.env("SQLITE_TMPDIR", &disk.0).env("TMPDIR", &disk.0).output().unwrap());
+        let expected = format!("{bag}: can't {what} the folder for temporary files (TMPDIR): ");
+        assert!(run.failure().starts_with(&expected), "{run:?}");
+        assert!(disk.files().is_empty(), "{:?}", disk.files());
+    }
+    // A disk that can't be written is no hindrance to a bag on it.
+    let status = Command::new("mount").args(["-o", "remount,size=200m"]).arg(&disk.0).status().unwrap();
+    assert!(status.success());
+    fs::copy(folder.join("by_topic.db3"), disk.0.join("bag.db3")).unwrap();
+    assert!(Command::new("mount").args(["-o", "remount,ro"]).arg(&disk.0).status().unwrap().success());
+    let told = tpf(folder, &["inspect", "disk/bag.db3"]).ok();
+    assert!(told.stdout.contains("1,000,000 messages on 2 topics"), "{}", told.stdout);
+    assert_eq!(disk.files(), [disk.0.join("bag.db3")]);
+}
+
 const EVAL: [&str; 6] = ["eval", "bags", "--params-file", "params.yaml", "--model", "model.onnx"];
 
 /// Every output that a command has, on the disk.

@@ -246,7 +246,9 @@ fn recordings_that_cannot_be_trained_on_are_refused_before_training() {
         assert!(!folder.path().join("model.onnx").exists());
     }
     let folder = folder_with(&[]);
-    assert!(train(folder.path(), &[]).failure().contains("the folder holds no .mcap file and no metadata.yaml"));
+    assert!(
+        train(folder.path(), &[]).failure().contains("the folder holds no .mcap or .db3 file and no metadata.yaml")
+    );
 }
 
 #[test]

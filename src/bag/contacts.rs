@@ -35,11 +35,12 @@ impl ContactReader {
 
 /// The definition that a channel's messages follow, where it is another one than ours is now.
 fn older_layout(message: &BagMessage<'_>) -> Result<Option<TypeTree>, String> {
-    let Some(schema) = message.channel.schema.as_ref().filter(|schema| schema.encoding == "ros2msg") else {
+    let Some(schema) = message.channel.schema.as_ref().filter(|schema| !schema.data.is_empty()) else {
         return Ok(None);
     };
     let text = String::from_utf8_lossy(&schema.data);
-    let tree = TypeTree::from_schema(ContactArray::TYPE_NAME, &text).map_err(|error| one_line(&error.to_string()))?;
+    let tree = TypeTree::from_encoded(ContactArray::TYPE_NAME, &schema.encoding, &text)
+        .map_err(|error| one_line(&error.to_string()))?;
     let is_ours = rihs01(ContactArray::TYPE_NAME).is_some_and(|ours| ours == type_hash(&tree));
     Ok((!is_ours).then_some(tree))
 }

@@ -11,7 +11,7 @@ use crate::units::Stamp;
 #[derive(Debug, thiserror::Error)]
 pub enum BagError {
     /// There is nothing at the path.
-    #[error("{}: not found: expected a .mcap file or a folder that `ros2 bag record` wrote", .path.display())]
+    #[error("{}: not found: expected a .mcap or .db3 file or a folder that `ros2 bag record` wrote", .path.display())]
     NotFound {
         /// The path as it was given.
         path: PathBuf,
@@ -26,15 +26,15 @@ pub enum BagError {
         /// The system's word on it.
         source: io::Error,
     },
-    /// There is something at the path, but no MCAP bag.
-    #[error("{}: not an MCAP bag: {why}", .path.display())]
+    /// There is something at the path, but no bag.
+    #[error("{}: not a bag: {why}", .path.display())]
     NotABag {
         /// The path as it was given, or a file of the folder.
         path: PathBuf,
         /// What it looks like, and what to do.
         why: String,
     },
-    /// The `metadata.yaml` of a bag folder doesn't lead to MCAP files.
+    /// The `metadata.yaml` of a bag folder doesn't lead to its files.
     #[error("{}: {why}", .path.display())]
     Metadata {
         /// The `metadata.yaml`.
@@ -53,7 +53,7 @@ pub enum BagError {
         names: Vec<String>,
     },
     /// The recording is not of ROS 2.
-    #[error("{}: has the MCAP profile {profile:?}, expected \"ros2\": convert it, for example with rosbags-convert", .path.display())]
+    #[error("{}: has the MCAP profile {profile:?}, expected \"ros2\": record it again, or read it with the tools of ROS 1", .path.display())]
     Profile {
         /// The file.
         path: PathBuf,

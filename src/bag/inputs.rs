@@ -2,18 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::error::one_line;
 use super::write::{RECEIPTS_KEY, RECEIPTS_LIVE};
-use super::{BagChannel, BagError, BagMessage, BagReader};
+use super::{BagChannel, BagError, BagMessage, BagReader, SchemaError};
 use crate::fusion::{Event, JointSource, JointSourceIdx, Receipts, TactileSourceIdx};
 use crate::msg::binding::{
     BindingError, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic, TruthBinding, TruthFields,
 };
-use crate::msg::definition::{DefinitionError, TypeTree};
+use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{AngleWatch, Stage, WireType, canonical_type_name, from_cdr};
 use crate::units::Stamp;
 
@@ -35,6 +36,8 @@ pub struct InputTopics {
     pub needed: BTreeSet<String>,
     /// Name of the topic with stage annotations, which a bag may lack.
     pub stage: String,
+    /// Folder with the definitions of types that a bag doesn't define.
+    pub message_definitions: Option<PathBuf>,
 }
 
 /// What a message is to the core, or to who judges it.
@@ -76,12 +79,8 @@ pub enum InputError {
     Bag(#[from] BagError),
     #[error("topic {topic} is {got}, the parameters say {expected}; set the type of this source")]
     Type { topic: String, expected: String, got: String },
-    #[error(
-        "topic {topic}: the schema of {type_name} is {got}, only ros2msg can be read by field path; record with ros2msg schemas"
-    )]
-    SchemaEncoding { topic: String, type_name: String, got: String },
     #[error("topic {topic}: {error}")]
-    Definition { topic: String, error: Box<DefinitionError> },
+    Definition { topic: String, error: Box<SchemaError> },
     #[error("topic {topic}: {error}")]
     Binding { topic: String, error: Box<BindingError> },
     #[error("topic {topic}: none of its {messages} messages could be read: {first}")]
@@ -100,6 +99,8 @@ pub enum InputError {
 #[derive(Debug)]
 pub struct Inputs {
     topics: InputTopics,
+    /// Where types that the bag doesn't define are looked for.
+    definitions: Definitions,
     /// By channel id, in the order in which the parts of a message are handled; none where it means nothing here.
     roles: BTreeMap<usize, Vec<Role>>,
     counters: BTreeMap<String, TopicCounters>,
@@ -128,6 +129,9 @@ impl Inputs {
         let truth = topics.truth.iter().map(|topic| topic.name.as_str());
         let needed: Vec<&str> = taxels.chain(joints).chain(truth).collect();
         reader.watch_order(&needed);
+        if let Some(folder) = &topics.message_definitions {
+            reader.look_for_definitions_in(folder);
+        }
         reader.scan(&needed)?;
         for name in &needed {
             reader.required(name)?;
@@ -135,6 +139,7 @@ impl Inputs {
         let angles = topics.joint_sources.iter().map(|source| AngleWatch::new(source.scale)).collect();
         let mut inputs = Inputs {
             topics,
+            definitions: reader.definitions().clone(),
             angles,
             roles: BTreeMap::new(),
             counters: BTreeMap::new(),
@@ -276,17 +281,17 @@ impl Inputs {
     fn bind(&mut self, channel: &BagChannel) -> Result<(), InputError> {
         let mut roles = Vec::new();
         for (source, topic) in self.topics.taxels.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
-            let binding = TaxelBinding::compile(&topic.fields, &tree_of(channel, &topic.type_name)?);
+            let binding = TaxelBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
             roles.push(Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), binding)));
         }
         for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
-            let binding = JointBinding::compile(&topic.fields, &tree_of(channel, &topic.type_name)?);
+            let binding = JointBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
             roles.push(Role::Samples(SampleBinding::Joints(JointSourceIdx(source), binding)));
         }
         for (source, topic) in self.topics.truth.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
-            let binding = TruthBinding::compile(&topic.fields, &tree_of(channel, &topic.type_name)?);
+            let binding = TruthBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
             roles.push(Role::Truth(source, binding));
         }
@@ -295,6 +300,19 @@ impl Inputs {
         }
         self.roles.insert(channel.id, roles);
         Ok(())
+    }
+
+    /// The type of a channel's messages, by its own definition.
+    fn tree_of(&self, channel: &BagChannel, expected: &str) -> Result<TypeTree, InputError> {
+        let topic = || channel.topic.clone();
+        let differs = |got: String| InputError::Type { topic: topic(), expected: expected.to_owned(), got };
+        let schema = channel.schema.as_ref().ok_or_else(|| differs("without a schema".to_owned()))?;
+        let type_name = canonical_type_name(&schema.name);
+        if type_name != expected {
+            return Err(differs(one_line(&type_name)));
+        }
+        let tree = schema.tree(&self.definitions);
+        tree.map_err(|error| InputError::Definition { topic: topic(), error: Box::new(error) })
     }
 }
 
@@ -327,23 +345,6 @@ fn count(counters: &mut BTreeMap<String, TopicCounters>, topic: &str, error: Opt
             counters.first_error.get_or_insert(text);
         }
     }
-}
-
-fn tree_of(channel: &BagChannel, expected: &str) -> Result<TypeTree, InputError> {
-    let topic = || channel.topic.clone();
-    let Some(schema) = &channel.schema else {
-        return Err(InputError::Type { topic: topic(), expected: expected.to_owned(), got: "without a schema".into() });
-    };
-    let type_name = canonical_type_name(&schema.name);
-    if type_name != expected {
-        return Err(InputError::Type { topic: topic(), expected: expected.to_owned(), got: one_line(&type_name) });
-    }
-    if schema.encoding != "ros2msg" {
-        return Err(InputError::SchemaEncoding { topic: topic(), type_name, got: one_line(&schema.encoding) });
-    }
-    let text = String::from_utf8_lossy(&schema.data);
-    TypeTree::from_schema(&type_name, &text)
-        .map_err(|error| InputError::Definition { topic: topic(), error: Box::new(error) })
 }
 
 fn binding_error(channel: &BagChannel, error: BindingError) -> InputError {

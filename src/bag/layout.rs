@@ -31,6 +31,8 @@ pub(super) struct Listing {
     #[serde(default)]
     pub(super) compression_mode: String,
     #[serde(default)]
+    pub(super) compression_format: String,
+    #[serde(default)]
     pub(super) relative_file_paths: Vec<String>,
 }
 
@@ -53,9 +55,7 @@ pub(super) fn read(path: &Path) -> Result<Listing, BagError> {
     let text = String::from_utf8(text).map_err(|_| metadata("is not UTF-8 text".to_owned()))?;
     let document: Document = serde_saphyr::from_str(&text).map_err(|error| {
         let first = error.to_string().lines().next().map(one_line).unwrap_or_default();
-        metadata(format!(
-            "is no rosbag2 metadata ({first}): remove it to read the folder's .mcap files in order of name"
-        ))
+        metadata(format!("is no rosbag2 metadata ({first}): remove it to read the folder's files in order of name"))
     })?;
     Ok(document.rosbag2_bagfile_information)
 }

@@ -9,7 +9,10 @@ mod locate;
 mod loss;
 mod order;
 mod source;
+mod sqlite;
+mod storage;
 mod summary;
+mod unpacked;
 mod window;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,15 +20,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::error::{BagError, one_line};
+use crate::msg::definition::Definitions;
 use crate::units::Stamp;
 use channels::ChannelTable;
-pub use channels::{BagChannel, BagSchema};
-use file::{Context, McapFile};
+pub use channels::{BagChannel, BagSchema, SchemaError};
+use file::Context;
 use head::{Head, MESSAGE_HEAD_LEN};
 pub use locate::{Recordings, recordings_at};
 pub use loss::Loss;
 use loss::Losses;
 use order::{Chunks, Late};
+use storage::{Order, Storage, first_log_time};
 
 /// The longest record that is read, in bytes. A message over it is passed over and noted as a loss.
 ///
@@ -91,7 +96,7 @@ pub struct BagSummary {
     pub n_messages: Option<u64>,
     /// First and last log time, where every file with messages states them.
     pub span: Option<(Stamp, Stamp)>,
-    /// Number of messages by [`BagChannel::id`]; complete where `n_messages` is known.
+    /// Number of messages by [`BagChannel::id`], as MCAP files state it.
     pub by_channel: BTreeMap<usize, u64>,
 }
 
@@ -114,13 +119,12 @@ struct Part {
     path: PathBuf,
     /// Log time of its first message, where it matters and is known.
     begin: Option<Stamp>,
-    /// Its chunks, where they don't stand in the order of time.
-    chunks: Option<Chunks>,
+    order: Order,
 }
 
 /// A file that is being read.
 struct OpenFile {
-    file: McapFile,
+    file: Storage,
     /// What was read last and not handed out yet.
     head: Option<Head>,
     body: Vec<u8>,
@@ -158,11 +162,11 @@ pub struct BagReader {
 }
 
 impl BagReader {
-    /// Open the recordings at `inputs`: each a `.mcap` file, or a folder with a `metadata.yaml`, with one `.mcap` file, or
-    /// with the parts of one split recording. Several are parts of one recording.
+    /// Open the recordings at `inputs`: each a `.mcap` or `.db3` file, or a folder with a `metadata.yaml`, with one such file,
+    /// or with the parts of one split recording. Several are parts of one recording.
     ///
     /// # Errors
-    /// One line on the first input that is not there, no MCAP bag, of ROS 1, packed in an unknown way, given twice, or a
+    /// One line on the first input that is not there, no bag, of ROS 1, packed in an unknown way, given twice, or a
     /// folder of several recordings.
     pub fn open(inputs: &[PathBuf]) -> Result<Self, BagError> {
         Self::open_with(inputs, false)
@@ -180,7 +184,7 @@ impl BagReader {
         let mut reader = BagReader {
             inputs: Vec::new(),
             as_written,
-            table: ChannelTable::default(),
+            table: ChannelTable::new(Definitions::of_this_machine(None)),
             losses: Losses::default(),
             notes: Vec::new(),
             summary: BagSummary { lists_channels: true, n_messages: Some(0), ..BagSummary::default() },
@@ -232,22 +236,24 @@ impl BagReader {
 
     /// Look at the begin and the end of one file.
     fn inspect(&mut self, path: PathBuf, input: usize, is_split: bool) -> Result<Part, BagError> {
-        let mut file = McapFile::open(&path, None, self.as_written)?;
+        let as_written = self.as_written;
+        let mut file = Storage::open(&path, Order { as_written, ..Order::default() })?;
         file.check_header()?;
         self.bytes_total = self.bytes_total.saturating_add(file.size());
-        let Some(of_file) = summary::read(&path, input, &mut self.table)? else {
+        let Some(of_file) = storage::summary(&path, input, &mut self.table)? else {
             self.unlisted.push((input, path.clone()));
             self.summary = BagSummary::default();
             let begin = if is_split { first_log_time(&path)? } else { None };
-            return Ok(Part { path, begin, chunks: None });
+            return Ok(Part { path, begin, order: Order { as_written, ..Order::default() } });
         };
         let begin = match &of_file.statistics {
             _ if !is_split => None,
             Some(statistics) => statistics.span.map(|(first, _)| first),
             None => first_log_time(&path)?,
         };
-        let chunks = if self.as_written { None } else { Chunks::to_be_ordered(of_file.chunks) };
-        let part = Part { path: path.clone(), begin, chunks };
+        let chunks = if as_written { None } else { Chunks::to_be_ordered(of_file.chunks) };
+        let order = Order { chunks, by_time: of_file.by_time, as_written };
+        let part = Part { path: path.clone(), begin, order };
         if let Some(got) = of_file.unknown_compression {
             return Err(BagError::Compression { path, got });
         }
@@ -281,7 +287,7 @@ impl BagReader {
         let mut losses = Losses::default();
         let mut body = Vec::new();
         for (input, path) in &self.unlisted {
-            let mut file = McapFile::open(path, None, true)?;
+            let mut file = Storage::open(path, Order { as_written: true, ..Order::default() })?;
             let mut n_known = usize::MAX;
             loop {
                 let known = self.table.all();
@@ -330,6 +336,16 @@ impl BagReader {
     /// Watch that messages of these topics come in the order of time among each other; that they don't is a loss.
     pub fn watch_order(&mut self, topics: &[&str]) {
         self.watched.extend(topics.iter().map(|topic| (*topic).to_owned()));
+    }
+
+    /// Look for the types that the bag doesn't define in this folder too, before those of packages on `AMENT_PREFIX_PATH`.
+    pub fn look_for_definitions_in(&mut self, folder: &Path) {
+        self.table.look_among(Definitions::of_this_machine(Some(folder)));
+    }
+
+    /// Where types that the bag doesn't define are looked for.
+    pub fn definitions(&self) -> &Definitions {
+        self.table.installed()
     }
 
     /// Every channel that is known by now, in order of their ids.
@@ -415,7 +431,7 @@ impl BagReader {
             && *self.is_watched.entry(channel).or_insert_with(|| watched.contains(&table.all()[channel].topic));
         if is_watched {
             let Input { open, late, .. } = &mut self.inputs[place.0];
-            late.handle(log_time, channel, &open[place.1].file);
+            late.handle(log_time, channel, open[place.1].file.path());
         }
         self.handed_out = Some(place);
         Ok(self.handed_out)
@@ -460,7 +476,7 @@ impl BagReader {
                 return Ok(());
             }
             *next_file += 1;
-            let file = McapFile::open(&part.path, part.chunks.take(), self.as_written)?;
+            let file = Storage::open(&part.path, std::mem::take(&mut part.order))?;
             open.push(OpenFile { file, head: None, body: Vec::new() });
         }
     }
@@ -483,15 +499,4 @@ impl BagReader {
             Head::Metadata { name, metadata } => BagRecord::Metadata(BagMetadata { name, metadata }),
         })
     }
-}
-
-/// Log time of the first message that stands in a file; `None` of a file without one.
-fn first_log_time(path: &Path) -> Result<Option<Stamp>, BagError> {
-    let mut file = McapFile::open(path, None, true)?;
-    let (table, losses) = (&mut ChannelTable::default(), &mut Losses::default());
-    let head = file.next(&mut Vec::new(), &mut Context { table, losses, input: 0, messages_only: true })?;
-    Ok(match head {
-        Some(Head::Message { message, .. }) => Some(message.log_time),
-        _ => None,
-    })
 }

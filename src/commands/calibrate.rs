@@ -21,7 +21,7 @@ use crate::units::{GramForce, Newton};
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// MCAP file or bag folder: one recording; several are parts of one, merged by time
+    /// MCAP or .db3 file or bag folder: one recording; several are parts of one, merged by time
     #[cfg_attr(feature = "ros", arg(required_unless_present = "live", value_name = "BAG"))]
     #[cfg_attr(not(feature = "ros"), arg(required = true, value_name = "BAG"))]
     bags: Vec<PathBuf>,

@@ -27,9 +27,12 @@ use bag::BagReport;
 /// Tells what is in bags and models: topics and their timing, which of them can be tactile, joints or force, contracts.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// MCAP files, bag folders or ONNX models; each is told of by itself
+    /// MCAP or .db3 files, bag folders or ONNX models; each is told of by itself
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
+    /// Folder with the .msg files of types that a bag doesn't define, searched before AMENT_PREFIX_PATH
+    #[arg(long, value_name = "FOLDER")]
+    message_definitions: Option<PathBuf>,
     /// Print one JSON document: an array with a report a path
     #[arg(long)]
     json: bool,
@@ -53,7 +56,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut failures = Vec::new();
     let mut outcome = Outcome::Done;
     for (idx, path) in recordings(&args.paths).iter().enumerate() {
-        let report = match inspect(path) {
+        let report = match inspect(path, args.message_definitions.as_deref()) {
             Ok(report) => report,
             Err(Failure(error)) => {
                 let error = format::printable(&error);
@@ -98,11 +101,11 @@ fn recordings(paths: &[PathBuf]) -> Vec<PathBuf> {
     paths.iter().flat_map(of_path).collect()
 }
 
-fn inspect(path: &Path) -> Result<Report, Failure> {
+fn inspect(path: &Path, definitions: Option<&Path>) -> Result<Report, Failure> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("onnx")) {
         return Ok(Report::Model(Box::new(model::inspect(path)?)));
     }
-    Ok(Report::Bag(Box::new(BagReport::read(path)?)))
+    Ok(Report::Bag(Box::new(BagReport::read(path, definitions)?)))
 }
 
 impl Report {

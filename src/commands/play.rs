@@ -25,7 +25,7 @@ const LATE: Duration = Duration::from_millis(300);
 /// Publishes a bag's topics at the times at which they were recorded.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// MCAP files or bag folders; several are parts of one recording
+    /// MCAP or .db3 files or bag folders; several are parts of one recording
     #[arg(required = true, value_name = "BAG")]
     bags: Vec<PathBuf>,
     /// How many times faster than it was recorded
@@ -123,8 +123,10 @@ impl Play {
                 Some(match self.by_name.get(&name) {
                     Some(known) => *known,
                     None => {
-                        let schema = channel.schema.as_ref().map(|schema| String::from_utf8_lossy(&schema.data));
-                        let tree = schema.and_then(|text| TypeTree::from_schema(&name.1, &text).ok());
+                        let tree = channel.schema.as_ref().and_then(|schema| {
+                            let text = String::from_utf8_lossy(&schema.data);
+                            TypeTree::from_encoded(&name.1, &schema.encoding, &text).ok()
+                        });
                         let ty = tree.as_ref().map_or(TopicType::Known(&name.1), TopicType::Defined);
                         let added = self.player.add(&name.0, ty)?;
                         self.by_name.insert(name, added);

@@ -13,7 +13,7 @@ use crate::replay::{self, Options, Recording, ReplayError};
 /// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// MCAP file or bag folder: one recording; several are parts of one, merged by time
+    /// MCAP or .db3 file or bag folder: one recording; several are parts of one, merged by time
     #[arg(required = true, value_name = "BAG")]
     bags: Vec<PathBuf>,
     #[command(flatten)]

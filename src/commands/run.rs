@@ -8,8 +8,8 @@ use super::setup::{ModelArgs, config};
 use super::{Failure, Outcome, interrupt, say};
 use crate::config::{DEFAULT_NODE, NodeName, ParamTree, load_tree};
 use crate::leave;
+use crate::msg::definition::Definitions;
 use crate::ros::args::RosArgs;
-use crate::ros::definitions::Definitions;
 use crate::ros::environment::Environment;
 use crate::ros::{self, Names, remap};
 

@@ -1,8 +1,11 @@
 //! What a message type is made of: `.msg` text and the concatenated `ros2msg` schemas of bags, parsed and resolved.
 
+mod idl;
+mod installed;
 mod line;
 mod tree;
 
+pub use installed::{Definitions, LookupError};
 pub use tree::TypeTree;
 
 /// A type of fixed size on the wire.
@@ -259,6 +262,38 @@ pub enum DefinitionError {
         type_name: String,
         /// What is missing.
         dependency: String,
+    },
+    /// A schema comes without a definition.
+    #[error(
+        "{type_name} is not defined in the bag, as in any .db3 bag before ROS 2 Jazzy: source the setup file of its package, so that its .msg file is found on AMENT_PREFIX_PATH"
+    )]
+    Missing {
+        /// The type.
+        type_name: String,
+    },
+    /// A schema is written in another language than those that are read.
+    #[error("the schema of {type_name} is written as '{got}', expected ros2msg or ros2idl")]
+    Encoding {
+        /// The type.
+        type_name: String,
+        /// How it is written.
+        got: String,
+    },
+    /// A text in IDL is longer than any real one.
+    #[error("the IDL of {type_name} has {n_bytes} bytes, expected at most {limit}")]
+    TooLong {
+        /// The type.
+        type_name: String,
+        /// Length of the text.
+        n_bytes: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A text in IDL defines other types than the one that it is the schema of.
+    #[error("the IDL of {type_name} has no struct of that name")]
+    NotInIdl {
+        /// The type.
+        type_name: String,
     },
     /// A type contains itself.
     #[error("{type_name} contains itself, by way of {through}; a ROS message can't")]

@@ -10,7 +10,6 @@ use tokio::sync::mpsc;
 
 use super::args::{RosArgs, Severity};
 use super::clock::Clock;
-use super::definitions::{Definitions, LookupError};
 use super::engine::{Command, Engine, Input, Outputs, Record};
 use super::entities::{Graph, InputName, Names, reliable_qos};
 use super::environment::Environment;
@@ -29,6 +28,7 @@ use crate::fusion::{JointSourceIdx, TactileSourceIdx};
 use crate::leave;
 use crate::msg::binding::{BindingError, JointBinding, SampleBinding, TaxelBinding};
 use crate::msg::definition::TypeTree;
+use crate::msg::definition::{Definitions, LookupError};
 use crate::msg::{ContactArray, WireType, WrenchStamped, type_hash};
 
 /// How often the node checks if it should end.

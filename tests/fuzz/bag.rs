@@ -41,10 +41,11 @@ fn topics() -> InputTopics {
         joint_sources: cfg.fusion.joint_sources.clone(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
+        message_definitions: None,
     }
 }
 
-fn seeds() -> Vec<Vec<u8>> {
+pub fn seeds() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let whole = [Compression::None, Compression::Lz4, Compression::Zstd].map(|compression| {
         let path = folder.path().join(format!("{compression:?}.mcap"));
@@ -70,7 +71,7 @@ fn seeds() -> Vec<Vec<u8>> {
     whole.into_iter().chain([cut]).collect()
 }
 
-fn run(input: &[u8]) -> Answer {
+pub fn run(input: &[u8]) -> Answer {
     let path = file_of("fuzzed.mcap", input);
     let mut reader = match BagReader::open(std::slice::from_ref(&path)) {
         Ok(reader) => reader,

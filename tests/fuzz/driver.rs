@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::mutate::Random;
@@ -255,9 +255,11 @@ fn watch(target: &'static str, running: Arc<Running>) {
 
 /// A file that holds the bytes, of a name of its own; each thread has one.
 pub fn file_of(name: &str, bytes: &[u8]) -> PathBuf {
-    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| tempfile::tempdir_in(in_memory()).expect("a temporary folder can be made"));
-    let path = folder.path().join(name);
+    thread_local! {
+        static FOLDER: tempfile::TempDir = tempfile::tempdir_in(in_memory()).expect("a temporary folder can be made");
+    }
+    // Targets run side by side, and some give their files the same names.
+    let path = FOLDER.with(|folder| folder.path().join(name));
     fs::write(&path, bytes).unwrap();
     path
 }

@@ -17,18 +17,30 @@ mod cdr;
 mod core;
 mod definition;
 mod driver;
+mod idl;
 mod metadata;
 mod model;
 mod mutate;
 mod params;
 #[cfg(feature = "ros")]
 mod rtps;
+mod sqlite;
 
 use driver::Answer;
 
 #[test]
 fn bag() {
     driver::run(&bag::TARGET, 1500);
+}
+
+#[test]
+fn sqlite() {
+    driver::run(&sqlite::TARGET, 1500);
+}
+
+#[test]
+fn idl() {
+    driver::run(&idl::TARGET, 4000);
 }
 
 #[test]

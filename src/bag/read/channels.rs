@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::fields::Fields;
 use crate::bag::error::one_line;
+use crate::msg::definition::{DefinitionError, Definitions as Installed, LookupError, TypeTree, canonical_type_name};
 
 /// The definition that a channel's messages follow.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -42,20 +43,98 @@ impl BagChannel {
     }
 }
 
+impl BagSchema {
+    /// Whether the recorder knew the type's name alone, as every recorder of `.db3` bags before Jazzy.
+    ///
+    /// In `.msg` an empty text defines a message without fields.
+    pub fn is_undefined(&self) -> bool {
+        self.data.is_empty() && self.encoding != "ros2msg"
+    }
+
+    /// The type with everything that it is made of; one that the recorder didn't define is looked for among `installed`.
+    ///
+    /// # Errors
+    /// [`SchemaError`] in one line.
+    pub fn tree(&self, installed: &Installed) -> Result<TypeTree, SchemaError> {
+        let name = canonical_type_name(&self.name);
+        if self.is_undefined() {
+            return Ok(installed.tree(&one_line(&name))?);
+        }
+        Ok(TypeTree::from_encoded(&name, &self.encoding, &String::from_utf8_lossy(&self.data))?)
+    }
+}
+
+/// Why the type of a channel's messages isn't known. Each text is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum SchemaError {
+    /// The recorder wrote no definition, and there is none on this machine.
+    #[error("the bag has no definition of its type: {0}")]
+    Undefined(#[from] LookupError),
+    /// The definition can't be read.
+    #[error(transparent)]
+    Definition(#[from] DefinitionError),
+}
+
+/// Types that are looked for outside of the bag; a robot has some hundred.
+const MAX_LOOKED_FOR: usize = 4096;
+
 /// The channels of all inputs. Equal channels of one input are one, so the parts of a split bag share theirs.
 #[derive(Debug, Default)]
 pub(super) struct ChannelTable {
     channels: Vec<Arc<BagChannel>>,
     /// Places of channels that may be equal: one topic may have been defined in half a million ways.
     alike: BTreeMap<u64, Vec<usize>>,
+    /// Where types that no recorder defined are looked for.
+    installed: Installed,
+    /// What was found there, by type name.
+    found: BTreeMap<String, Option<Arc<BagSchema>>>,
 }
 
 impl ChannelTable {
+    /// No channels yet; types that no recorder defines are looked for among `installed` ones.
+    pub(super) fn new(installed: Installed) -> Self {
+        ChannelTable { installed, ..ChannelTable::default() }
+    }
+
     pub(super) fn all(&self) -> &[Arc<BagChannel>] {
         &self.channels
     }
 
-    fn intern(&mut self, channel: BagChannel) -> usize {
+    /// Look for types that no recorder defined among these, those of channels that are known already too.
+    pub(super) fn look_among(&mut self, installed: Installed) {
+        self.installed = installed;
+        self.found.clear();
+        self.alike.clear();
+        for (id, channel) in std::mem::take(&mut self.channels).into_iter().enumerate() {
+            let channel = self.completed(Arc::unwrap_or_clone(channel));
+            self.alike.entry(likeness(&channel)).or_default().push(id);
+            self.channels.push(Arc::new(channel));
+        }
+    }
+
+    /// Where types that no recorder defined are looked for.
+    pub(super) fn installed(&self) -> &Installed {
+        &self.installed
+    }
+
+    /// The channel with the definition of its type, where the recorder wrote none and it is installed.
+    fn completed(&mut self, mut channel: BagChannel) -> BagChannel {
+        let Some(schema) = channel.schema.as_ref().filter(|schema| schema.is_undefined()) else { return channel };
+        if !self.found.contains_key(&schema.name) && self.found.len() < MAX_LOOKED_FOR {
+            let text = self.installed.schema_text(&canonical_type_name(&schema.name)).ok();
+            let (name, encoding) = (schema.name.clone(), "ros2msg".to_owned());
+            let found = text.map(|text| Arc::new(BagSchema { name, encoding, data: text.into_bytes() }));
+            self.found.insert(schema.name.clone(), found);
+        }
+        if let Some(Some(found)) = self.found.get(&schema.name) {
+            channel.schema = Some(Arc::clone(found));
+        }
+        channel
+    }
+
+    /// The place of a channel, which is entered where it is not known yet.
+    pub(super) fn intern(&mut self, channel: BagChannel) -> usize {
+        let channel = self.completed(channel);
         let alike = self.alike.entry(likeness(&channel)).or_default();
         let known = alike.iter().copied().find(|&id| {
             let known = &self.channels[id];
@@ -85,7 +164,7 @@ fn likeness(channel: &BagChannel) -> u64 {
 }
 
 /// The most bytes of schemas and channels that one file may define; real bags stay under a few MB.
-const MAX_DEFINITION_BYTES: usize = 256 << 20;
+pub(super) const MAX_DEFINITION_BYTES: usize = 256 << 20;
 
 /// What the schema and channel ids of one file mean.
 #[derive(Debug, Default)]

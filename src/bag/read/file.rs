@@ -14,6 +14,7 @@ use super::head::{self, Head};
 use super::loss::Losses;
 use super::order::Chunks;
 use super::source::Source;
+use super::unpacked::Unpacked;
 use super::window::Window;
 use super::{BagError, RECORD_LIMIT};
 use ordered::Ordered;
@@ -67,8 +68,13 @@ pub(super) struct McapFile {
 impl McapFile {
     /// Open `path`, which begins with the MCAP magic. Its messages come as they stand, or else each chunk's in the order of
     /// time, and `chunks` in the order given.
-    pub(super) fn open(path: &Path, chunks: Option<Chunks>, as_written: bool) -> Result<Self, BagError> {
-        let mut source = Source::open(path)?;
+    pub(super) fn open(
+        path: &Path,
+        unpacked: Unpacked,
+        chunks: Option<Chunks>,
+        as_written: bool,
+    ) -> Result<Self, BagError> {
+        let mut source = Source::open(path, unpacked)?;
         let mut magic = Vec::new();
         source.read_up_to(MAGIC.len() as u64, &mut magic)?;
         if magic != MAGIC {
@@ -414,7 +420,7 @@ impl McapFile {
 }
 
 /// The head of a message whose record has been understood once.
-fn message_of(channel: usize, body: &[u8]) -> Head {
+pub(super) fn message_of(channel: usize, body: &[u8]) -> Head {
     let (_, message) = head::message(body).expect("only messages that were read are held");
     Head::Message { channel, message }
 }

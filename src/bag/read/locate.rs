@@ -1,22 +1,24 @@
-//! From the path that a person gives to the MCAP files behind it.
+//! From the path that a person gives to the files of the bag behind it.
 
 use std::cmp::Ordering;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use mcap::MAGIC;
 
+use super::BagError;
 use super::channels::ChannelTable;
-use super::{BagError, first_log_time, summary};
+use super::sqlite::SQLITE_MAGIC;
+use super::storage::{first_log_time, summary};
+use super::unpacked::Unpacked;
 use crate::bag::error::one_line;
 use crate::bag::layout::{self, METADATA_FILE};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
-const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
-const ZSTD_MAGIC: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
 const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
-const CONVERT: &str = "convert it to MCAP with `ros2 bag convert`";
+
+/// How files of bags end; a `.zstd` or `.zst` may follow.
+const EXTENSIONS: [&str; 2] = ["mcap", "db3"];
 
 /// Longest pause from one part of a split recording to the next: the recorder goes on in the next file with the message
 /// that comes after the last one of this.
@@ -61,38 +63,36 @@ fn folder(folder: &Path) -> Result<Files, BagError> {
     if listing_path.is_file() {
         return Ok(Files { paths: listed(folder, &listing_path)?, unlisted: false, note: None });
     }
-    let Contents { mut mcaps, has_sqlite, .. } = contents(folder)?;
-    if mcaps.is_empty() {
-        let why = match has_sqlite {
-            true => format!("the folder holds a sqlite3 (.db3) bag: {CONVERT}"),
-            false => "the folder holds no .mcap file and no metadata.yaml".to_owned(),
-        };
-        return Err(not_a_bag(folder, why));
+    let Contents { mut files, .. } = contents(folder)?;
+    if files.is_empty() {
+        return Err(not_a_bag(folder, "the folder holds no .mcap or .db3 file and no metadata.yaml".to_owned()));
     }
-    mcaps.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
-    if mcaps.len() == 1 {
-        return Ok(Files { paths: mcaps, unlisted: true, note: None });
+    files.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+    if files.len() == 1 {
+        return Ok(Files { paths: files, unlisted: true, note: None });
     }
-    if !are_parts_of_one(&mcaps)? {
-        let names = mcaps.iter().map(|path| name_of(path)).collect();
+    if !are_parts_of_one(&files)? {
+        let names = files.iter().map(|path| name_of(path)).collect();
         return Err(BagError::Several { path: folder.to_path_buf(), names });
     }
     let note = format!(
         "{}: no metadata.yaml; {} to {} follow one another in number and time and are read as one split recording",
         folder.display(),
-        name_of(&mcaps[0]),
-        name_of(&mcaps[mcaps.len() - 1])
+        name_of(&files[0]),
+        name_of(&files[files.len() - 1])
     );
-    Ok(Files { paths: mcaps, unlisted: true, note: Some(note) })
+    Ok(Files { paths: files, unlisted: true, note: Some(note) })
 }
 
 /// Whether files are the parts of one recording whose recorder didn't come to list them: named `NAME_0.mcap`,
 /// `NAME_1.mcap` and so on, each going on where the one before it ends.
-fn are_parts_of_one(mcaps: &[PathBuf]) -> Result<bool, BagError> {
+fn are_parts_of_one(files: &[PathBuf]) -> Result<bool, BagError> {
     let mut before: Option<(String, u64)> = None;
-    for path in mcaps {
-        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let Some((name, number)) = stem.rsplit_once('_') else { return Ok(false) };
+    for path in files {
+        let file_name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let Some((name, number)) = bag_stem(&file_name).and_then(|stem| stem.rsplit_once('_')) else {
+            return Ok(false);
+        };
         let Ok(number) = number.parse::<u64>() else { return Ok(false) };
         if before.is_some_and(|(known, last)| known != name || last.checked_add(1) != Some(number)) {
             return Ok(false);
@@ -100,9 +100,9 @@ fn are_parts_of_one(mcaps: &[PathBuf]) -> Result<bool, BagError> {
         before = Some((name.to_owned(), number));
     }
     let mut end: Option<Stamp> = None;
-    for (idx, path) in mcaps.iter().enumerate() {
-        let is_last = idx + 1 == mcaps.len();
-        let span = match summary::read(path, 0, &mut ChannelTable::default())?.and_then(|found| found.statistics) {
+    for (idx, path) in files.iter().enumerate() {
+        let is_last = idx + 1 == files.len();
+        let span = match summary(path, 0, &mut ChannelTable::default())?.and_then(|found| found.statistics) {
             Some(statistics) => statistics.span,
             None if is_last => first_log_time(path).unwrap_or_default().map(|first| (first, first)),
             None => return Ok(false),
@@ -126,8 +126,7 @@ fn name_of(path: &Path) -> String {
 /// What of a folder's entries tells whether it is a bag.
 #[derive(Default)]
 struct Contents {
-    mcaps: Vec<PathBuf>,
-    has_sqlite: bool,
+    files: Vec<PathBuf>,
     folders: Vec<PathBuf>,
 }
 
@@ -139,14 +138,21 @@ fn contents(folder: &Path) -> Result<Contents, BagError> {
         if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.')) {
             continue; // hidden: written by someone at this moment, or left by what synchronizes files
         }
-        match path.extension().and_then(|extension| extension.to_str()) {
-            Some("mcap") if path.is_file() => contents.mcaps.push(path),
-            Some("db3") => contents.has_sqlite = true,
-            _ if path.is_dir() => contents.folders.push(path),
-            _ => {}
+        let is_bag = path.file_name().is_some_and(|name| bag_stem(&name.to_string_lossy()).is_some());
+        if path.is_dir() {
+            contents.folders.push(path);
+        } else if is_bag && path.is_file() {
+            contents.files.push(path);
         }
     }
     Ok(contents)
+}
+
+/// The name of a bag's file without its ending; `None` of any other file.
+fn bag_stem(name: &str) -> Option<&str> {
+    let name = name.strip_suffix(".zstd").or_else(|| name.strip_suffix(".zst")).unwrap_or(name);
+    let (stem, extension) = name.rsplit_once('.')?;
+    EXTENSIONS.contains(&extension).then_some(stem)
 }
 
 /// The recordings that a path stands for: one file is one, a folder with a `metadata.yaml` is one, and any other folder
@@ -178,18 +184,18 @@ pub fn recordings_at(path: &Path) -> Result<Recordings, BagError> {
     Ok(Recordings { paths, note: (!notes.is_empty()).then(|| notes.join("; ")) })
 }
 
-/// The recordings that the `.mcap` files of a folder without a `metadata.yaml` are: the folder itself where they are one.
+/// The recordings that the files of a folder without a `metadata.yaml` are: the folder itself where they are one.
 fn in_folder(path: &Path) -> Result<Recordings, BagError> {
-    let mut mcaps = contents(path)?.mcaps;
-    if mcaps.is_empty() {
-        return Ok(Recordings { paths: mcaps, note: None });
+    let mut files = contents(path)?.files;
+    if files.is_empty() {
+        return Ok(Recordings { paths: files, note: None });
     }
     match folder(path) {
         Ok(Files { note, .. }) => Ok(Recordings { paths: vec![path.to_path_buf()], note }),
         Err(BagError::Several { names, .. }) => {
-            mcaps.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+            files.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
             let note = format!("{}: {} recordings, each by itself: {}", path.display(), names.len(), names.join(", "));
-            Ok(Recordings { paths: mcaps, note: Some(note) })
+            Ok(Recordings { paths: files, note: Some(note) })
         }
         Err(error) => Err(error),
     }
@@ -198,14 +204,19 @@ fn in_folder(path: &Path) -> Result<Recordings, BagError> {
 fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> {
     let listing = layout::read(listing_path)?;
     let refuse = |why: String| Err(BagError::Metadata { path: listing_path.to_path_buf(), why });
-    if listing.storage_identifier != "mcap" {
+    if !matches!(listing.storage_identifier.as_str(), "mcap" | "sqlite3") {
         let got = one_line(&listing.storage_identifier);
-        return refuse(format!("storage_identifier is {got:?}, expected \"mcap\": {CONVERT}"));
+        return refuse(format!(
+            "storage_identifier is {got:?}, expected \"mcap\" or \"sqlite3\": convert it with `ros2 bag convert`"
+        ));
     }
-    let mode = listing.compression_mode.to_ascii_lowercase();
-    if !matches!(mode.as_str(), "" | "none") {
-        let mode = one_line(&mode);
-        return refuse(format!("compression_mode is {mode:?}, expected none (MCAP packs its own chunks): {CONVERT}"));
+    let (mode, format) = (listing.compression_mode.to_ascii_lowercase(), listing.compression_format.as_str());
+    let is_packed = !matches!(mode.as_str(), "" | "none");
+    if is_packed && !(matches!(mode.as_str(), "file" | "message" | "storage") && matches!(format, "" | "zstd")) {
+        let (mode, format) = (one_line(&mode), one_line(format));
+        return refuse(format!(
+            "compression_mode is {mode:?} with compression_format {format:?}, expected file or message with zstd: convert it with `ros2 bag convert`"
+        ));
     }
     if listing.relative_file_paths.is_empty() {
         return refuse("relative_file_paths is empty: rebuild it with `ros2 bag reindex`".to_owned());
@@ -215,7 +226,9 @@ fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> 
         let path = folder.join(relative);
         // Bags of early layouts name the folder in the path as well.
         let in_folder = Path::new(relative).file_name().map(|name| folder.join(name));
-        match [Some(path), in_folder].into_iter().flatten().find(|path| path.is_file()) {
+        // A recorder that was stopped has packed files that it lists by their names of before.
+        let packed = folder.join(format!("{relative}.zstd"));
+        match [Some(path), in_folder, Some(packed)].into_iter().flatten().find(|path| path.is_file()) {
             Some(path) => paths.push(path),
             None => {
                 let relative = one_line(relative);
@@ -229,32 +242,42 @@ fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> 
 /// The error for a file that doesn't begin as MCAP does: it says what the file looks like.
 pub(super) fn not_mcap(path: &Path) -> BagError {
     let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(64).read_to_end(&mut start));
-    if let Err(error) = read {
-        return BagError::io(path, "read", error);
+    let read = Unpacked::open(path).map(|unpacked| unpacked.file.take(64).read_to_end(&mut start));
+    match read {
+        Err(error) => return error,
+        Ok(Err(error)) => return BagError::io(path, "read", error),
+        Ok(Ok(_)) => {}
     }
     let is_listing = path.file_name().is_some_and(|name| name == METADATA_FILE);
     let why = if start.is_empty() {
         "it is empty".to_owned()
     } else if is_listing {
         "it describes a bag: give the folder that it lies in".to_owned()
-    } else if start.starts_with(SQLITE_MAGIC) {
-        format!("it is a sqlite3 (.db3) bag: {CONVERT}")
     } else if start.starts_with(ROS1_MAGIC) {
-        "it is a ROS 1 bag: convert it, for example with rosbags-convert".to_owned()
-    } else if start.starts_with(ZSTD_MAGIC) {
-        "it is packed with zstd as a whole: unpack it with `zstd -d`".to_owned()
+        ros1_advice(path)
+    } else if SQLITE_MAGIC.starts_with(&start) {
+        format!("it is a sqlite3 (.db3) bag, cut off after {} bytes", start.len())
     } else if MAGIC.starts_with(&start) {
         format!("it is cut off after {} bytes", start.len())
     } else if start.iter().all(|&byte| byte == 0) {
         "it begins with zeros, as files do after a power failure".to_owned()
     } else if is_text(&start) {
-        "it looks like text, expected a .mcap file".to_owned()
+        "it looks like text, expected a .mcap or .db3 file".to_owned()
     } else {
         let shown: Vec<String> = start.iter().take(MAGIC.len()).map(|byte| format!("{byte:02x}")).collect();
-        format!("it begins with the bytes {}, expected those of MCAP", shown.join(" "))
+        format!("it begins with the bytes {}, expected those of MCAP or sqlite3", shown.join(" "))
     };
     not_a_bag(path, why)
+}
+
+/// The commands that make an MCAP bag of one of ROS 1, for a shell.
+fn ros1_advice(path: &Path) -> String {
+    let quoted = |path: &Path| format!("'{}'", one_line(&path.to_string_lossy()).replace('\'', "'\\''"));
+    format!(
+        "it is a ROS 1 bag: `pip install rosbags`, then `rosbags-convert --src {} --dst {} --dst-storage mcap` makes an MCAP bag of it",
+        quoted(path),
+        quoted(&path.with_extension(""))
+    )
 }
 
 /// Whether these first bytes of a file are text; the last character may be cut in two.

@@ -2,11 +2,10 @@
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::Part;
 use super::fields::Fields;
-use super::file::McapFile;
 use super::locate::natural_order;
 use super::loss::Losses;
 use super::window::WINDOW;
@@ -136,7 +135,7 @@ pub(super) struct Late {
 }
 
 impl Late {
-    pub(super) fn handle(&mut self, log_time: Stamp, channel: usize, file: &McapFile) {
+    pub(super) fn handle(&mut self, log_time: Stamp, channel: usize, file: &Path) {
         let before = self.of_channel.insert(channel, log_time);
         if before.is_some_and(|before| before.nanos_since(log_time) > LATE_NS) {
             // The recorder's clock was set: from here on another time counts.
@@ -151,7 +150,7 @@ impl Late {
         if late_ns > LATE_NS {
             self.n += 1;
             self.most_ns = self.most_ns.max(late_ns);
-            self.first_in.get_or_insert_with(|| file.path().to_path_buf());
+            self.first_in.get_or_insert_with(|| file.to_path_buf());
         }
     }
 

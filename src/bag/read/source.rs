@@ -5,12 +5,16 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::BagError;
+use super::unpacked::Unpacked;
+use tempfile::TempPath;
 
 const READ_BUFFER: usize = 256 << 10;
 
 /// A file that is read from its start.
 pub(super) struct Source {
     pub(super) path: PathBuf,
+    /// Removes a file that was unpacked once it is read.
+    _temporary: Option<TempPath>,
     reader: BufReader<File>,
     /// The next byte of the file to be read.
     pub(super) pos: u64,
@@ -19,11 +23,12 @@ pub(super) struct Source {
 }
 
 impl Source {
-    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
-        let file = File::open(path).map_err(|error| BagError::io(path, "open", error))?;
+    /// The file that `path` was unpacked to.
+    pub(super) fn open(path: &Path, unpacked: Unpacked) -> Result<Self, BagError> {
+        let Unpacked { file, temporary, .. } = unpacked;
         let size = file.metadata().map_err(|error| BagError::io(path, "open", error))?.len();
         let reader = BufReader::with_capacity(READ_BUFFER, file);
-        Ok(Source { path: path.to_path_buf(), reader, pos: 0, size })
+        Ok(Source { path: path.to_path_buf(), _temporary: temporary, reader, pos: 0, size })
     }
 
     /// Put the next `len` bytes into `into`, or fewer where the file ends. Memory grows with what is there only.

@@ -1,7 +1,6 @@
 //! What the end of a file tells about the whole of it, without reading the whole.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -12,6 +11,7 @@ use super::BagError;
 use super::channels::{ChannelTable, Definitions};
 use super::fields::Fields;
 use super::order::ChunkPlace;
+use super::unpacked::Unpacked;
 use crate::units::Stamp;
 
 /// Footer record (head, two offsets, checksum) and the magic behind it.
@@ -28,6 +28,8 @@ pub(super) struct FileSummary {
     pub(super) unknown_compression: Option<String>,
     /// Where the index says that chunks are, in its order.
     pub(super) chunks: Vec<ChunkPlace>,
+    /// Whether the rows of a sqlite3 file are to be put in the order of time.
+    pub(super) by_time: bool,
 }
 
 /// Counts of a file, by the place of the channel in the table.
@@ -44,9 +46,14 @@ pub(super) struct Statistics {
 ///
 /// # Errors
 /// [`BagError::Io`] when the file can't be read.
-pub(super) fn read(path: &Path, input: usize, table: &mut ChannelTable) -> Result<Option<FileSummary>, BagError> {
+pub(super) fn read(
+    path: &Path,
+    unpacked: Unpacked,
+    input: usize,
+    table: &mut ChannelTable,
+) -> Result<Option<FileSummary>, BagError> {
     let io_error = |error| BagError::io(path, "read", error);
-    let mut file = File::open(path).map_err(|error| BagError::io(path, "open", error))?;
+    let mut file = &unpacked.file;
     let size = file.metadata().map_err(io_error)?.len();
     let Some(footer_start) = size.checked_sub(FOOTER_LEN) else { return Ok(None) };
     file.seek(SeekFrom::Start(footer_start)).map_err(io_error)?;
@@ -57,7 +64,7 @@ pub(super) fn read(path: &Path, input: usize, table: &mut ChannelTable) -> Resul
     let mut source = BufReader::new(file).take(footer_start - start);
 
     let mut definitions = Definitions::default();
-    let mut summary = FileSummary { statistics: None, unknown_compression: None, chunks: Vec::new() };
+    let mut summary = FileSummary { statistics: None, unknown_compression: None, chunks: Vec::new(), by_time: false };
     let (mut statistics, mut n_channels) = (None, 0);
     let mut body = Vec::new();
     loop {

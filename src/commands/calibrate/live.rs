@@ -12,7 +12,7 @@ use super::{Args, verdict};
 use crate::config::{Config, ParamTree};
 use crate::fusion::Fusion;
 use crate::glove::known;
-use crate::ros::definitions::Definitions;
+use crate::msg::definition::Definitions;
 use crate::ros::{
     Calibrator, Delivery, Heard, HeardTopic, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings,
     wanted,

@@ -14,6 +14,7 @@ use super::{Failure, say, shown};
 use crate::bag::{BagChannel, BagMessage, BagReader, BagStats, TopicStats};
 use crate::commands::progress::Progress;
 use crate::msg::canonical_type_name;
+use crate::msg::definition::Definitions;
 use crate::units::NANOS_PER_SEC;
 
 /// What is told of a bag.
@@ -76,6 +77,8 @@ fn is_zero(n: &usize) -> bool {
 #[derive(Default)]
 struct Gather {
     stats: BagStats,
+    /// Where types that the bag doesn't define are looked for.
+    definitions: Definitions,
     /// The same of the stamps, as if they were log times.
     stamps: BagStats,
     topics: Vec<Topic>,
@@ -119,7 +122,7 @@ impl Gather {
         if self.definition_bytes > MAX_DEFINITION_BYTES || self.n_fields > MAX_FIELDS {
             return Topic::unseen(channel, "the definitions of the other topics are too long to look into this one");
         }
-        let topic = Topic::new(channel);
+        let topic = Topic::new(channel, &self.definitions);
         self.n_fields += topic.look.as_ref().map_or(0, |look| look.numeric.len());
         topic
     }
@@ -138,11 +141,12 @@ impl Gather {
 }
 
 impl BagReport {
-    /// Reads the bag at `path` from its first message to its last.
-    pub(super) fn read(path: &Path) -> Result<Self, Failure> {
+    /// Reads the bag at `path` from its first message to its last; types that it doesn't define are looked for in a folder.
+    pub(super) fn read(path: &Path, definitions: Option<&Path>) -> Result<Self, Failure> {
         let mut reader = BagReader::open_as_written(&[path.to_path_buf()])?;
+        definitions.iter().for_each(|folder| reader.look_for_definitions_in(folder));
         reader.notes().iter().for_each(|note| say(&printable(note)));
-        let mut gather = Gather::default();
+        let mut gather = Gather { definitions: reader.definitions().clone(), ..Gather::default() };
         let mut progress = Progress::bytes("inspect", reader.bytes_total());
         loop {
             progress.set(reader.bytes_read());

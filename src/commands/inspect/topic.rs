@@ -4,7 +4,7 @@ use super::fields::{self, ArrayWatch, Grid};
 use super::force::{self, ForceWatch, MAX_SKINS, Skin};
 use super::stamps::StampRun;
 use crate::bag::{BagChannel, BagMessage};
-use crate::msg::definition::{Arity, BaseType, TypeTree, canonical_type_name};
+use crate::msg::definition::{Arity, BaseType, Definitions, TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, NumericPath, ReadAs, ReadError, numeric_paths};
 use crate::msg::{Stage, WireType, from_cdr};
 use crate::units::Stamp;
@@ -56,9 +56,9 @@ struct Buffers {
 }
 
 impl Topic {
-    /// The topic of a channel, before its first message.
-    pub(super) fn new(channel: &BagChannel) -> Self {
-        let look = tree_of(channel).map(|tree| Look::new(&tree, &channel.topic));
+    /// The topic of a channel, before its first message; a type that the bag doesn't define is looked for among `definitions`.
+    pub(super) fn new(channel: &BagChannel, definitions: &Definitions) -> Self {
+        let look = tree_of(channel, definitions).map(|tree| Look::new(&tree, &channel.topic));
         Topic { look, ..Topic::unseen(channel, "") }
     }
 
@@ -105,15 +105,12 @@ impl Topic {
     }
 }
 
-fn tree_of(channel: &BagChannel) -> Result<TypeTree, String> {
+fn tree_of(channel: &BagChannel, definitions: &Definitions) -> Result<TypeTree, String> {
     if channel.message_encoding != "cdr" {
         return Err(format!("its message encoding is {:?}, only \"cdr\" is read", channel.message_encoding));
     }
     let Some(schema) = &channel.schema else { return Err("the recorder wrote no schema for it".to_owned()) };
-    if schema.encoding != "ros2msg" {
-        return Err(format!("its schema is written as {:?}, only \"ros2msg\" is read", schema.encoding));
-    }
-    TypeTree::from_schema(&schema.name, &String::from_utf8_lossy(&schema.data)).map_err(|error| error.to_string())
+    schema.tree(definitions).map_err(|error| error.to_string())
 }
 
 impl Look {

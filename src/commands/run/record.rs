@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use super::super::{FLUSH_EVERY, Failure};
 use crate::bag::{BEST_EFFORT_QOS, BagError, BagWriter, Finished, NewChannel, OutChannel, WriteOptions};
+use crate::msg::definition::Definitions;
 use crate::msg::{ContactArray, Slot, WrenchStamped, type_hash};
-use crate::ros::definitions::Definitions;
 use crate::ros::{InputName, Names, Record};
 
 /// Messages that may wait for the disk: some seconds of a fast glove with five regions.

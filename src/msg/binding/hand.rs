@@ -124,7 +124,7 @@ impl HandPlan {
         if n_values == 0 {
             return Err(SampleError::Empty { type_name: type_name(), rows: 1, n_values });
         }
-        if self.positions.len() == 1 && n_values % 3 != 0 {
+        if self.positions.len() == 1 && !n_values.is_multiple_of(3) {
             return Err(SampleError::Coordinates { type_name: type_name(), n_values });
         }
         let lengths = self.columns[3..].iter().map(Vec::len).chain(self.columns[1..3].iter().map(Vec::len));

@@ -63,7 +63,7 @@ pub struct JointBinding {
 /// Where the angles of a message are, compiled.
 #[derive(Debug, Clone)]
 enum AngleSource {
-    Sent { positions: FieldPlan, names: Option<FieldPlan> }, // names: None where they are constant
+    Sent { positions: Box<FieldPlan>, names: Option<Box<FieldPlan>> }, // names: None where they are constant
     Hand(Box<HandPlan>),
 }
 
@@ -74,10 +74,11 @@ impl JointBinding {
     /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
     pub fn compile(fields: &JointFields, tree: &TypeTree) -> Result<Self, BindingError> {
         let sent = |names| -> Result<AngleSource, BindingError> {
-            Ok(AngleSource::Sent { positions: plan("positions", tree, &fields.positions, ReadAs::Numbers)?, names })
+            let positions = Box::new(plan("positions", tree, &fields.positions, ReadAs::Numbers)?);
+            Ok(AngleSource::Sent { positions, names })
         };
         let (source, joint_names) = match &fields.names {
-            NamesFrom::Field(path) => (sent(Some(plan("names", tree, path, ReadAs::Texts)?))?, vec![]),
+            NamesFrom::Field(path) => (sent(Some(Box::new(plan("names", tree, path, ReadAs::Texts)?)))?, vec![]),
             NamesFrom::Constant(names) => (sent(None)?, names.clone()),
             NamesFrom::Hand(hand) => {
                 let plan = HandPlan::compile(&fields.positions, hand, tree)?;

@@ -176,3 +176,90 @@ fn a_service_text_makes_its_event_request_and_response() {
     assert!(TypeTree::from_schema("pkg/srv/Add", text).is_err());
     assert!(tree_error(text).contains("parts divided by '---'"));
 }
+
+/// As rosidl_adapter writes a `.msg` file in IDL.
+const PATCH_IDL: &str = r#"================================================================================
+IDL: glove_msgs/msg/Patch
+// generated from rosidl_adapter/resource/msg.idl.em
+#include "std_msgs/msg/Header.idl"
+
+module glove_msgs {
+  module msg {
+    typedef double double__9[9];
+    typedef glove_msgs::msg::Cell glove_msgs__msg__Cell;
+    const unsigned long SIZE = 4;
+    typedef glove_msgs__msg__Cell glove_msgs__msg__Cell__2[2];
+    module Patch_Constants {
+      @verbatim (language="comment", text="of (two) \"lines\"" "\n" "more; }")
+      const string NAME = "a; }";
+      const float HALF = -0.5;
+    };
+    enum Side { LEFT, RIGHT };
+    @verbatim (language="comment", text="A patch")
+    struct Patch {
+      @unit (value="N") std_msgs::msg::Header header; /* and
+      more */
+      double__9 covariance;
+      sequence<glove_msgs__msg__Cell, 3> cells;
+      glove_msgs__msg__Cell__2 pair, pairs[3];
+      unsigned long side;
+      sequence<uint8> raw;
+      @default (value=TRUE)
+      boolean on; octet flags;
+      string<12> name; wstring label; sequence<string<5>, SIZE> names;
+      unsigned long long a, b[2][3];
+      long long c; short d; unsigned short e; long f; float g; int8 h;
+    };
+  };
+};
+================================================================================
+IDL: glove_msgs/msg/Cell
+module glove_msgs { module msg { struct Cell { int16 _value; builtin_interfaces::msg::Time stamp; }; }; };
+================================================================================
+IDL: std_msgs/msg/Header
+module std_msgs { module msg { struct Header { builtin_interfaces::msg::Time stamp; string frame_id; }; }; };
+"#;
+
+#[test]
+fn idl_says_what_msg_says() {
+    let tree = TypeTree::from_encoded("glove_msgs/msg/Patch", "ros2idl", PATCH_IDL).unwrap();
+    let bar = "=".repeat(80);
+    let msg = format!(
+        "std_msgs/Header header\nfloat64[9] covariance\nCell[<=3] cells\nCell[2] pair\nCell[6] pairs\nuint32 side\nuint8[] raw\nbool on\nbyte flags\nstring<=12 \
+         name\nwstring label\nstring<=5[<=4] names\nuint64 a\nuint64[6] b\nint64 c\nint16 d\nuint16 e\nint32 \
+         f\nfloat32 g\nint8 h\n{bar}\nMSG: glove_msgs/Cell\nint16 value\nbuiltin_interfaces/Time stamp\n{bar}\nMSG: \
+         std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+    );
+    let same = TypeTree::from_schema("glove_msgs/msg/Patch", &msg).unwrap();
+    assert_eq!(tree, same);
+    let empty = "module p { module msg { struct E { uint8 structure_needs_at_least_one_member; }; }; };";
+    assert!(TypeTree::from_encoded("p/msg/E", "ros2idl", empty).unwrap().root().fields.is_empty());
+}
+
+#[test]
+fn idl_that_is_no_message_is_refused_with_its_line() {
+    let refused = |text: &str| TypeTree::from_encoded("p/msg/T", "ros2idl", text).unwrap_err().to_string();
+    let in_module = |text: &str| refused(&format!("module p {{ module msg {{\n{text}\n}}; }};"));
+    assert!(in_module("typedef Later L; struct T { L x; };").contains("line 2: 'Later' is not a type name"));
+    assert!(in_module("struct T { sequence<sequence<long>> x; };").contains("line 2: "));
+    assert!(in_module("struct T { T x; };").contains("contains itself"));
+    assert!(in_module("struct T { q::msg::U x; };").contains("q/msg/U, which is not defined"));
+    assert!(in_module("struct T { long x[0]; };").contains("'0' is no bound"));
+    assert!(in_module("struct T { long x[4294967295][2]; };").contains("more than 4294967295"));
+    assert!(in_module("struct T { long x; long x; };").contains("defined twice"));
+    assert!(in_module("union T switch(long) { case 0: long x; };").contains("'union' is not read"));
+    assert!(in_module("struct T { @key(").contains("ends within"));
+    for used in ["E x;", "p::msg::E x;", "sequence<E> x;", "E x[2];"] {
+        let line = in_module(&format!("enum E {{ A, B }};\nstruct T {{ {used} }};"));
+        assert!(line.contains("p/msg/T, line 3: '") && line.contains("is an enum"), "{line}");
+        let line = in_module(&format!("struct T {{ {used} }};\nenum E {{ A, B }};"));
+        assert!(line.contains("p/msg/T, line 2: '") && line.contains("is an enum"), "{line}");
+    }
+    assert!(in_module("struct T { wchar x; };").contains("'wchar' is not read"));
+    assert!(refused("").contains("no struct of that name"));
+    assert!(refused(&"module m {".repeat(100)).contains("nested too deep"));
+    assert!(refused(&" ".repeat(5 << 20)).contains("expected at most"));
+    let many = format!("module p {{ module msg {{ struct T {{ {} }}; }}; }};", "long x;".repeat(5000));
+    assert!(refused(&many).contains("more than 4096 fields"));
+    assert!(TypeTree::from_encoded("p/msg/T", "", "").unwrap_err().to_string().contains("AMENT_PREFIX_PATH"));
+}

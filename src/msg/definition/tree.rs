@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::idl::Structs;
 use super::{
     Arity, BaseType, DefinitionError, FieldDefinition, FieldType, MessageDefinition, checked_type_name, shortened,
 };
@@ -12,7 +13,7 @@ const MAX_DEPTH: usize = 32; // real messages nest about 6 deep
 
 /// Most fields, those of nested messages included, that a type may have.
 // Real messages have a few hundred at most, and `tpf inspect` looks at each by way of all before it.
-const MAX_FIELDS: usize = 4096;
+pub(super) const MAX_FIELDS: usize = 4096;
 
 /// What the two halves of a service need beside their own text to make its event type.
 const SERVICE_EVENT_INFO: &str = "service_msgs/msg/ServiceEventInfo";
@@ -37,6 +38,34 @@ impl TypeTree {
         Self::resolve(type_name, text, &mut |_| None)
     }
 
+    /// As [`from_schema`](Self::from_schema), of a schema that is written as `encoding` says: `ros2msg`, or `ros2idl`,
+    /// which rosbag2 takes where a package has no `.msg` files.
+    ///
+    /// # Errors
+    /// [`DefinitionError`] naming the type and what is wrong or missing.
+    pub fn from_encoded(type_name: &str, encoding: &str, text: &str) -> Result<Self, DefinitionError> {
+        match encoding {
+            "ros2msg" => Self::from_schema(type_name, text),
+            "ros2idl" => Self::from_idl(type_name, text),
+            "" => Err(DefinitionError::Missing { type_name: shortened(type_name) }),
+            other => Err(DefinitionError::Encoding { type_name: shortened(type_name), got: shortened(other) }),
+        }
+    }
+
+    fn from_idl(type_name: &str, text: &str) -> Result<Self, DefinitionError> {
+        let root = checked_type_name(type_name)?;
+        let mut structs = super::idl::parse(&root, text)?;
+        let Some(definition) = structs.remove(&root) else {
+            return Err(DefinitionError::NotInIdl { type_name: root });
+        };
+        let (sections, lookup) = (BTreeMap::new(), &mut |_: &str| None);
+        let (types, sizes) = (BTreeMap::new(), BTreeMap::new());
+        let mut resolver = Resolver { sections, structs, lookup, types, sizes, open: vec![] };
+        resolver.add(definition)?;
+        let types = resolver.types;
+        Ok(TypeTree { root, types })
+    }
+
     /// As [`from_schema`](Self::from_schema), asking `lookup` for the `.msg` text of each canonical type name that
     /// `text` does not define.
     ///
@@ -49,7 +78,14 @@ impl TypeTree {
     ) -> Result<Self, DefinitionError> {
         let root = checked_type_name(type_name)?;
         let (root_text, sections) = sections(&root, text)?;
-        let mut resolver = Resolver { sections, lookup, types: BTreeMap::new(), sizes: BTreeMap::new(), open: vec![] };
+        let mut resolver = Resolver {
+            sections,
+            structs: BTreeMap::new(),
+            lookup,
+            types: BTreeMap::new(),
+            sizes: BTreeMap::new(),
+            open: vec![],
+        };
         let definition = match service_of(&root, &root_text) {
             Some(service) => resolver.add_service(&root, service)?,
             None => MessageDefinition::parse(&root, &root_text)?,
@@ -87,6 +123,7 @@ impl TypeTree {
 
 struct Resolver<'a> {
     sections: BTreeMap<String, String>,
+    structs: Structs,
     lookup: &'a mut dyn FnMut(&str) -> Option<String>,
     types: BTreeMap<String, MessageDefinition>,
     sizes: BTreeMap<String, usize>, // fields, those of nested messages included
@@ -124,6 +161,9 @@ impl Resolver<'_> {
         }
         if self.open.contains(name) {
             return Err(DefinitionError::Recursive { type_name: name.clone(), through: user.to_owned() });
+        }
+        if let Some(definition) = self.structs.remove(name.as_str()) {
+            return self.add(definition);
         }
         match self.text(name) {
             Some(text) => {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::msg::definition::{DefinitionError, TypeTree};
+use super::{DefinitionError, TypeTree};
 use crate::msg::standard_text;
 
 /// Where to look for `.msg` files.
@@ -30,6 +30,13 @@ impl Definitions {
     pub fn new(folder: Option<&Path>, prefixes: &[PathBuf]) -> Self {
         let shares = prefixes.iter().map(|prefix| prefix.join("share"));
         Definitions { folders: folder.map(Path::to_path_buf).into_iter().chain(shares).collect() }
+    }
+
+    /// As [`new`](Self::new), with the prefixes on the `AMENT_PREFIX_PATH` of this process.
+    pub fn of_this_machine(folder: Option<&Path>) -> Self {
+        let prefixes = std::env::var_os("AMENT_PREFIX_PATH").filter(|paths| !paths.is_empty());
+        let prefixes: Vec<PathBuf> = prefixes.map(|paths| std::env::split_paths(&paths).collect()).unwrap_or_default();
+        Self::new(folder, &prefixes)
     }
 
     /// A type with everything that it is made of.
