@@ -36,7 +36,7 @@ fn the_demo_leaves_bags_and_a_picture_and_says_that_it_is_synthetic() {
     // The command that it proposes works, and a second demo takes its place.
     let params = "shown/params/glove3.yaml";
     let scored = tpf(folder, &["eval", "shown/session", "--params-file", params, "--whole", "--by", "substage"]).ok();
-    assert!(scored.stdout.contains("free_movement_taps"), "{scored:?}");
+    assert!(scored.stdout.contains("/ touches"), "{scored:?}");
     fs::create_dir(folder.join("mine")).unwrap();
     let refused = tpf(folder, &["demo", "-o", "mine"]);
     assert!(refused.failure().contains("mine: is there and was not made by a demo"), "{refused:?}");
