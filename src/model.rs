@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use self::causal::Causal;
 use self::contract::Terms;
 use self::direct::Direct;
 use self::error::one_line;
@@ -21,6 +22,7 @@ use self::paper::Paper;
 use self::session::{Runtime, Session};
 use crate::fusion::{ForceUnit, Regressor};
 
+mod causal;
 mod comparison;
 mod contract;
 mod direct;
@@ -50,7 +52,8 @@ const WINDOWS_AT_ONCE: usize = 32;
 /// What to run a model by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum BackendChoice {
-    /// Our own code where the model is the paper's network, else ONNX Runtime where it is found, else RTen.
+    /// Our own code where the model is the paper's network or the causal one of adaptive models, else ONNX Runtime where it
+    /// is found, else RTen.
     #[default]
     Auto,
     /// Our own code or nothing.
@@ -160,7 +163,7 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     let mut session = Session::new(path, runtime, &opened.terms);
     info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
     info.contract = session.contract().clone();
-    let own = own.map(|paper| Direct::of(&mut session, &paper, spec.threads.get()));
+    let own = own.map(|own| Direct::of(&mut session, &own, spec.threads.get()));
     let regressor: Box<dyn Regressor> = match own {
         Some(Ok(direct)) => {
             info.batch_hint = direct::WINDOWS_AT_ONCE;
@@ -182,11 +185,18 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     Ok(Model { regressor, info })
 }
 
-/// The paper's network, where our own code may run it.
-fn own_network(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
-    match terms.batch {
-        Batch::Dynamic => paper::find(model, terms),
-        Batch::One => Err("its batch is fixed at 1".to_owned()),
+/// A network that our own code runs.
+enum Own {
+    Paper(Box<Paper>),
+    Causal(Box<Causal>),
+}
+
+/// The network, where our own code may run it.
+fn own_network(model: &ModelProto, terms: &Terms) -> Result<Own, String> {
+    match (terms.batch, &terms.tensors.touch) {
+        (Batch::One, _) => Err("its batch is fixed at 1".to_owned()),
+        (Batch::Dynamic, Some(_)) => causal::find(model, terms).map(|causal| Own::Causal(Box::new(causal))),
+        (Batch::Dynamic, None) => paper::find(model, terms).map(|paper| Own::Paper(Box::new(paper))),
     }
 }
 
@@ -209,9 +219,9 @@ pub fn inspect_spec(spec: &ModelSpec) -> Result<ModelInfo, ModelError> {
 /// A file that has passed every check that needs no runtime.
 struct Opened {
     bytes: Vec<u8>,
-    /// The paper's network, or why our own code can't run the model.
-    own: Result<Paper, String>,
-    /// True if it is the paper's network and nothing beside: what a runtime makes of it is known.
+    /// The network that our own code runs, or why it can't run the model.
+    own: Result<Own, String>,
+    /// True if it is a network of ours and nothing beside: what a runtime makes of it is known.
     is_known: bool,
     terms: Terms,
     info: ModelInfo,

@@ -37,12 +37,13 @@ fn lanes(contract: &Contract, n: usize) -> Vec<Lane> {
         .collect()
 }
 
-/// Bits of the force and of the base; whatever is not a number is one and the same.
-type Bits = (u32, Option<u32>);
+/// Bits of the force, of the base and of the touch; whatever is not a number is one and the same.
+type Bits = (u32, Option<u32>, Option<u32>);
 
 fn bits(forces: &Forces) -> Vec<Bits> {
     let one = |force: &f32| if force.is_nan() { f32::NAN.to_bits() } else { force.to_bits() };
-    (0..forces.force.len()).map(|idx| (one(&forces.force[idx]), forces.base.get(idx).map(one))).collect()
+    let all = |idx: usize| (one(&forces.force[idx]), forces.base.get(idx).map(one), forces.touch.get(idx).map(one));
+    (0..forces.force.len()).map(all).collect()
 }
 
 /// What every window of a lane gives in a stretch.
@@ -76,18 +77,20 @@ fn spoil(lanes: &mut [Lane], contract: &Contract) {
         lanes[lane].tactile[frame * width] = value;
     }
     lanes[3].tactile[69 * width..70 * width].fill(0.0);
-    lanes[4].pose[75 * contract.n_joints] = f32::NAN;
-    lanes[2].pose[30 * contract.n_joints] = f32::INFINITY;
+    if contract.n_joints > 0 {
+        lanes[4].pose[75 * contract.n_joints] = f32::NAN;
+        lanes[2].pose[30 * contract.n_joints] = f32::INFINITY;
+    }
 }
 
 #[test]
 fn windows_that_come_frame_by_frame_give_the_bits_of_a_stretch() {
-    for name in ["glove1_pose_aware.onnx", "glove1_tactile_only.onnx"] {
+    for name in ["glove1_pose_aware.onnx", "glove1_tactile_only.onnx", "glove3_adaptive.onnx"] {
         let mut model = own(name);
         let contract = model.info.contract.clone();
         for spoiled in [false, true] {
             let mut lanes = lanes(&contract, N_LANES);
-            if spoiled && contract.n_joints > 0 {
+            if spoiled {
                 spoil(&mut lanes, &contract);
             }
             let expected: Vec<_> = lanes.iter().map(|lane| stretch(&mut model, lane)).collect();
@@ -103,7 +106,12 @@ fn windows_that_come_frame_by_frame_give_the_bits_of_a_stretch() {
 
 #[test]
 fn whatever_was_run_before_the_bits_are_the_same() {
-    let mut model = own("glove1_pose_aware.onnx");
+    for name in ["glove1_pose_aware.onnx", "glove3_adaptive.onnx"] {
+        whatever_was_run_before(own(name));
+    }
+}
+
+fn whatever_was_run_before(mut model: Model) {
     let contract = model.info.contract.clone();
     let mut lanes = lanes(&contract, 2 * N_LANES);
     spoil(&mut lanes, &contract);
@@ -159,10 +167,10 @@ fn a_frame_that_is_no_number_reaches_every_window_that_holds_it_and_no_other() {
         spoiled[0].tactile[frame * contract.n_taxels + 1] = f32::NAN;
         spoiled[1].pose[frame * contract.n_joints + 1] = f32::NAN;
         let nan = f32::NAN.to_bits();
-        for (first, (force, base)) in stretch(&mut model, &spoiled[0]).into_iter().enumerate() {
+        for (first, (force, base, _)) in stretch(&mut model, &spoiled[0]).into_iter().enumerate() {
             assert_eq!((force == nan, base == Some(nan)), (holds(first), holds(first)), "window {first}");
         }
-        for (first, (force, base)) in stretch(&mut model, &spoiled[1]).into_iter().enumerate() {
+        for (first, (force, base, _)) in stretch(&mut model, &spoiled[1]).into_iter().enumerate() {
             assert_eq!((force == nan, base == Some(nan)), (holds(first), false), "window {first}");
         }
     }

@@ -82,7 +82,9 @@ fn holds(path: &Path) {
         let (alone, together) = (forces(&mut alone, &input), forces(&mut together, &input));
         let largest = alone.force.iter().fold(0.0_f32, |largest, force| largest.max(force.abs()));
         assert!(largest > 5.0, "{name}: forces that tell something, {largest}");
-        for (alone, together) in [(&alone.force, &together.force), (&alone.base, &together.base)] {
+        let touch = (&alone.touch, &together.touch, 1.0);
+        let forces = [(&alone.force, &together.force, largest), (&alone.base, &together.base, largest), touch];
+        for (alone, together, largest) in forces {
             assert_eq!(alone.len(), together.len(), "{name}");
             assert!(together.iter().all(|force| force.is_finite()), "{name} {backend:?}");
             let far = alone.iter().zip(together).map(|(alone, together)| (alone - together).abs()).fold(0.0, f32::max);
@@ -100,24 +102,32 @@ fn model(name: &str) -> PathBuf {
 fn a_stretch_gives_the_forces_of_its_windows() {
     holds(&model("glove1_pose_aware.onnx"));
     holds(&model("glove1_tactile_only.onnx"));
+    holds(&model("glove2_adaptive.onnx"));
 }
 
 #[test]
 fn any_company_and_any_number_of_threads_give_the_same_bits() {
-    let path = model("glove1_pose_aware.onnx");
-    let mut one = load_own(&path, 1);
+    for name in ["glove1_pose_aware.onnx", "glove3_adaptive.onnx"] {
+        any_company_and_any_number_of_threads(&model(name));
+    }
+}
+
+fn any_company_and_any_number_of_threads(path: &Path) {
+    let mut one = load_own(path, 1);
     let input = Input::new(&one.info.contract);
     let expected = forces(&mut one, &input);
     assert!(expected.force.iter().chain(&expected.base).all(|force| force.is_finite()));
     for n_threads in [2, 3] {
-        let mut several = load_own(&path, n_threads);
+        let mut several = load_own(path, n_threads);
         let again = [forces(&mut several, &input), forces(&mut several, &input)];
         assert!(again.iter().all(|again| *again == expected), "{n_threads} threads");
     }
     for (idx, start) in input.starts.iter().enumerate().step_by(41) {
         let mut alone = Forces::default();
         one.regressor.run(SharedWindows { starts: &[*start], ..input.windows() }, &mut alone).unwrap();
-        assert_eq!((alone.force, alone.base), (vec![expected.force[idx]], vec![expected.base[idx]]));
+        let of = |forces: &[f32]| forces.get(idx).copied().into_iter().collect::<Vec<f32>>();
+        let Forces { force, base, touch } = &expected;
+        assert_eq!((alone.force, alone.base, alone.touch), (of(force), of(base), of(touch)));
     }
 }
 
@@ -127,24 +137,46 @@ fn a_stretch_of_pytorchs_export_does_too() {
     holds(&shared.join("fixtures/torch_opset17.onnx"));
 }
 
+/// Of five taxels and three joints.
+#[cfg(feature = "train")]
+fn artifact() -> tactile_pose_fusion::fusion::ArtifactModel {
+    tactile_pose_fusion::fusion::ArtifactModel {
+        n_taxels: 5,
+        n_joints: 3,
+        shapes: vec![0.5; 5 * 3 * 4],
+        gain_variance: vec![0.1; 5 * 3],
+        slip: 0.1,
+        slip_common: 0.5,
+        slip_time_s: 30.0,
+        touch: vec![0.2; 5],
+        residual: vec![1.0; 5],
+    }
+}
+
 #[cfg(feature = "train")]
 #[test]
 fn every_kind_and_form_that_is_trained_here_is_recognized() {
     use tactile_pose_fusion::train::{Architecture, GraphForm, Kind, ModelCard, Network, onnx_model};
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.onnx");
-    for kind in [Kind::PoseAware, Kind::EarlyFusion, Kind::TactileOnly] {
+    for (kind, window) in [
+        (Kind::PoseAware, 40),
+        (Kind::EarlyFusion, 40),
+        (Kind::TactileOnly, 40),
+        (Kind::Adaptive, 64),
+        (Kind::Adaptive, 63),
+    ] {
         for form in [GraphForm::Fast, GraphForm::Plain] {
             let scales = (100.0, 1000.0, 1.0);
             let (tactile_scale, force_scale, touch_scale) = scales;
             let architecture =
-                Architecture { kind, window: 40, n_taxels: 5, n_joints: 3, tactile_scale, force_scale, touch_scale };
+                Architecture { kind, window, n_taxels: 5, n_joints: 3, tactile_scale, force_scale, touch_scale };
             let network = Network::new(architecture, 7).unwrap();
             let card = ModelCard {
                 rate_hz: 100.0,
                 joints: ["a", "b", "c"].map(str::to_owned).to_vec(),
                 pose_range: Vec::new(),
-                artifact: None,
+                artifact: (kind == Kind::Adaptive).then(artifact),
                 touch: None,
                 held_out: Vec::new(),
                 glove: "test".to_owned(),

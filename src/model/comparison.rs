@@ -34,20 +34,26 @@ pub(super) fn compare(own: &mut Direct, runtime: &mut Session) -> Result<(), Str
 fn differ(contract: &Contract, scale: &Scale, runtime: &Forces, own: &Forces) -> Result<(), String> {
     let newtons = |raw: &f32| contract.unit.to_newton(*raw).0;
     let all = |forces: &Forces| forces.force.iter().chain(&forces.base).map(newtons).collect::<Vec<f64>>();
-    let (runtime, own) = (all(runtime), all(own));
+    let touch = |forces: &Forces| forces.touch.iter().map(|touch| f64::from(*touch)).collect::<Vec<f64>>();
+    same(scale, "N", &all(runtime), &all(own))?;
+    // Probabilities are compared as if a whole touch were a newton.
+    same(scale, "of a touch", &touch(runtime), &touch(own))
+}
+
+fn same(scale: &Scale, unit: &str, runtime: &[f64], own: &[f64]) -> Result<(), String> {
     let largest = runtime.iter().filter(|force| force.is_finite()).fold(0.0_f64, |largest, f| largest.max(f.abs()));
     let tolerance = TOLERANCE_N.max(ROUNDING * largest);
     if runtime.len() != own.len() {
         return Err(format!("our own code gives {} forces where the runtime gives {}", own.len(), runtime.len()));
     }
-    for (expected, got) in runtime.iter().zip(&own) {
+    for (expected, got) in runtime.iter().zip(own) {
         let is_same = match (expected.is_finite(), got.is_finite()) {
             (true, true) => (expected - got).abs() <= tolerance,
             (expected, got) => expected == got,
         };
         if !is_same {
             return Err(format!(
-                "on {} readings our own code gives {got:.6} N where the runtime gives {expected:.6} N",
+                "on {} readings our own code gives {got:.6} {unit} where the runtime gives {expected:.6} {unit}",
                 scale.name
             ));
         }

@@ -1,4 +1,4 @@
-//! The paper's network, run by our own code: the same forces as in a runtime, in less time.
+//! The paper's network, or the causal one of adaptive models, run by our own code: the same forces as in a runtime, in less time.
 //!
 //! Windows that share nothing, the newest of some regions, are lanes of the network; many that overlap go in stretches to
 //! as many threads as there may be.
@@ -6,10 +6,10 @@
 use std::ops::Range;
 use std::sync::Mutex;
 
+use super::Own;
 use super::comparison::compare;
 use super::network::lanes::{self, Lanes};
 use super::network::{Known, Network, Scratch};
-use super::paper::Paper;
 use super::session::{Session, check};
 use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows};
 
@@ -43,6 +43,8 @@ struct Job<'a> {
     force: &'a mut [f32],
     /// Empty for a model without a base.
     base: &'a mut [f32],
+    /// Empty for a model without a touch output.
+    touch: &'a mut [f32],
 }
 
 /// Buffers of a thread that runs stretches.
@@ -58,9 +60,12 @@ impl Direct {
     ///
     /// # Errors
     /// Why it can't be run so: windows that are too short, or other forces than those of its runtime.
-    pub(super) fn of(runtime: &mut Session, paper: &Paper, n_threads: usize) -> Result<Self, String> {
+    pub(super) fn of(runtime: &mut Session, own: &Own, n_threads: usize) -> Result<Self, String> {
         let contract = runtime.contract().clone();
-        let network = Network::new(paper, contract.n_taxels, contract.n_joints);
+        let network = match own {
+            Own::Paper(paper) => Network::new(paper, contract.n_taxels, contract.n_joints),
+            Own::Causal(causal) => Some(Network::causal(causal)),
+        };
         let network = network.ok_or_else(|| format!("a window of {} frames is too short for it", contract.window))?;
         let label = runtime.label().to_owned();
         let mut direct = Direct { contract, label, network, lanes: Lanes::default(), n_threads };
@@ -76,7 +81,6 @@ impl Regressor for Direct {
 
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         check(windows, &self.contract).map_err(|said| RegressError(format!("model {}: {said}", self.label)))?;
-        out.touch.clear();
         let n = windows.starts.len();
         if (1..=lanes::MOST).contains(&n) && parts(windows.starts).all(|part| part.len() == 1) {
             self.lanes.run(&self.network, windows, out);
@@ -93,15 +97,18 @@ impl Regressor for Direct {
 impl Direct {
     fn run_in_stretches(&self, windows: SharedWindows<'_>, out: &mut Forces) {
         let n = windows.starts.len();
-        for (forces, n) in [(&mut out.force, n), (&mut out.base, if self.contract.has_base { n } else { 0 })] {
+        let n_base = if self.contract.has_base { n } else { 0 };
+        let n_touch = if self.contract.touch.is_some() { n } else { 0 };
+        for (forces, n) in [(&mut out.force, n), (&mut out.base, n_base), (&mut out.touch, n_touch)] {
             forces.clear();
             forces.resize(n, f32::NAN); // what isn't written to is no force
         }
         let (mut force, mut base) = (out.force.as_mut_slice(), out.base.as_mut_slice());
+        let mut touch = out.touch.as_mut_slice();
         let jobs = parts(windows.starts).map(|part| {
             let n = part.len();
             let windows = SharedWindows { starts: &windows.starts[part], ..windows };
-            Job { windows, force: take(&mut force, n), base: take(&mut base, n) }
+            Job { windows, force: take(&mut force, n), base: take(&mut base, n), touch: take(&mut touch, n) }
         });
         self.run_side_by_side(jobs.collect());
     }
@@ -126,7 +133,7 @@ impl Direct {
     }
 
     fn run_stretch(&self, job: Job<'_>, worker: &mut Worker) {
-        let Job { windows: SharedWindows { starts, tactile, pose }, force, base } = job;
+        let Job { windows: SharedWindows { starts, tactile, pose }, force, base, touch } = job;
         let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return };
         let Contract { window, n_taxels, n_joints, .. } = self.contract;
         let n_frames = last + window - first;
@@ -135,7 +142,7 @@ impl Direct {
         let Worker { known, scratch, forces } = worker;
         self.network.begin(known, 1, n_frames);
         self.network.run(known, frames, last - first + 1, scratch, forces);
-        for (values, forces) in [(&forces.force, force), (&forces.base, base)] {
+        for (values, forces) in [(&forces.force, force), (&forces.base, base), (&forces.touch, touch)] {
             let given = starts.iter().map(|start| values.get(start - first).copied().unwrap_or(f32::NAN));
             forces.iter_mut().zip(given).for_each(|(force, given)| *force = given);
         }

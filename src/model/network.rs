@@ -1,4 +1,4 @@
-//! The paper's network, computed here over frames that windows share, in one call or from call to call.
+//! The paper's network, and the causal one of adaptive models, computed here over frames that windows share, in one call or from call to call.
 //!
 //! What depends on a frame alone is computed once a frame: encoding of the pose, input projections of the first LSTM
 //! layer, taps of the convolutions, and the interior of the convolutions, which is the same in every window that has it.
@@ -11,6 +11,7 @@
 //!
 //! A window's force comes out the same, bit by bit, whichever way it comes and whichever windows are beside it.
 
+mod causal;
 mod dense;
 mod frames;
 pub(super) mod lanes;
@@ -19,6 +20,7 @@ mod touch;
 
 use macerator::AutoArch;
 
+use super::causal as found;
 use super::paper::{self, DILATIONS, Paper};
 use crate::fusion::Forces;
 use dense::Decoder;
@@ -37,6 +39,18 @@ pub(super) struct Network {
     window: usize,
     n_taxels: usize,
     n_joints: usize,
+    body: Body,
+}
+
+#[derive(Debug)]
+enum Body {
+    Paper(Box<PaperBody>),
+    Causal(Box<causal::Causal>),
+}
+
+#[derive(Debug)]
+struct PaperBody {
+    window: usize,
     touch: Touch,
     pose: Option<Pose>,
     head: Head,
@@ -54,6 +68,7 @@ enum Head {
 pub(super) struct Known {
     touch: touch::Known,
     pose: pose::Known,
+    causal: causal::Known,
 }
 
 /// Values computed again for every window.
@@ -61,6 +76,7 @@ pub(super) struct Known {
 pub(super) struct Scratch {
     touch: touch::Scratch,
     pose: pose::Scratch,
+    causal: causal::Scratch,
     fused: Vec<f32>,
     hidden: Vec<f32>,
 }
@@ -79,16 +95,30 @@ impl Network {
             window: paper.window,
             n_taxels,
             n_joints: paper.pose.as_ref().map_or(0, |_| n_joints),
-            touch: Touch::new(&paper.convolutions),
-            pose: paper.pose.as_ref().map(Pose::new),
-            head,
+            body: Body::Paper(Box::new(PaperBody {
+                window: paper.window,
+                touch: Touch::new(&paper.convolutions),
+                pose: paper.pose.as_ref().map(Pose::new),
+                head,
+            })),
         })
+    }
+
+    /// The causal network with these weights.
+    pub(super) fn causal(found: &found::Causal) -> Self {
+        let body = Body::Causal(Box::new(causal::Causal::new(found)));
+        Network { window: found.window, n_taxels: found.n_taxels, n_joints: 0, body }
     }
 
     /// Forgets all frames; those that follow are `n_frames`, each of so many lanes, and then one at a time.
     pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
-        self.touch.begin(&mut known.touch, n_lanes, n_frames);
-        self.pose.iter().for_each(|branch| branch.begin(&mut known.pose, n_lanes, n_frames));
+        match &self.body {
+            Body::Paper(paper) => {
+                paper.touch.begin(&mut known.touch, n_lanes, n_frames);
+                paper.pose.iter().for_each(|branch| branch.begin(&mut known.pose, n_lanes, n_frames));
+            }
+            Body::Causal(causal) => causal.begin(&mut known.causal, n_lanes, n_frames),
+        }
     }
 
     /// Takes in new frames, and runs the first `n` windows of those that are known: one a lane, or in a single lane each a
@@ -96,7 +126,7 @@ impl Network {
     ///
     /// # Shapes
     /// `tactile`: `[frames, lanes, taxels]`, `pose`: `[frames, lanes, joints]`; `out.base` stays empty where the network
-    /// has no base.
+    /// has no base, and `out.touch` where it has none.
     pub(super) fn run(
         &self,
         known: &mut Known,
@@ -105,7 +135,24 @@ impl Network {
         scratch: &mut Scratch,
         out: &mut Forces,
     ) {
-        let Scratch { touch, pose: posed, fused: rows, hidden } = scratch;
+        match &self.body {
+            Body::Paper(paper) => paper.run(known, (tactile, pose), n, scratch, out),
+            Body::Causal(causal) => causal.run(&mut known.causal, tactile, n, &mut scratch.causal, out),
+        }
+    }
+}
+
+impl PaperBody {
+    fn run(
+        &self,
+        known: &mut Known,
+        (tactile, pose): (&[f32], &[f32]),
+        n: usize,
+        scratch: &mut Scratch,
+        out: &mut Forces,
+    ) {
+        let Scratch { touch, pose: posed, fused: rows, hidden, .. } = scratch;
+        out.touch.clear();
         self.touch.run(&mut known.touch, tactile, self.window, n, touch);
         let touch = touch.highest.as_slice();
         let posed = match &self.pose {

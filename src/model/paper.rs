@@ -5,9 +5,9 @@
 //! ends the search, so what is found computes what the graph computes, but for rounding. Nodes that no output depends on
 //! don't count.
 
-mod attributes;
-mod flow;
-mod walk;
+pub(super) mod attributes;
+pub(super) mod flow;
+pub(super) mod walk;
 
 use super::contract::Terms;
 use super::error::one_line;
@@ -87,11 +87,8 @@ pub(super) struct Decoder(pub(super) [Dense; 2]);
 /// Operator sets whose operators are known to mean the same; 13 is the first in which `Squeeze` reads its axes.
 const OPSETS: std::ops::RangeInclusive<i64> = 13..=25;
 
-/// Looks for the network in a model with these tensors.
-///
-/// # Errors
-/// What is in the model that the network doesn't have.
-pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
+/// Refuses operators of other versions than those that are known, and functions of a model's own.
+pub(super) fn check_operators(model: &ModelProto) -> Result<(), String> {
     let mut versions = model.opset_import.iter().filter(|opset| walk::is_standard(&opset.domain));
     let known = versions.next().is_some_and(|opset| OPSETS.contains(&opset.version)) && versions.next().is_none();
     if !known {
@@ -101,6 +98,15 @@ pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
         // One of them could go by the name of any operator.
         return Err("it defines functions of its own".to_owned());
     }
+    Ok(())
+}
+
+/// Looks for the network in a model with these tensors.
+///
+/// # Errors
+/// What is in the model that the network doesn't have.
+pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
+    check_operators(model)?;
     let graph = model.graph.as_ref().ok_or("it holds no graph")?;
     let tensors = &terms.tensors;
     let ours = [Some(&tensors.force), tensors.base.as_ref(), tensors.residual.as_ref()];

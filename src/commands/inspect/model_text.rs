@@ -67,7 +67,7 @@ pub(super) fn text(model: &ModelInfo) -> String {
     line(
         "run by",
         &match &model.not_builtin {
-            None => "built-in code, unless parameters ask for a runtime: it is the paper's network".to_owned(),
+            None => "built-in code, unless parameters ask for a runtime: it is a network that tpf trains".to_owned(),
             Some(reason) => format!("ONNX Runtime or RTen: {reason}"),
         },
     );

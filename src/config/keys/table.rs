@@ -199,7 +199,7 @@ pub static KEYS: &[ParamKey] = &[
         "model.<name>.backend",
         Kind::Str,
         Str("auto"),
-        "What runs the model; auto: our own code where it is the paper's network, else ONNX Runtime where found, else RTen",
+        "What runs the model; auto: our own code where it is a network that tpf trains, else ONNX Runtime where found, else RTen",
     )
     .range(OneOf(&["auto", "builtin", "onnxruntime", "rten"])),
     ParamKey::new("model.<name>.unit", Kind::Str, Str(""), "Unit of the model's forces; empty: what the file says")

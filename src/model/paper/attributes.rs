@@ -14,18 +14,18 @@ mod kind {
 }
 
 /// The settings that were not read yet: one that is left at the end is one that nobody accounted for.
-pub(super) struct Attributes<'g>(BTreeMap<&'g str, &'g AttributeProto>);
+pub(in crate::model) struct Attributes<'g>(BTreeMap<&'g str, &'g AttributeProto>);
 
 impl<'g> Attributes<'g> {
     /// The settings of a node; `None` where one is there twice.
-    pub(super) fn of(node: &'g NodeProto) -> Option<Self> {
+    pub(in crate::model) fn of(node: &'g NodeProto) -> Option<Self> {
         let by_name: BTreeMap<_, _> =
             node.attribute.iter().map(|attribute| (attribute.name.as_str(), attribute)).collect();
         (by_name.len() == node.attribute.len()).then_some(Attributes(by_name))
     }
 
     /// True if every setting was read.
-    pub(super) fn all_read(&self) -> bool {
+    pub(in crate::model) fn all_read(&self) -> bool {
         self.0.is_empty()
     }
 
@@ -35,26 +35,26 @@ impl<'g> Attributes<'g> {
     }
 
     /// An integer; some writers leave a 0 away.
-    pub(super) fn int(&mut self, name: &str, default: i64) -> Option<i64> {
+    pub(in crate::model) fn int(&mut self, name: &str, default: i64) -> Option<i64> {
         self.take(name, kind::INT).map_or(Some(default), |found| Some(found?.i.unwrap_or(0)))
     }
 
     /// True if an integer is what it must be, or is left to a default of that value.
-    pub(super) fn is(&mut self, name: &str, expected: i64) -> bool {
+    pub(in crate::model) fn is(&mut self, name: &str, expected: i64) -> bool {
         self.int(name, expected) == Some(expected)
     }
 
-    pub(super) fn float(&mut self, name: &str, default: f32) -> Option<f32> {
+    pub(in crate::model) fn float(&mut self, name: &str, default: f32) -> Option<f32> {
         self.take(name, kind::FLOAT).map_or(Some(default), |found| Some(found?.f.unwrap_or(0.0)))
     }
 
     /// True if a text is what it must be, or is left to a default of that value.
-    pub(super) fn says(&mut self, name: &str, expected: &str) -> bool {
+    pub(in crate::model) fn says(&mut self, name: &str, expected: &str) -> bool {
         let said = self.text(name, expected);
         said.is_some_and(|said| said == expected.as_bytes())
     }
 
-    pub(super) fn text<'d>(&mut self, name: &str, default: &'d str) -> Option<&'d [u8]>
+    pub(in crate::model) fn text<'d>(&mut self, name: &str, default: &'d str) -> Option<&'d [u8]>
     where
         'g: 'd,
     {
@@ -63,7 +63,7 @@ impl<'g> Attributes<'g> {
     }
 
     /// Integers; `None` where they are of another type, `Some(None)` where they are not there.
-    pub(super) fn ints(&mut self, name: &str) -> Option<Option<&'g [i64]>> {
+    pub(in crate::model) fn ints(&mut self, name: &str) -> Option<Option<&'g [i64]>> {
         match self.take(name, kind::INTS) {
             None => Some(None),
             Some(found) => Some(Some(found?.ints.as_slice())),
@@ -71,11 +71,11 @@ impl<'g> Attributes<'g> {
     }
 
     /// True if integers are what they must be, or are left to a default of that value.
-    pub(super) fn are(&mut self, name: &str, expected: &[i64]) -> bool {
+    pub(in crate::model) fn are(&mut self, name: &str, expected: &[i64]) -> bool {
         self.ints(name).is_some_and(|found| found.is_none_or(|found| found == expected))
     }
 
-    pub(super) fn tensor(&mut self, name: &str) -> Option<&'g TensorProto> {
+    pub(in crate::model) fn tensor(&mut self, name: &str) -> Option<&'g TensorProto> {
         self.take(name, kind::TENSOR)??.t.as_ref()
     }
 }

@@ -28,7 +28,7 @@ pub(super) enum Size {
 
 /// A list of whole numbers, or a single one.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Sizes {
+pub(in crate::model) struct Sizes {
     pub(super) is_scalar: bool,
     values: Vec<Size>,
 }
@@ -154,7 +154,7 @@ impl Sizes {
     }
 
     /// The values of an int64 tensor.
-    pub(super) fn of(tensor: &TensorProto) -> Option<Self> {
+    pub(in crate::model) fn of(tensor: &TensorProto) -> Option<Self> {
         if tensor.dims.len() > 1 {
             return None;
         }
@@ -175,7 +175,7 @@ impl Sizes {
     }
 
     /// All of them, where they are known.
-    pub(super) fn constants(&self) -> Option<Vec<i64>> {
+    pub(in crate::model) fn constants(&self) -> Option<Vec<i64>> {
         let constant = |size: &Size| match size {
             Size::Known(value) => Some(*value),
             Size::Windows => None,

@@ -18,7 +18,7 @@ use crate::model::onnx::{GraphProto, NodeProto, TensorProto, data_type};
 const MAX_NODES: usize = 1024;
 
 /// True if a domain is that of the standard operators.
-pub(super) fn is_standard(domain: &str) -> bool {
+pub(in crate::model) fn is_standard(domain: &str) -> bool {
     ["", "ai.onnx"].contains(&domain)
 }
 
@@ -137,13 +137,7 @@ impl<'g> Walk<'g> {
     /// Shape and values of a float constant that holds something, all of it finite.
     fn weights(&self, name: &str) -> Option<(Vec<usize>, Vec<f32>)> {
         let Value::Weights(tensor) = self.value(name)? else { return None };
-        let dims = tensor.dims.iter().map(|dim| usize::try_from(*dim).ok()).collect::<Option<Vec<_>>>()?;
-        let values: Vec<f32> = match &tensor.raw_data {
-            Some(raw) => raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
-            None => tensor.float_data.clone(),
-        };
-        // `weights::check` has seen to it that values fill their shape.
-        (!values.is_empty() && values.iter().all(|value| value.is_finite())).then_some((dims, values))
+        floats(tensor)
     }
 
     /// Weights of a known shape.
@@ -236,7 +230,7 @@ impl<'g> Walk<'g> {
 }
 
 /// The nodes that an output depends on, in the graph's order; `None` where there are too many.
-pub(super) fn needed(graph: &GraphProto) -> Option<Vec<&NodeProto>> {
+pub(in crate::model) fn needed(graph: &GraphProto) -> Option<Vec<&NodeProto>> {
     let mut wanted: BTreeSet<&str> = graph.output.iter().map(|output| output.name.as_str()).collect();
     let mut nodes = Vec::new();
     for node in graph.node.iter().rev() {
@@ -250,6 +244,18 @@ pub(super) fn needed(graph: &GraphProto) -> Option<Vec<&NodeProto>> {
     }
     nodes.reverse();
     Some(nodes)
+}
+
+/// Shape and values of a float tensor that holds something, all of it finite.
+pub(in crate::model) fn floats(tensor: &TensorProto) -> Option<(Vec<usize>, Vec<f32>)> {
+    (tensor.data_type == data_type::FLOAT).then_some(())?;
+    let dims = tensor.dims.iter().map(|dim| usize::try_from(*dim).ok()).collect::<Option<Vec<_>>>()?;
+    let values: Vec<f32> = match &tensor.raw_data {
+        Some(raw) => raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
+        None => tensor.float_data.clone(),
+    };
+    // `weights::check` has seen to it that values fill their shape.
+    (!values.is_empty() && values.iter().all(|value| value.is_finite())).then_some((dims, values))
 }
 
 /// A tensor of a type that is followed.

@@ -1,0 +1,164 @@
+//! The causal network of adaptive models: convolutions over time without padding.
+//!
+//! Everything it computes depends on frames alone, so each is computed once: a new frame costs one column of every layer.
+
+use super::dense::{Decoder, repeat};
+use super::frames::Frames;
+use super::{rectified, sized, vectorized};
+use crate::fusion::Forces;
+use crate::kernels::matrix::{Matrix, add_product};
+use crate::model::causal;
+use crate::model::paper::TAPS;
+
+/// The network, its weights laid out for products of many frames.
+#[derive(Debug)]
+pub(super) struct Causal {
+    n_taxels: usize,
+    scales: [f32; 2],
+    /// Frames at the beginning of a window that no force depends on.
+    n_unseen: usize,
+    layers: Vec<Layer>,
+    force: Decoder,
+    touch: Decoder,
+}
+
+/// A convolution, each tap a matrix `[inputs, outputs]`.
+#[derive(Debug)]
+struct Layer {
+    taps: [Vec<f32>; TAPS],
+    bias: Vec<f32>,
+    dilation: usize,
+    adds_input: bool,
+}
+
+impl Layer {
+    /// Frames before one that its output depends on.
+    fn reach(&self) -> usize {
+        (TAPS - 1) * self.dilation
+    }
+}
+
+/// What the layers read, of the frames that came last.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    /// By layer: `[frames, lanes, inputs]`.
+    inputs: Vec<Frames>,
+    n_lanes: usize,
+    /// Frames that are still to be left out.
+    n_unseen: usize,
+}
+
+/// Buffers of a call.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    rows: Vec<f32>,
+    hidden: Vec<f32>,
+}
+
+impl Causal {
+    pub(super) fn new(causal: &causal::Causal) -> Self {
+        let layer = |layer: &causal::Layer| Layer {
+            taps: std::array::from_fn(|tap| {
+                let of_tap: Vec<f32> = layer.dense.weight.iter().skip(tap).step_by(TAPS).copied().collect();
+                Matrix::new(&of_tap, layer.dense.dims[0], layer.dense.dims[1]).transposed().to_rows()
+            }),
+            bias: layer.dense.bias.clone(),
+            dilation: layer.dilation,
+            adds_input: layer.adds_input,
+        };
+        Causal {
+            n_taxels: causal.n_taxels,
+            scales: causal.scales,
+            n_unseen: causal.window - causal.n_seen(),
+            layers: causal.layers.iter().map(layer).collect(),
+            force: Decoder::new(&causal.force),
+            touch: Decoder::new(&causal.touch),
+        }
+    }
+
+    /// Forgets all frames; those that follow are `n_frames`, each of so many lanes, and then one at a time.
+    pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
+        known.inputs.resize_with(self.layers.len(), Frames::default);
+        (known.n_lanes, known.n_unseen) = (n_lanes, self.n_unseen);
+        let mut room = n_frames - self.n_unseen;
+        let mut width = 2 * self.n_taxels;
+        for (layer, frames) in self.layers.iter().zip(&mut known.inputs) {
+            frames.reset(n_lanes * width, room);
+            (room, width) = (room - layer.reach(), layer.bias.len());
+        }
+    }
+
+    /// Takes in new frames, and runs the first `n` windows of those that are known.
+    ///
+    /// # Shapes
+    /// `tactile`: `[frames, lanes, taxels]`.
+    pub(super) fn run(&self, known: &mut Known, tactile: &[f32], n: usize, scratch: &mut Scratch, out: &mut Forces) {
+        let Known { inputs, n_lanes, n_unseen } = known;
+        let Scratch { rows, hidden } = scratch;
+        let width = *n_lanes * self.n_taxels;
+        let tactile = &tactile[std::mem::take(n_unseen) * width..];
+        let n_new = tactile.len() / width.max(1);
+        let Some((first, rest)) = inputs.split_first_mut() else { return };
+        let place = first.push(n_new);
+        self.both(tactile, place);
+        let mut input: &mut Frames = first;
+        let mut n_new = n_new;
+        let mut rest = rest.iter_mut();
+        for layer in &self.layers {
+            // While no frame has given way there is something for every one that has enough before it, later for the newest.
+            let n_out = n_new.min(input.len() - layer.reach());
+            let from = input.len() - layer.reach() - n_out;
+            match rest.next() {
+                Some(next) => {
+                    layer.run(input, from, *n_lanes, next.push(n_out));
+                    input = next;
+                }
+                None => layer.run(input, from, *n_lanes, sized(rows, n_out * *n_lanes * layer.bias.len())),
+            }
+            n_new = n_out;
+        }
+        out.base.clear();
+        let rows = &rows[..n * self.layers.last().map_or(0, |layer| layer.bias.len())];
+        self.force.run(rows, n, hidden, &mut out.force);
+        self.touch.run(rows, n, hidden, &mut out.touch);
+        out.touch.iter_mut().for_each(|odds| *odds = sigmoid(*odds));
+    }
+
+    /// Taxels scaled, and squashed beside them: `[rows, taxels]` to `[rows, 2 taxels]`.
+    fn both(&self, tactile: &[f32], out: &mut [f32]) {
+        let ([coarse, fine], width) = (self.scales, self.n_taxels);
+        vectorized(|| {
+            for (taxels, both) in tactile.chunks_exact(width).zip(out.chunks_exact_mut(2 * width)) {
+                let (scaled, squashed) = both.split_at_mut(width);
+                for ((value, scaled), squashed) in taxels.iter().zip(scaled).zip(squashed) {
+                    *scaled = value / coarse;
+                    let fine = value / fine;
+                    *squashed = fine / (fine.abs() + 1.0);
+                }
+            }
+        });
+    }
+}
+
+impl Layer {
+    /// From frames of its input to `[frames, lanes, outputs]`; `from` is the first one's oldest tap.
+    fn run(&self, input: &Frames, from: usize, n_lanes: usize, out: &mut [f32]) {
+        let n_out = self.bias.len();
+        let n_in = input.width() / n_lanes;
+        let rows = out.len() / n_out;
+        repeat(&self.bias, out);
+        for (tap, weight) in self.taps.iter().enumerate() {
+            let seen = input.from(from + tap * self.dilation, rows * n_in);
+            add_product(out, Matrix::new(seen, rows, n_in), Matrix::new(weight, n_in, n_out));
+        }
+        let kept = input.from(from + self.reach(), rows * n_in);
+        vectorized(|| match self.adds_input {
+            true => out.iter_mut().zip(kept).for_each(|(value, kept)| *value = rectified(*value) + kept),
+            false => out.iter_mut().for_each(|value| *value = rectified(*value)),
+        });
+    }
+}
+
+fn sigmoid(odds: f32) -> f32 {
+    1.0 / (1.0 + (-odds).exp())
+}
