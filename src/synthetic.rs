@@ -64,7 +64,7 @@ pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Ob
 /// Writes one session with the hand in another form; returns the number of its messages.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_as(
     spec: &SessionSpec,
     hand: HandForm,
