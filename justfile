@@ -18,6 +18,10 @@ test-all:
     scripts/chromium
     TPF_REQUIRE_ORT=1 TPF_REQUIRE_PYTHON=1 TPF_REQUIRE_BROWSER=1 cargo test
 
+# Build the Python package into target/wheels and run its tests; `just python-test --release` for the wheel as it is released
+python-test *args:
+    scripts/python-test {{args}}
+
 # Run every fuzz target for MINUTES, in bounded memory; an input that breaks something is kept, and how to run it again is told
 fuzz minutes="5":
     scripts/fuzz {{minutes}}
@@ -77,7 +81,7 @@ wrong-inputs out="target/wrong_inputs.md":
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
-    cargo clippy --no-default-features --features cli,zenoh,security --lib --bins --test node_zenoh --test node_security -- -D warnings
+    cargo clippy --no-default-features --features cli,zenoh,security --lib --bins --test live -- -D warnings
 
 # Benchmarks: ticks and their tail, replay, training; then replay beside the same work in Python, with a profile of it
 bench repetitions="3":
@@ -99,7 +103,7 @@ docs:
 
 # Write the generated pages of the book anew
 docs-update:
-    TPF_UPDATE_DOCS=1 cargo test --test docs
+    TPF_UPDATE_DOCS=1 cargo test --test repository docs
 
 # What CI runs
 ci:

@@ -9,6 +9,7 @@ mod demo;
 mod diff;
 mod eval;
 mod export;
+mod init;
 mod inspect;
 mod interrupt;
 #[cfg(feature = "ros")]
@@ -68,6 +69,7 @@ enum Command {
     Diff(diff::Args),
     Eval(Box<eval::Args>),
     Export(Box<export::Args>),
+    Init(init::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
     #[cfg(feature = "train")]
@@ -126,6 +128,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Diff(args) => diff::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Init(args) => init::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         #[cfg(feature = "train")]
@@ -136,9 +139,19 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
 /// What `tpf` does as a process: runs the command line and tells how it went by its exit code.
 pub fn main() -> ExitCode {
     if let Some(code) = model_trial() {
-        return code;
+        return code.into();
     }
-    exit("tpf", run(parse(std::env::args_os())))
+    main_with(std::env::args_os()).into()
+}
+
+/// Runs a command line, whose first word is the name of the program; returns the exit code. For programs that hold `tpf`.
+///
+/// Models are tried in processes of their own where [`first_run::call`] was told which.
+pub fn main_with(args: impl IntoIterator<Item = OsString>) -> u8 {
+    match parse(args) {
+        Ok(cli) => exit("tpf", run(cli)),
+        Err(code) => code,
+    }
 }
 
 /// The command line as clap knows it, with negative numbers as values and not as flags: their range is ours to tell.
@@ -154,14 +167,17 @@ fn command() -> clap::Command {
     with_numbers(Cli::command())
 }
 
-/// Parses a command line; clap prints usage errors itself and leaves with 2.
-fn parse(args: impl IntoIterator<Item = OsString>) -> Cli {
-    let matches = command().get_matches_from(args);
-    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+/// Parses a command line. What is asked of the command line itself, and usage errors, are printed; `Err` is the exit code.
+fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, u8> {
+    let parsed = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
+    parsed.map_err(|error| {
+        let _ = error.print(); // a closed stdout or stderr is nobody to tell
+        u8::try_from(error.exit_code()).unwrap_or(2)
+    })
 }
 
 /// Tries a model, where this process was called for that; where not, models are tried by such processes from now on.
-fn model_trial() -> Option<ExitCode> {
+fn model_trial() -> Option<u8> {
     let mut args = std::env::args_os().skip(1);
     if args.next().is_none_or(|first| first != first_run::ARGUMENT) {
         first_run::call_this_program();
@@ -169,11 +185,11 @@ fn model_trial() -> Option<ExitCode> {
     }
     let request = args.next().unwrap_or_default();
     Some(match first_run::answer(&request.to_string_lossy()) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(line) => {
             // Whoever called has gone where nobody reads it.
             let _ = writeln!(std::io::stdout(), "{line}");
-            ExitCode::FAILURE
+            1
         }
     })
 }
@@ -181,28 +197,33 @@ fn model_trial() -> Option<ExitCode> {
 /// What `tactile_pose_fusion_node` does as a process: `tpf run` with its own arguments.
 pub fn node_main() -> ExitCode {
     if let Some(code) = model_trial() {
-        return code;
+        return code.into();
     }
     let name = "tactile_pose_fusion_node";
     if cfg!(not(feature = "ros")) {
         let missing = "this build is without the live node; build with the cargo feature `ros`";
-        return exit(name, Err(Failure(missing.to_owned())));
+        return exit(name, Err(Failure(missing.to_owned()))).into();
     }
     let mut args = std::env::args_os();
     let program = args.next().unwrap_or_else(|| name.into());
-    exit(name, run(parse([program, "run".into()].into_iter().chain(args))))
+    let code = match parse([program, "run".into()].into_iter().chain(args)) {
+        Ok(cli) => exit(name, run(cli)),
+        Err(code) => code,
+    };
+    code.into()
 }
 
-fn exit(program: &str, outcome: Result<Outcome, Failure>) -> ExitCode {
+/// The exit code of an outcome, after a failure was said.
+fn exit(program: &str, outcome: Result<Outcome, Failure>) -> u8 {
     // What ended a part of the process is why it ends, however well the rest did.
     let outcome = leave::failure().map_or(outcome, |why| Err(Failure(why.to_owned())));
     match outcome {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotMet) => ExitCode::from(1),
-        Ok(Outcome::InputLost) => ExitCode::from(3),
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::NotMet) => 1,
+        Ok(Outcome::InputLost) => 3,
         Err(failure) => {
             say(&format!("{program}: {failure}"));
-            ExitCode::from(1)
+            1
         }
     }
 }

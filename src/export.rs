@@ -1,19 +1,35 @@
-//! Sessions in the forms that learning tools and tables read: LeRobot datasets, and frames as rows.
+//! Sessions in the forms that learning tools and tables read: LeRobot datasets, and frames as rows. [`run`] takes bags to
+//! them.
 
 mod card;
 mod episode;
 mod lerobot;
+mod loaded;
+mod outputs;
+mod request;
 mod rows;
+mod run;
 mod stats;
+mod summary;
 
+use std::path::{Path, PathBuf};
+
+use crate::bag::{BagError, InputError};
 use crate::columns::{Cells, ColumnsError};
+use crate::glove::SeveralModels;
+use crate::model::ModelError;
+use crate::observer::Cancelled;
 use crate::protocol::Annotations;
-use crate::recording::{EstimateTrack, Samples};
+use crate::recording::{EstimateTrack, SampleError, Samples};
+use crate::sessions::SessionError;
 use crate::units::{GramForce, Stamp};
 
 pub use episode::{Episode, Layout};
 pub use lerobot::{Dataset, DatasetSpec};
+pub use request::{Request, Targets};
 pub use rows::{columns, rows};
+pub use run::run;
+pub use summary::{BagSummary, EpisodeSummary, Failed, Summary};
 
 /// A session that is to be exported.
 #[derive(Debug)]
@@ -79,4 +95,33 @@ pub enum ExportError {
     Sparse { seconds: f64, n: usize },
     #[error("{0}")]
     Json(#[from] serde_json::Error),
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    #[error(transparent)]
+    Input(#[from] InputError),
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    #[error(transparent)]
+    Sample(#[from] SampleError),
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    #[error(transparent)]
+    Models(#[from] SeveralModels),
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    #[error("{bag}: {reason}")]
+    InBag { bag: String, reason: String },
+    #[error("{path}: the folder {folder} is not there: create it first")]
+    NoFolder { path: PathBuf, folder: PathBuf },
+    #[error("{path}: is there already, and a dataset is never replaced: remove it, or choose another name")]
+    DatasetExists { path: PathBuf },
+    #[error("{path} is there already; give another name, or --overwrite")]
+    TableExists { path: PathBuf },
+}
+
+impl ExportError {
+    /// What is wrong with a bag.
+    fn in_bag(bag: &Path, reason: &dyn std::fmt::Display) -> Self {
+        ExportError::InBag { bag: bag.display().to_string(), reason: reason.to_string() }
+    }
 }

@@ -101,11 +101,13 @@
 //! # Where things are
 //!
 //! The zero of the forces is decided in [`zero`]. The wire types are in [`msg`], bags in [`bag`], what a recording says in
-//! [`recording`] and [`sessions`], metrics in [`eval`], models in [`model`], training in `train`, the live node in `ros`.
+//! [`recording`] and [`sessions`], metrics in [`eval`], models in [`model`], training in `train` and, from bags to a model file, in `training`, the live node in `ros`.
 //! `commands` is the program `tpf`, a tenant of these (feature `cli`). ARCHITECTURE.md has the whole map and what may use what.
 
 pub mod bag;
+pub mod calibrate;
 pub mod calibration;
+pub mod characterization;
 pub mod characterize;
 pub mod collect;
 pub mod columns;
@@ -119,6 +121,8 @@ pub mod files;
 pub mod fusion;
 pub mod glove;
 pub mod hand;
+pub mod init;
+pub mod inspect;
 mod kernels;
 pub mod leave;
 pub mod model;
@@ -137,5 +141,7 @@ pub mod sim;
 pub mod synthetic;
 #[cfg(feature = "train")]
 pub mod train;
+#[cfg(feature = "train")]
+pub mod training;
 pub mod units;
 pub mod zero;

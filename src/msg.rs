@@ -11,6 +11,7 @@ mod interfaces;
 mod outgoing;
 mod schema;
 mod standard;
+mod texts;
 mod type_hash;
 
 use byteorder::{BigEndian, LittleEndian};
@@ -23,11 +24,12 @@ pub use cdr::CdrError;
 pub use definition::canonical_type_name;
 pub use interfaces::{ContactArray, ContactState, Stage, TaxelArray};
 pub use outgoing::{EstimateTopics, Outgoing, Slot};
-pub use schema::{definition_text, standard_text};
+pub use schema::definition_text;
 pub use standard::{
     Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Point, Pose, PoseArray,
     Quaternion, Text, Time, Vector3, Wrench, WrenchStamped,
 };
+pub use texts::standard_text;
 pub use type_hash::{rihs01, type_hash};
 
 /// A message with a struct of its own, whose fields stand in the order of its `.msg` text.

@@ -145,14 +145,30 @@ pub fn run(
 /// # Errors
 /// [`ReplayError`]; what was given before it stands.
 pub fn for_each(
+    cfg: Config,
+    recording: Recording<'_>,
+    observer: &dyn Observer,
+    each: impl FnMut(&Tick),
+) -> Result<Seen, ReplayError> {
+    for_each_with(cfg, recording, false, observer, each)
+}
+
+/// As [`for_each`]. `drops_unused_joints`: joints are taken from regions whose model has no pose input, instead of refusing
+/// them.
+///
+/// # Errors
+/// As of [`for_each`].
+pub fn for_each_with(
     mut cfg: Config,
     recording: Recording<'_>,
+    drops_unused_joints: bool,
     observer: &dyn Observer,
     mut each: impl FnMut(&Tick),
 ) -> Result<Seen, ReplayError> {
     let mut reader = open(recording.bags, observer)?;
     let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
-    let Ready { fusion, zero, inference, .. } = ready(&mut cfg, recording, &inputs, &reader, None, false, observer)?;
+    let Ready { fusion, zero, inference, .. } =
+        ready(&mut cfg, recording, &inputs, &reader, None, drops_unused_joints, observer)?;
     let (wanted, total) = (Some(inputs.topics()), reader.bytes_total());
     let mut core = Core::new(&cfg, fusion, inputs, zero.check, inference, observer);
     let mut reading = Reading::new(reader, wanted);

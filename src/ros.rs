@@ -1,50 +1,24 @@
 //! The live node: the core that replay uses, connected to the topics of a ROS 2 graph.
 //!
-//! Four threads share the work. One reads inputs and runs the core (`engine`), one publishes (`outbox`), one answers
-//! services (`serving`). The thread that calls [`run`] waits for the end and leaves the graph in time (`node`). Pure
-//! parts: arguments, environment, QoS, lifecycle, diagnostics, health, graph, watchdog and calibration take their data
-//! as arguments and are tested without a network.
+//! Three parts, each of which uses only those before it: `wire` connects a process to the graph, `node` is the node, and
+//! `tools` listen and play for the commands.
+//!
+//! Four threads share the work of a node. One reads inputs and runs the core (`node::engine`), one publishes
+//! (`node::outbox`), one answers services (`node::serving`). The thread that calls [`run`] waits for the end and leaves
+//! the graph in time. Pure parts (arguments, environment, QoS, lifecycle, diagnostics, health, graph, watchdog and
+//! calibration) take their data as arguments and are tested without a network.
 
-pub mod args;
-pub mod diagnostics;
-pub mod environment;
-pub mod graph;
-pub mod health;
-pub mod lifecycle;
-pub mod qos;
-pub mod remap;
-pub mod security;
-pub mod watchdog;
+pub mod node;
+pub mod tools;
+pub mod wire;
 
-mod calibrate_action;
-mod calibrator;
-mod clock;
-mod engine;
-mod entities;
-mod interfaces;
-mod listener;
-mod loading;
-mod managed;
-mod middleware;
-mod node;
-mod order;
-mod outbox;
-mod parameters;
-mod player;
-mod services;
-mod serving;
-mod stopwatch;
-mod threads;
-mod watched;
-
-pub use calibrator::{Calibrator, Purpose, Sample};
-pub use clock::system_now;
-pub use engine::Record;
-pub use entities::{InputName, Names};
-pub use interfaces::{DIAGNOSTICS_TYPE, Health, read_diagnostics};
-pub use listener::{Delivery, Heard, HeardTopic, Listener, Listening, SpokenTopic};
-pub use middleware::TopicType;
-pub use node::{NodeError, Setup, input_bindings, run, wanted};
-pub use watched::Watched;
-
-pub use player::{NotPlayed, PlayedTopic, Player};
+pub use node::{
+    Calibrator, DIAGNOSTICS_TYPE, Health, Purpose, Record, Sample, Setup, Watched, input_bindings, read_diagnostics,
+    run, wanted,
+};
+pub use tools::{Delivery, Heard, HeardTopic, Listener, Listening, NotPlayed, PlayedTopic, Player, SpokenTopic};
+pub use wire::clock::system_now;
+pub use wire::entities::{InputName, Names};
+pub use wire::error::NodeError;
+pub use wire::middleware::TopicType;
+pub use wire::{args, environment, remap, security};

@@ -15,12 +15,13 @@ pub mod load_cell;
 pub mod manipulation;
 pub mod performance;
 pub mod session;
+mod spec;
 pub mod touch;
 
 /// Topic on which a synthetic glove announces that it is one, as `std_msgs/msg/String`.
 pub const SYNTHETIC_TOPIC: &str = "/synthetic_glove";
 
-pub use session::{
-    Activity, Conditions, FULL_MINUTES, Fault, Fingers, LiveSession, MIN_MINUTES, Physics, Prompt, Record, Session,
-    SessionSpec, SimError, Tracking, TrackingErrors, simulate,
+pub use session::{Fault, LiveSession, Prompt, Record, Session, SimError, simulate};
+pub use spec::{
+    Activity, Conditions, FULL_MINUTES, Fingers, MIN_MINUTES, Physics, SessionSpec, Tracking, TrackingErrors,
 };

@@ -1,4 +1,4 @@
-"""The live node, beside the drivers of glove and hand tracking.
+"""Starts the live node. Start the drivers of glove and hand tracker separately.
 
 ros2 launch tactile_pose_fusion live.launch.py params_file:=glove.yaml [namespace:=left] [autostart:=false]"""
 from launch import LaunchDescription
@@ -12,8 +12,8 @@ def generate_launch_description():
     arguments = [
         DeclareLaunchArgument("params_file", description="ROS 2 parameter file: topics, taxels, joints, models"),
         DeclareLaunchArgument("namespace", default_value="", description="namespace of the node, such as left"),
-        DeclareLaunchArgument("autostart", default_value="true", description="false waits for a lifecycle manager"),
-        DeclareLaunchArgument("use_sim_time", default_value="false", description="take the time of /clock"),
+        DeclareLaunchArgument("autostart", default_value="true", description="false: wait for a lifecycle manager"),
+        DeclareLaunchArgument("use_sim_time", default_value="false", description="true: use the time of /clock"),
         DeclareLaunchArgument("log_level", default_value="info"),
     ]
     flag = lambda name: ParameterValue(LaunchConfiguration(name), value_type=bool)

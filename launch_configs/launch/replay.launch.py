@@ -1,8 +1,8 @@
-"""A recorded bag as if it were live: `tpf play` with /clock, and the node on its time.
+"""Plays a recorded bag to the live node: `tpf play` with /clock, and the node with the time of /clock.
 
 ros2 launch tactile_pose_fusion replay.launch.py bag:=recording.mcap params_file:=glove.yaml [rate:=1.0]
 
-For files and for regression tests `tpf replay` is the better way: it is as fast as the machine and always the same."""
+To write files, and for regression tests, use `tpf replay` instead: it runs as fast as the machine allows, and its output is always the same."""
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, RegisterEventHandler
 from launch.event_handlers import OnProcessExit

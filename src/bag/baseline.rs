@@ -4,6 +4,7 @@ use super::inputs::{Input, InputError, Inputs};
 use super::{BagError, BagReader};
 use crate::fusion::{
     Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, Event, FusionConfig, TactileBlock, TactileSource,
+    TactileSourceIdx,
 };
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
@@ -118,10 +119,11 @@ pub fn collect_baselines(
     let mut sources: Vec<Collector> = cfg
         .tactile_sources
         .iter()
-        .map(|source| Collector {
+        .enumerate()
+        .map(|(idx, source)| Collector {
             n_taxels: source.n_taxels,
             offset_ns: source.stamp_offset_ns,
-            builder: BaselineBuilder::new(source.n_taxels, hole_ns),
+            builder: BaselineBuilder::new(source.n_taxels, hole_ns).needing(cfg.taxels_in_use(TactileSourceIdx(idx))),
             first: None,
             last: Stamp(i64::MIN),
             done: false,

@@ -2,20 +2,20 @@
 
 #[cfg(feature = "ros")]
 mod live;
+#[cfg(feature = "ros")]
+mod press;
 
 use std::path::PathBuf;
 
-use super::progress::Shown;
-use super::setup::{ModelArgs, ParamArgs, input_topics, load_models, shown};
-use super::zero::ZeroArgs;
-use super::{Failure, Outcome, print, say};
-use crate::bag::{BagReader, Input, Inputs};
+use super::progress::Said;
+use super::setup::{ModelArgs, ParamArgs, shown};
+use super::{Failure, Outcome, print};
+use crate::calibrate::{self, Calibrated, Request};
 use crate::calibration::Calibration;
 use crate::config::Config;
-use crate::fusion::{ForceGain, Fusion};
-use crate::glove::known;
+use crate::fusion::ForceGain;
 use crate::recording::ToldTouch;
-use crate::sessions::{KnownForces, RegionTouches, force_gains};
+use crate::sessions::{KnownForces, RegionTouches};
 use crate::units::{GramForce, Newton};
 
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
@@ -35,13 +35,14 @@ pub(super) struct Args {
     /// Take the first seconds, in which nothing may touch the glove, instead of annotated zero-load stretches
     #[arg(long, value_name = "SECONDS", value_parser = super::zero::seconds)]
     calibrate_first: Option<f64>,
-    /// Also fit what forces are multiplied by in this donning, to touches of the load cell in the bag: at least three, of
+    /// Also fit the factor of the forces in this donning to touches of the load cell, in the bag or live: at least three, of
     /// 30 gF or more, each held for 0.1 s
     #[arg(long, conflicts_with = "touch")]
     touches: bool,
     /// The same by touches whose force you know, from a kitchen scale or a weight: the force in gF or N, and from when to when
     /// it was held, in seconds from the begin of the bag; one --touch for each, at least three
     #[arg(long, value_name = "[REGION:]FORCE@FROM-TO", value_parser = touch)]
+    #[cfg_attr(feature = "ros", arg(conflicts_with = "live"))]
     touch: Vec<AskedTouch>,
     #[cfg(feature = "ros")]
     #[command(flatten)]
@@ -63,19 +64,26 @@ fn touch(text: &str) -> Result<AskedTouch, String> {
         None => (None, text),
     };
     let (force, span) = rest.split_once('@').ok_or_else(expected)?;
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0);
-    let force = match (force.strip_suffix("gF"), force.strip_suffix('N')) {
-        (Some(force), _) => number(force).map(|force| GramForce(force).into()),
-        (None, Some(force)) => number(force).map(Newton),
-        (None, None) => None,
-    };
     let (from, to) = span.split_once('-').ok_or_else(expected)?;
-    match (force, number(from), number(to)) {
+    match (self::force(force), number(from), number(to)) {
         (Some(force), Some(from_s), Some(to_s)) if force.0 > 0.0 && from_s < to_s => {
             Ok(AskedTouch { region, told: ToldTouch { force, from_s, to_s } })
         }
         _ => Err(expected()),
     }
+}
+
+/// A force as people write it, in gF or N.
+fn force(text: &str) -> Option<Newton> {
+    match (text.strip_suffix("gF"), text.strip_suffix('N')) {
+        (Some(force), _) => number(force).map(|force| GramForce(force).into()),
+        (None, Some(force)) => number(force).map(Newton),
+        (None, None) => None,
+    }
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.trim().parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0)
 }
 
 /// Where the forces of touches are known from, if they are asked for.
@@ -100,53 +108,29 @@ fn known_forces(args: &Args, cfg: &Config) -> Result<Option<KnownForces>, Failur
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut cfg = args.params.load()?;
     args.models.apply(&mut cfg)?;
-    cfg.calibration.file = None; // a new calibration doesn't start from the old one
     #[cfg(feature = "ros")]
     if args.live.live {
         return live::run(args, cfg);
     }
-    let models = load_models(&cfg)?;
-    let mut zero = ZeroArgs::first(args.calibrate_first).find(&cfg, &args.bags, &models.infos)?;
     let known_forces = known_forces(args, &cfg)?;
-    let hashes = known(&cfg, &models.infos).hashes;
-    let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
-    zero.install(&mut fusion)?;
-    if let Some(mut check) = zero.check.take() {
-        let mut reader = BagReader::open(&args.bags)?;
-        let mut inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
-        'calibration: while let Some(message) = reader.next_message()? {
-            for part in inputs.parts(message.channel)? {
-                let Input::Event(event) = inputs.decode(&message, part) else { continue };
-                fusion.handle(event);
-                while let Some(tick) = fusion.poll()? {
-                    if !check.takes(tick) {
-                        break 'calibration;
-                    }
-                }
-            }
-        }
-        check.judge(&cfg)?.iter().for_each(|note| say(note));
-    }
-    let mut touches = Vec::new();
-    if let Some(known) = &known_forces {
-        let mut core = Fusion::new(cfg.fusion.clone(), fusion.into_regressors())?;
-        zero.install(&mut core)?;
-        touches = force_gains(&args.bags, &cfg, &zero, core, known, &Shown::bytes("touches"))?;
-        zero.donning.force_gains = vec![None; cfg.fusion.regions.len()];
-        touches.iter().for_each(|found| zero.donning.force_gains[found.region] = Some(found.gain));
-    }
-    let calibration = zero.to_calibration(&cfg, &hashes);
+    let request = Request { bags: &args.bags, first_s: args.calibrate_first, known_forces };
+    let Calibrated { calibration, from, touches } = calibrate::run(cfg.clone(), &request, &Said)?;
     calibration.save(&args.output)?;
-    let mut text = format!("{}: zero from {}\n", shown(&args.output), zero.from);
+    let mut text = format!("{}: zero from {}\n", shown(&args.output), from);
     text += &verdict(&calibration);
-    for RegionTouches { region, gain, .. } in &touches {
-        let ForceGain { gain, low, high, touches } = gain;
-        let name = &cfg.fusion.regions[*region].name;
-        text +=
-            &format!("  region {name}: forces times {gain:.3} ({low:.3} to {high:.3}), from {touches} known touches\n");
-    }
+    text += &gains_text(&touches, &cfg);
     print(&text)?;
     Ok(Outcome::Done)
+}
+
+/// What known touches tell, a line a region.
+fn gains_text(touches: &[RegionTouches], cfg: &Config) -> String {
+    let of_region = |found: &RegionTouches| {
+        let ForceGain { gain, low, high, touches } = found.gain;
+        let name = &cfg.fusion.regions[found.region].name;
+        format!("  region {name}: forces times {gain:.3} ({low:.3} to {high:.3}), from {touches} known touches\n")
+    };
+    touches.iter().map(of_region).collect()
 }
 
 /// What a person should make of a calibration.

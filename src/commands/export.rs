@@ -1,20 +1,13 @@
 //! `tpf export`: sessions as a LeRobot dataset, or as tables.
 
-mod session;
-mod summary;
+use std::path::PathBuf;
 
-use std::path::{Path, PathBuf};
-
-use self::session::{Loaded, Loader};
-use self::summary::{BagSummary, Failed, Summary};
-use super::progress::Progress;
+use super::progress::Shown;
 use super::sessions::find_bags;
-use super::setup::{ModelArgs, ParamArgs, shown};
+use super::setup::{ModelArgs, ParamArgs};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::columns::{Cells, ColumnFile, CsvFile, Kind};
-use crate::config::Config;
-use crate::export::{Dataset, DatasetSpec, Episode, Layout, columns, rows};
+use crate::export::{self, Request, Targets};
 
 /// Writes force, contact, artifact, taxels and joint angles for those who learn from them: as a LeRobot dataset at its
 /// own rate, or as a table of all frames.
@@ -64,146 +57,33 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen();
-    args.refuse_outputs()?;
+    let targets = args.targets();
+    targets.check()?;
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
     let bags = find_bags(&args.bags)?;
-    let mut outputs = Outputs::create(args, &cfg)?;
-    let mut loader = Loader::new(args, &cfg, &bags);
-    let mut summary = Summary::default();
-    let mut progress = Progress::steps("export", bags.len() as u64);
-    for (bag_idx, bag) in bags.iter().enumerate() {
-        progress.set(bag_idx as u64);
-        let made = loader.load(bag).and_then(|loaded| {
-            let made = outputs.make(&loaded);
-            Ok((made.map_err(|failure| Failure(format!("{}: {failure}", bag.display())))?, loaded))
-        });
-        interrupt::check()?;
-        match made {
-            Ok((made, loaded)) => summary.bags.push(outputs.write(bag, made, loaded)?),
-            Err(failure) => summary.failed.push(Failed { bag: shown(bag), error: failure.to_string() }),
-        }
-    }
-    drop(progress);
-    if let (true, Some(failed)) = (summary.bags.is_empty(), summary.failed.first()) {
-        summary.failed.iter().skip(1).for_each(|failed| say(&format!("not exported: {}", failed.error)));
-        return Err(Failure(failed.error.clone()));
-    }
-    outputs.finish()?;
-    summary.outputs = [&args.lerobot, &args.parquet, &args.csv].into_iter().flatten().map(|path| shown(path)).collect();
+    let request = Request {
+        fps: args.fps,
+        tactile_window_ms: args.tactile_window_ms,
+        task: &args.task,
+        model: args.models.path(),
+        backend: args.models.choice(),
+        zero: args.zero.wanted(),
+        needs_truth: args.truth.is_some(),
+        ..Request::new(&bags, targets)
+    };
+    let summary = export::run(&cfg, &request, &Shown::steps("export"))?;
     summary.notes().iter().for_each(|note| say(note));
     print(&if args.json { serde_json::to_string_pretty(&summary)? + "\n" } else { summary.to_string() })?;
     Ok(if summary.has_lost() { Outcome::InputLost } else { Outcome::Done })
 }
 
 impl Args {
-    /// Before any work is done.
-    fn refuse_outputs(&self) -> Result<(), Failure> {
-        for path in [&self.lerobot, &self.parquet, &self.csv].into_iter().flatten() {
-            let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty() && !parent.is_dir());
-            if let Some(parent) = parent {
-                let (path, parent) = (path.display(), parent.display());
-                return Err(Failure(format!("{path}: the folder {parent} is not there: create it first")));
-            }
+    fn targets(&self) -> Targets<'_> {
+        Targets {
+            lerobot: self.lerobot.as_deref(),
+            parquet: self.parquet.as_deref(),
+            csv: self.csv.as_deref(),
+            overwrite: self.overwrite,
         }
-        if let Some(path) = self.lerobot.as_deref().filter(|path| path.symlink_metadata().is_ok()) {
-            return Err(Failure(format!(
-                "{}: is there already, and a dataset is never replaced: remove it, or choose another name",
-                path.display()
-            )));
-        }
-        let mut tables = [&self.parquet, &self.csv].into_iter().flatten();
-        if let Some(path) = tables.find(|path| path.exists() && !self.overwrite) {
-            return Err(Failure(format!("{} is there already; give another name, or --overwrite", path.display())));
-        }
-        Ok(())
-    }
-}
-
-/// Everything that is written, open until all bags are read.
-struct Outputs<'a> {
-    args: &'a Args,
-    cfg: &'a Config,
-    dataset: Option<Dataset>,
-    layout: Option<Layout>,
-    /// Joints of the tables: those of the first bag.
-    joints: Option<Vec<String>>,
-    parquet: Option<ColumnFile>,
-    csv: Option<CsvFile>,
-}
-
-/// What one bag adds to the outputs.
-struct Made {
-    episode: Option<Episode>,
-    /// `[regions][columns]`
-    rows: Vec<Vec<Cells>>,
-}
-
-impl<'a> Outputs<'a> {
-    fn create(args: &'a Args, cfg: &'a Config) -> Result<Self, Failure> {
-        let spec = DatasetSpec { fps: args.fps, task: args.task.clone(), robot_type: cfg.glove.clone() };
-        let dataset = args.lerobot.as_deref().map(|path| Dataset::create(path, spec)).transpose()?;
-        Ok(Outputs { args, cfg, dataset, layout: None, joints: None, parquet: None, csv: None })
-    }
-
-    fn has_tables(&self) -> bool {
-        self.args.parquet.is_some() || self.args.csv.is_some()
-    }
-
-    /// What a bag adds, all of it before any is written.
-    fn make(&mut self, loaded: &Loaded) -> Result<Made, Failure> {
-        let session = loaded.session();
-        let mut episode = None;
-        if self.dataset.is_some() {
-            let layout = match &self.layout {
-                Some(layout) => layout.clone(),
-                None => Layout::new(&self.cfg.fusion, self.args.fps, self.args.tactile_window_ms, session.samples)?,
-            };
-            episode = Some(layout.episode(&session)?);
-            self.layout = Some(layout);
-        }
-        let rows = match self.has_tables() {
-            true => {
-                let joints = self.joints.as_deref().unwrap_or(&session.samples.joint_names);
-                rows(&self.cfg.fusion, joints, &session)?
-            }
-            false => Vec::new(),
-        };
-        Ok(Made { episode, rows })
-    }
-
-    fn write(&mut self, bag: &Path, made: Made, loaded: Loaded) -> Result<BagSummary, Failure> {
-        let Made { episode, rows } = made;
-        let summary = BagSummary::new(bag, self.cfg, &loaded, episode.as_ref(), &rows);
-        if let (Some(dataset), Some(episode)) = (&mut self.dataset, episode) {
-            dataset.handle_episode(episode)?;
-        }
-        if self.joints.is_none() && self.has_tables() {
-            self.create_tables(&loaded)?;
-        }
-        for cells in &rows {
-            self.parquet.as_mut().map_or(Ok(()), |table| table.write(cells))?;
-            self.csv.as_mut().map_or(Ok(()), |table| table.write(cells))?;
-        }
-        Ok(summary)
-    }
-
-    fn create_tables(&mut self, first: &Loaded) -> Result<(), Failure> {
-        let joints = first.samples.joint_names.clone();
-        let columns = columns(&joints);
-        let columns: Vec<(&str, Kind)> = columns.iter().map(|(name, kind)| (name.as_str(), *kind)).collect();
-        let made_by = format!("tactile_pose_fusion {}", env!("CARGO_PKG_VERSION"));
-        let notes = [("synthetic", first.synthetic.to_string()), ("made_by", made_by)];
-        let Args { parquet, csv, .. } = self.args;
-        self.parquet = parquet.as_deref().map(|path| ColumnFile::create(path, &columns, &notes)).transpose()?;
-        self.csv = csv.as_deref().map(|path| CsvFile::create(path, &columns)).transpose()?;
-        self.joints = Some(joints);
-        Ok(())
-    }
-
-    /// Gives every output its name.
-    fn finish(self) -> Result<(), Failure> {
-        self.parquet.map_or(Ok(()), ColumnFile::finish)?;
-        self.csv.map_or(Ok(()), CsvFile::finish)?;
-        Ok(self.dataset.map_or(Ok(()), Dataset::finish)?)
     }
 }

@@ -1,28 +1,19 @@
 //! `tpf inspect`: what is in a bag or a model, and what of it can feed the fusion.
 
-mod bag;
 mod bag_text;
-mod candidates;
-mod fields;
-mod force;
 mod format;
-mod hints;
-mod joints;
 mod model_text;
-mod parameters;
-mod stamps;
-mod tactile;
-mod topic;
 
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::progress::Shown;
 use super::setup::shown;
 use super::{Failure, Outcome, print, say};
 use crate::bag::{Recordings, recordings_at};
+use crate::inspect::BagReport;
 use crate::model::{self, ModelInfo};
-use bag::BagReport;
 
 /// Tells what is in bags and models: topics and their timing, which of them can be tactile, joints or force, contracts.
 #[derive(Debug, clap::Args)]
@@ -105,7 +96,7 @@ fn inspect(path: &Path, definitions: Option<&Path>) -> Result<Report, Failure> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("onnx")) {
         return Ok(Report::Model(Box::new(model::inspect(path)?)));
     }
-    Ok(Report::Bag(Box::new(BagReport::read(path, definitions)?)))
+    Ok(Report::Bag(Box::new(BagReport::read(path, definitions, &Shown::bytes("inspect"))?)))
 }
 
 impl Report {

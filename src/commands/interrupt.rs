@@ -1,5 +1,6 @@
 //! Ctrl-C and SIGTERM: work stops at the next message, so that what is half written is taken away.
 
+#[cfg(any(feature = "ros", feature = "train"))]
 use super::Failure;
 use crate::leave;
 
@@ -22,18 +23,4 @@ pub(super) fn listen_live() -> Result<(), Failure> {
 #[cfg(feature = "ros")]
 pub(super) fn happened() -> bool {
     leave::asked()
-}
-
-/// Fails when there was an interrupt.
-pub(super) fn check() -> Result<(), Failure> {
-    match leave::asked() {
-        true => Err(Failure("interrupted; nothing was written".to_owned())),
-        false => Ok(()),
-    }
-}
-
-/// Whether there was an interrupt, for work that asks by itself.
-#[cfg(feature = "train")]
-pub(super) fn flag() -> &'static std::sync::atomic::AtomicBool {
-    leave::flag()
 }

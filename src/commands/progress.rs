@@ -103,6 +103,10 @@ impl Observer for Shown {
 
     fn progress(&self, done: u64, total: u64) {
         let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        // Another total is another piece of the work, such as the next bag.
+        if bar.as_ref().is_some_and(|bar| bar.total != total) {
+            *bar = None;
+        }
         bar.get_or_insert_with(|| (self.new_bar)(self.what, total)).set(done);
     }
 

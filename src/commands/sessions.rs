@@ -1,43 +1,11 @@
-//! Bags as sessions: where they are, what they are called, and why reading one stopped.
+//! Bags as sessions: where they are, and what they are called.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::progress::Said;
 use super::{Failure, say};
 use crate::bag::BagReader;
-use crate::recording::RecordingError;
 use crate::sessions;
-pub(super) use crate::sessions::session_name;
-
-/// Why the reading of a session ended before its end.
-pub(super) enum Stopped {
-    /// The session is at fault.
-    Recording(RecordingError),
-    /// Something else is, or the user.
-    Failure(Failure),
-}
-
-impl From<RecordingError> for Stopped {
-    fn from(error: RecordingError) -> Self {
-        Stopped::Recording(error)
-    }
-}
-
-impl From<Failure> for Stopped {
-    fn from(failure: Failure) -> Self {
-        Stopped::Failure(failure)
-    }
-}
-
-impl Stopped {
-    /// The failure, with the bag where that is at fault.
-    pub(super) fn of_bag(self, bag: &Path) -> Failure {
-        match self {
-            Stopped::Recording(error) => Failure(format!("{}: {error}", bag.display())),
-            Stopped::Failure(failure) => failure,
-        }
-    }
-}
 
 /// The recordings that paths stand for: each is one, or a folder of several. Says what was found in a folder.
 pub(super) fn find_bags(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {

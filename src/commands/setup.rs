@@ -1,15 +1,16 @@
 //! From command line and parameter file to models, topics and the core: what replay and calibrate have in common.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
 use super::{Failure, say};
 pub(super) use crate::bag::shown;
 use crate::config::{Config, DEFAULT_NODE, Origin, ParamTree, ParamValue, load_tree};
-use crate::glove::{self, Models};
-use crate::model::{BackendChoice, ModelInfo};
-pub(super) use crate::recording::input_topics;
+use crate::glove;
+#[cfg(feature = "ros")]
+use crate::glove::Models;
+use crate::model::BackendChoice;
 
 /// Where the parameters come from.
 #[derive(Debug, clap::Args)]
@@ -95,6 +96,16 @@ pub(super) fn config(tree: &ParamTree) -> Result<Config, Failure> {
 }
 
 impl ModelArgs {
+    /// The model that the command line names instead of that of the parameters.
+    pub(super) fn path(&self) -> Option<&Path> {
+        self.model.as_deref()
+    }
+
+    /// The backend that the command line names.
+    pub(super) fn choice(&self) -> Option<BackendChoice> {
+        self.backend.choice()
+    }
+
     /// Whether the command line names another model than the parameters.
     pub(super) fn replaces(&self) -> bool {
         self.model.is_some()
@@ -128,12 +139,8 @@ impl BackendArgs {
     }
 }
 
-/// Takes the joints from regions whose model has no pose input, and says so.
-pub(super) fn without_unused_joints(cfg: &mut Config, models: &[ModelInfo]) {
-    glove::drop_unused_joints(cfg, models).iter().for_each(|note| say(note));
-}
-
 /// Loads the models of a configuration and says in which runtime each runs.
+#[cfg(feature = "ros")]
 pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
     let models = Models::load(cfg)?;
     models.notes(cfg).iter().for_each(|note| say(note));

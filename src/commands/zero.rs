@@ -2,11 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Failure, say};
-use crate::config::Config;
-use crate::glove::known;
-use crate::model::ModelInfo;
-use crate::zero::{Wanted, Zero, find};
+use crate::zero::Wanted;
 
 /// What the command line says about it.
 #[derive(Debug, clap::Args)]
@@ -20,11 +16,6 @@ pub(super) struct ZeroArgs {
 }
 
 impl ZeroArgs {
-    /// As if the command line asked for the first seconds, or for nothing.
-    pub(super) fn first(calibrate_first: Option<f64>) -> Self {
-        ZeroArgs { calibration: None, calibrate_first }
-    }
-
     /// What is asked for.
     pub(super) fn wanted(&self) -> Wanted<'_> {
         match (&self.calibration, self.calibrate_first) {
@@ -32,13 +23,6 @@ impl ZeroArgs {
             (None, Some(seconds)) => Wanted::First(seconds),
             (None, None) => Wanted::Any,
         }
-    }
-
-    /// Finds the zero of a recording, and says what a person should know about it.
-    pub(super) fn find(&self, cfg: &Config, bags: &[PathBuf], models: &[ModelInfo]) -> Result<Zero, Failure> {
-        let zero = find(self.wanted(), cfg, bags, &known(cfg, models))?;
-        zero.notes.iter().for_each(|note| say(note));
-        Ok(zero)
     }
 }
 

@@ -1,6 +1,7 @@
 //! From the parameter tree to what the other modules are told. What exists afterwards is valid.
 
 mod check;
+mod fields;
 mod hand;
 mod live;
 mod reader;

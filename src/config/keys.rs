@@ -309,8 +309,8 @@ mod tests {
         let page = markdown();
         assert_eq!(page.lines().count(), KEYS.len() + 2);
         assert!(page.contains(
-            "| `contact.force_on` | double | 0.024516625 | in (0, 1000] | N | yes | At or above this force there may be \
-             contact; the default is 2.5 gF |\n"
+            "| `contact.force_on` | double | 0.024516625 | in (0, 1000] | N | yes | At or above this force a contact may \
+             begin; the default is 2.5 gF |\n"
         ));
     }
 

@@ -5,8 +5,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::class::Class;
 use super::metric::{Metric, Undefined};
-use super::metrics::Class;
 use super::scoring::{MDF_BALANCED_ACCURACY, Scoring};
 
 /// Frames whose true force is in one bin.

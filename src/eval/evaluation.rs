@@ -7,11 +7,13 @@ use serde::Serialize;
 
 use super::contact::{ContactError, Detection, DetectionTally, Touches, Touching};
 use super::curve::ForceCurve;
-use super::groups::{GroupBy, Origin, Tallies};
-use super::in_air::{Asked, InAirReport, InAirTally};
+use super::groups::{GroupBy, Tallies};
+use super::held::{HeldTally, HeldTouches};
+use super::in_air::{InAirReport, InAirTally};
 use super::metrics::{MetricError, Score, Tally};
 use super::pose_age::{PoseAgeBin, PoseAgeTally};
 use super::preservation::{Preservation, PreservationTally};
+use super::scored_frames::ScoredFrames;
 use super::scoring::Scoring;
 use crate::eval::Group;
 use crate::units::Stamp;
@@ -34,41 +36,6 @@ const TRUE_TOUCHES: Touching = Touching {
 
 /// A kept touch that the correction detects later than this is a delayed one.
 const TOLERATED_DELAY: Duration = Duration::from_millis(50);
-
-/// The frames of one session that are scored.
-///
-/// # Shapes
-/// All but `origins`, `asked` and `resumes`: `[n_frames]`, in the order of their stamps.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ScoredFrames {
-    /// Stamps.
-    pub stamp: Vec<Stamp>,
-    /// True force, gF, tared.
-    pub truth_gf: Vec<f64>,
-    /// Estimated force, gF; `None` where there is no estimate.
-    pub estimate_gf: Vec<Option<f64>>,
-    /// Base force, gF, where the model gives it; else empty.
-    pub base_gf: Vec<Option<f64>>,
-    /// Probability of touch, where contact is decided on it; else empty.
-    pub touch: Vec<Option<f64>>,
-    /// Whether the probability of touch is at its threshold, where contact is decided on it; else empty, and a frame's
-    /// touch is judged by its force.
-    pub touched: Vec<bool>,
-    /// Contact, with hysteresis and debounce.
-    pub contact: Vec<bool>,
-    /// The same of the base force, where the model gives it; else empty.
-    pub base_contact: Vec<bool>,
-    /// Age of the oldest joint angle, ns.
-    pub pose_age_ns: Vec<Option<i64>>,
-    /// Index into `origins`.
-    pub origin: Vec<usize>,
-    /// Where frames come from: they share glove, user and session.
-    pub origins: Vec<Origin>,
-    /// `[origins]`: what was asked for there.
-    pub asked: Vec<Asked>,
-    /// Frames right before which others were left out, because they are not scored.
-    pub resumes: Vec<usize>,
-}
 
 /// Frames that can't be scored.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -99,6 +66,7 @@ struct ContactTallies {
     preservation: PreservationTally,
     pose_age: PoseAgeTally,
     in_air: InAirTally,
+    held: HeldTally,
 }
 
 /// Contacts of one glove: how they were detected, and what the correction did to them.
@@ -114,6 +82,9 @@ pub struct ContactReport {
     /// Estimates while nothing touches the glove; absent where annotations name no such time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub in_air: Option<InAirReport>,
+    /// Touches that are held, by their force.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub held: Vec<HeldTouches>,
 }
 
 /// Scores of one kind of group.
@@ -181,6 +152,7 @@ impl Evaluation {
             preservation: PreservationTally::new(CONTACT_SLACK, TOLERATED_DELAY),
             pose_age: PoseAgeTally::default(),
             in_air: InAirTally::new(CONTACT_SLACK, Touching::default().max_gap),
+            held: HeldTally::default(),
         });
         tallies.handle_session(frames, &self.scoring)
     }
@@ -221,6 +193,7 @@ impl Evaluation {
                 preservation: (preservation.n_true > 0).then_some(preservation),
                 by_pose_age: tallies.pose_age.bins(),
                 in_air: tallies.in_air.report(),
+                held: tallies.held.report(),
             }
         };
         self.by_glove.iter().map(|(glove, tallies)| (glove.clone(), report(tallies))).collect()
@@ -251,6 +224,9 @@ impl ContactTallies {
         let truth = Touches::of(&stamps, &is_touch, TRUE_TOUCHES)?;
         let detected = Touches::of(&stamps, &states(&frames.contact), Touching::default())?;
         self.detection.handle_session(&truth, &detected);
+        let forces = |column: &[f64]| known.iter().map(|&idx| column[idx]).collect::<Vec<f64>>();
+        let contact = states(&frames.contact);
+        self.held.handle_session(&truth, &stamps, &forces(&frames.truth_gf), &forces(&estimate), &contact);
         if !frames.base_contact.is_empty() {
             let base = Touches::of(&stamps, &states(&frames.base_contact), Touching::default())?;
             self.preservation.handle_session(&truth, &base, &detected);

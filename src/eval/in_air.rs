@@ -5,19 +5,10 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::evaluation::ScoredFrames;
 use super::metric::{Metric, Undefined};
+use super::scored_frames::ScoredFrames;
 use super::statistics::Distribution;
 use crate::units::{Stamp, nanos};
-
-/// What a stretch of the protocol asked for.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Asked {
-    /// Pose or movement; that of the substage where none was named.
-    pub pose: String,
-    /// Whether nothing touches the glove.
-    pub zero_load: bool,
-}
 
 /// Estimates while nothing touches the glove.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -144,6 +135,7 @@ impl Sums {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scored_frames::Asked;
     use super::*;
 
     /// Frames 10 ms apart: what was asked, the force, and whether contact was told.

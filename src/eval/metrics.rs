@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::class::Class;
 use super::curve::{ForceCurve, Mdf};
 use super::metric::{Metric, Undefined};
-use super::scoring::{MissingEstimate, Scoring};
+use super::scoring::Scoring;
 
 /// Arrays or tallies that don't belong together.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -18,46 +19,6 @@ pub enum MetricError {
     OtherLengths { name: &'static str, truth: usize, got: usize },
     #[error("tallies were scored by different rules, {ours:?} and {theirs:?}; score both by the same rules")]
     Scoring { ours: Box<Scoring>, theirs: Box<Scoring> },
-}
-
-/// Frames of one true class.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Class {
-    /// With an estimate.
-    pub n: u64,
-    /// Of these, those whose estimate is touch.
-    pub n_detected: u64,
-    /// Without an estimate.
-    pub n_missing: u64,
-    /// Sum over `n`, gF.
-    pub abs_error: f64,
-}
-
-impl Class {
-    fn add(&mut self, truth: f64, estimate: Option<f64>, detected: bool) {
-        let Some(estimate) = estimate else {
-            self.n_missing += 1;
-            return;
-        };
-        self.n += 1;
-        self.n_detected += u64::from(detected);
-        self.abs_error += (estimate - truth).abs();
-    }
-
-    fn merge(&mut self, other: &Class) {
-        self.n += other.n;
-        self.n_detected += other.n_detected;
-        self.n_missing += other.n_missing;
-        self.abs_error += other.abs_error;
-    }
-
-    /// Frames whose touch is judged.
-    pub fn n_judged(&self, missing: MissingEstimate) -> u64 {
-        match missing {
-            MissingEstimate::Excluded => self.n,
-            MissingEstimate::NoTouch => self.n + self.n_missing,
-        }
-    }
 }
 
 /// What a score was taken from.
@@ -168,6 +129,9 @@ pub struct Score {
     pub mae_gf: Metric,
     /// Coefficient of determination: 1 - residual sum of squares / total sum of squares of the truth.
     pub r2: Metric,
+    /// Force gain: estimated force as a share of the true one, the sums over all frames of touch. By session it shows
+    /// the gain of each donning.
+    pub force_gain: Metric,
 }
 
 /// The frames of a stretch of data, as far as the metrics need them. A few kilobytes however many frames went in.
@@ -309,6 +273,7 @@ impl Tally {
             mdf: self.curve().mdf(),
             mae_gf: Metric::mean(self.touch.abs_error + self.no_touch.abs_error, self.n_scored(), Undefined::NoFrames),
             r2: self.r2(),
+            force_gain: self.force_gain(),
         }
     }
 
@@ -320,6 +285,13 @@ impl Tally {
             return Metric::undefined(Undefined::NoVariance);
         }
         Metric::finite(1.0 - self.squared_error / self.truth_m2)
+    }
+
+    fn force_gain(&self) -> Metric {
+        match self.touch.truth > 0.0 {
+            true => Metric::finite(self.touch.estimate / self.touch.truth),
+            false => Metric::undefined(Undefined::NoTouch),
+        }
     }
 
     fn n_scored(&self) -> u64 {

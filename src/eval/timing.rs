@@ -5,8 +5,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::contact::millis;
-use super::evaluation::ScoredFrames;
 use super::metric::{Metric, Undefined};
+use super::scored_frames::ScoredFrames;
 use super::statistics::Distribution;
 use crate::units::nanos;
 

@@ -1,10 +1,7 @@
 //! The page of a LeRobot dataset.
 
-use super::DatasetSpec;
-
 /// What a person reads who opens the folder, or its page on the Hub.
-pub(super) fn card(spec: &DatasetSpec, is_synthetic: bool) -> String {
-    let DatasetSpec { fps, task, .. } = spec;
+pub(super) fn card(fps: u32, task: &str, is_synthetic: bool) -> String {
     let synthetic = if is_synthetic {
         "**The data is synthetic**: a physical model of a glove on a hand, not a recording.\n\n"
     } else {

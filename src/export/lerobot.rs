@@ -119,7 +119,8 @@ impl Dataset {
         self.write_json("stats.json", &self.stats())?;
         self.write_json("info.json", &self.info())?;
         let readme = self.folder.path().join("README.md");
-        files::replace(&readme, card(&self.spec, self.synthetic).as_bytes()).map_err(io(&self.out))?;
+        let text = card(self.spec.fps, &self.spec.task, self.synthetic);
+        files::replace(&readme, text.as_bytes()).map_err(io(&self.out))?;
         self.folder.put_in_place().map_err(io(&self.out))
     }
 

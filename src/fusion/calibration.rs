@@ -73,12 +73,25 @@ pub struct BaselineBuilder {
     n_seen: u64,
     newest: Option<Stamp>,
     span_ns: i64,
+    /// Taxels that may have no reading; empty where none may.
+    spare: Vec<bool>,
 }
 
 impl BaselineBuilder {
     /// An empty collection. Steps in time longer than `max_step_ns` are holes, not zero-load time.
     pub fn new(n_taxels: usize, max_step_ns: i64) -> Self {
-        BaselineBuilder { n_taxels, max_step_ns, rows: Vec::new(), stride: 1, n_seen: 0, newest: None, span_ns: 0 }
+        let (rows, spare) = (Vec::new(), Vec::new());
+        BaselineBuilder { n_taxels, max_step_ns, rows, stride: 1, n_seen: 0, newest: None, span_ns: 0, spare }
+    }
+
+    /// Refuses no taxel without a reading but these: those of regions. Grids send NaN where they have no taxel.
+    pub fn needing(mut self, taxels: impl IntoIterator<Item = usize>) -> Self {
+        self.spare = vec![true; self.n_taxels];
+        taxels
+            .into_iter()
+            .filter(|taxel_idx| *taxel_idx < self.n_taxels)
+            .for_each(|taxel_idx| self.spare[taxel_idx] = false);
+        self
     }
 
     /// Takes a sample.
@@ -129,7 +142,11 @@ impl BaselineBuilder {
             let mut finite: Vec<f32> = readings.filter(|reading| reading.is_finite()).collect();
             let mut steps: Vec<f32> = finite.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
             *moved = finite.windows(2).any(|pair| pair[0] != pair[1]);
-            baseline.median[taxel_idx] = median(&mut finite).ok_or(CalibrationError::NoReading { taxel_idx })?;
+            baseline.median[taxel_idx] = match median(&mut finite) {
+                Some(median) => median,
+                None if self.spare.get(taxel_idx) == Some(&true) => 0.0, // never read
+                None => return Err(CalibrationError::NoReading { taxel_idx }),
+            };
             // The median of |a - b| of two normal readings is 0.6745 * sqrt(2) of one's deviation.
             baseline.noise[taxel_idx] = median(&mut steps).unwrap_or(0.0) / (0.674_49 * std::f32::consts::SQRT_2);
         }
@@ -217,6 +234,10 @@ mod tests {
         assert_eq!(nothing, CalibrationError::NothingCame { need_s: 2.0 });
         let dead = collect(500, |_| [0.0, f32::NAN]).finish(&LIMITS).unwrap_err();
         assert_eq!(dead, CalibrationError::NoReading { taxel_idx: 1 });
+        let needed = collect(500, |_| [0.0, f32::NAN]).needing([1]).finish(&LIMITS).unwrap_err();
+        assert_eq!(needed, CalibrationError::NoReading { taxel_idx: 1 });
+        let unused = collect(500, |_| [3.0, f32::NAN]).needing([0]).finish(&LIMITS).unwrap();
+        assert_eq!(unused.median, [3.0, 0.0]);
         let mut holes = BaselineBuilder::new(1, 50_000_000);
         (0..10).for_each(|k| holes.handle_sample(Stamp(k * 1_000_000_000), &[0.0]));
         assert!(matches!(holes.finish(&LIMITS), Err(CalibrationError::TooShort { .. })));

@@ -115,6 +115,16 @@ impl ContactThresholds {
     }
 }
 
+impl FusionConfig {
+    /// Taxels of a source that some region has.
+    pub fn taxels_in_use(&self, source: super::TactileSourceIdx) -> impl Iterator<Item = usize> {
+        self.regions
+            .iter()
+            .filter(move |region| region.source == source)
+            .flat_map(|region| region.taxels.iter().copied())
+    }
+}
+
 /// One patch of the hand with one force.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionConfig {

@@ -1,6 +1,5 @@
 //! Whether our own code gives the forces of a runtime, on windows of every scale.
 
-use super::direct::Direct;
 use super::session::Session;
 use super::trial::{Frames, SCALES, Scale};
 use crate::fusion::{Contract, Forces, Regressor};
@@ -18,7 +17,7 @@ const ROUNDING: f64 = 2e-5;
 ///
 /// # Errors
 /// Where they differ, and by how much.
-pub(super) fn compare(own: &mut Direct, runtime: &mut Session) -> Result<(), String> {
+pub(super) fn compare(own: &mut dyn Regressor, runtime: &mut Session) -> Result<(), String> {
     let contract = runtime.contract().clone();
     let starts: Vec<usize> = (0..N_WINDOWS).collect();
     let (mut expected, mut got) = (Forces::default(), Forces::default());

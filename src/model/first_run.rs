@@ -5,6 +5,7 @@
 //! with batches and readings larger than any that come. The trial process is this program, started again.
 
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -36,8 +37,11 @@ const STACK: usize = 1 << 20;
 /// Windows that are run at once: as many as a runtime is ever given.
 const N_WINDOWS: usize = 64;
 
-/// The program to start, if there is one.
-static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+/// Set in the environment of a trial process: neither it nor what it starts tries a model in a further process.
+const IN_TRIAL: &str = "TPF_MODEL_TRIAL";
+
+/// The program to start and its arguments before [`ARGUMENT`], if there is one.
+static PROGRAM: OnceLock<(PathBuf, Vec<OsString>)> = OnceLock::new();
 
 /// Models that were tried, by their SHA-256, backend and names of tensors.
 static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
@@ -54,8 +58,14 @@ struct Request {
 pub fn call_this_program() {
     // Without a name of its own it can't be called, and models are loaded as a library loads them.
     if let Ok(program) = std::env::current_exe() {
-        PROGRAM.get_or_init(|| program);
+        call(program, Vec::new());
     }
+}
+
+/// Tries models in processes of this program from now on, unless one was named before. With these arguments and two more,
+/// [`ARGUMENT`] and a text, it gives that text to [`answer`], writes what that says to stdout, and leaves with 1 at an error.
+pub fn call(program: PathBuf, args: Vec<OsString>) {
+    PROGRAM.get_or_init(|| (program, args));
 }
 
 /// Tries a model as the process that was called for it: `Err` with one line where it can't be used.
@@ -88,7 +98,10 @@ fn run(spec: &ModelSpec) -> Result<(), String> {
 /// # Errors
 /// [`ModelError::FirstRun`] with what that process said, or how it ended.
 pub(super) fn check(spec: &ModelSpec, sha256: &str) -> Result<Option<String>, ModelError> {
-    let Some(program) = PROGRAM.get() else { return Ok(None) };
+    let Some((program, args)) = PROGRAM.get() else { return Ok(None) };
+    if std::env::var_os(IN_TRIAL).is_some() {
+        return Ok(None);
+    }
     let request = Request { path: spec.path.clone(), backend: spec.backend, names: spec.names.clone() };
     let Ok(request) = serde_json::to_string(&request) else {
         return Ok(Some("its path is no text".to_owned()));
@@ -105,7 +118,7 @@ pub(super) fn check(spec: &ModelSpec, sha256: &str) -> Result<Option<String>, Mo
             "{path}: a first run of it {how}; expected a model that runs within {gib} GiB and {s} s: export it again"
         ))
     };
-    match called(program, &request) {
+    match called(program, args, &request) {
         Ok((Some(status), _)) if status.success() => {}
         Ok((Some(status), said)) => match (status.code(), said.lines().next()) {
             (Some(1), Some(line)) => return Err(refused(line.to_owned())),
@@ -122,13 +135,15 @@ pub(super) fn check(spec: &ModelSpec, sha256: &str) -> Result<Option<String>, Mo
 }
 
 /// Calls the program under limits: how it ended, if it did in time, and what it said.
-fn called(program: &Path, request: &str) -> std::io::Result<(Option<ExitStatus>, String)> {
+fn called(program: &Path, args: &[OsString], request: &str) -> std::io::Result<(Option<ExitStatus>, String)> {
     // A limit that is stricter already stays.
     let limits = format!("ulimit -c 0; ulimit -v {MAX_MEMORY_KIB}; exec \"$0\" \"$@\"");
     let mut child = Command::new("/bin/sh")
         .args(["-c", &limits])
         .arg(program)
+        .args(args)
         .args([ARGUMENT, request])
+        .env(IN_TRIAL, "1")
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())

@@ -8,6 +8,10 @@ mod tree;
 pub use installed::{Definitions, LookupError};
 pub use tree::TypeTree;
 
+/// Most fields, those of nested messages included, that a type may have.
+// Real messages have a few hundred at most, and `tpf inspect` looks at each by way of all before it.
+const MAX_FIELDS: usize = 4096;
+
 /// A type of fixed size on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Primitive {

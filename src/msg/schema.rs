@@ -3,35 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::definition::{BaseType, MessageDefinition};
-
-/// Canonical name and text of every type that has a struct here, ours and the standard ones.
-const TEXTS: [(&str, &str); 20] = [
-    ("builtin_interfaces/msg/Duration", include_str!("../../msg/standard/Duration.msg")),
-    ("builtin_interfaces/msg/Time", include_str!("../../msg/standard/Time.msg")),
-    ("geometry_msgs/msg/Vector3", include_str!("../../msg/standard/Vector3.msg")),
-    ("geometry_msgs/msg/Wrench", include_str!("../../msg/standard/Wrench.msg")),
-    ("geometry_msgs/msg/Point", include_str!("../../msg/standard/Point.msg")),
-    ("geometry_msgs/msg/Pose", include_str!("../../msg/standard/Pose.msg")),
-    ("geometry_msgs/msg/PoseArray", include_str!("../../msg/standard/PoseArray.msg")),
-    ("geometry_msgs/msg/Quaternion", include_str!("../../msg/standard/Quaternion.msg")),
-    ("geometry_msgs/msg/WrenchStamped", include_str!("../../msg/standard/WrenchStamped.msg")),
-    ("sensor_msgs/msg/JointState", include_str!("../../msg/standard/JointState.msg")),
-    ("service_msgs/msg/ServiceEventInfo", include_str!("../../msg/standard/ServiceEventInfo.msg")),
-    ("std_msgs/msg/Float32MultiArray", include_str!("../../msg/standard/Float32MultiArray.msg")),
-    ("std_msgs/msg/Header", include_str!("../../msg/standard/Header.msg")),
-    ("std_msgs/msg/MultiArrayDimension", include_str!("../../msg/standard/MultiArrayDimension.msg")),
-    ("std_msgs/msg/MultiArrayLayout", include_str!("../../msg/standard/MultiArrayLayout.msg")),
-    ("std_msgs/msg/String", include_str!("../../msg/standard/String.msg")),
-    ("tactile_pose_fusion/msg/ContactArray", include_str!("../../msg/ContactArray.msg")),
-    ("tactile_pose_fusion/msg/ContactState", include_str!("../../msg/ContactState.msg")),
-    ("tactile_pose_fusion/msg/Stage", include_str!("../../msg/Stage.msg")),
-    ("tactile_pose_fusion/msg/TaxelArray", include_str!("../../msg/TaxelArray.msg")),
-];
-
-/// The `.msg` text of one of our types, or of a standard one that we use, by canonical name; dependencies left out.
-pub fn standard_text(type_name: &str) -> Option<&'static str> {
-    TEXTS.iter().find(|(name, _)| *name == type_name).map(|(_, text)| *text)
-}
+use super::texts::standard_text;
 
 /// The whole schema of one of our types, or of a standard one that we use: its text, then that of each dependency
 /// under a separator line, as rosbag2 writes it. `None` for any other type.
@@ -65,6 +37,7 @@ fn append_dependencies(type_name: &str, written: &mut BTreeSet<String>, text: &m
 
 #[cfg(test)]
 mod tests {
+    use super::super::texts::TEXTS;
     use super::*;
     use crate::msg::definition::TypeTree;
 

@@ -1,5 +1,29 @@
 //! The node from start to end: joins the graph, starts its threads, waits for the end, leaves.
 
+pub mod diagnostics;
+pub mod health;
+pub mod lifecycle;
+pub mod watchdog;
+
+mod calibrate_action;
+mod calibrator;
+mod engine;
+mod interfaces;
+mod loading;
+mod managed;
+mod order;
+mod outbox;
+mod parameters;
+mod services;
+mod serving;
+mod shared;
+mod watched;
+
+pub use calibrator::{Calibrator, Purpose, Sample};
+pub use engine::Record;
+pub use interfaces::{DIAGNOSTICS_TYPE, Health, read_diagnostics};
+pub use watched::Watched;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
@@ -8,28 +32,27 @@ use std::time::Duration;
 use ros2_client::qos::Durability;
 use tokio::sync::mpsc;
 
-use super::args::{RosArgs, Severity};
-use super::clock::Clock;
-use super::engine::{Command, Engine, Input, Outputs, Record};
-use super::entities::{Graph, InputName, Names, reliable_qos};
-use super::environment::Environment;
-use super::graph::Wanted;
-use super::interfaces::{self, DiagnosticArray, Log, TransitionEvent};
-use super::managed::Managed;
-use super::middleware::{Publisher, TopicType};
-use super::outbox::{self, LogConfig, OutIdx, Rosout};
-use super::parameters::{ParameterEvent, Parameters};
-use super::qos::{self, QosError, Side};
-use super::security::SecurityError;
-use super::serving::{self, Duties, News};
-use super::threads;
-use crate::config::{Config, NameError, ParamTree};
+use super::wire::args::{RosArgs, Severity};
+use super::wire::clock::{Clock, ClockMessage};
+use super::wire::entities::{Graph, InputName, Names};
+use super::wire::environment::Environment;
+use super::wire::error::NodeError;
+use super::wire::graph::Wanted;
+use super::wire::middleware::{Publisher, TopicType};
+use super::wire::qos::{self, Side, reliable_qos};
+use super::wire::threads::{self, runtime};
+use crate::config::{Config, ParamTree};
 use crate::fusion::{JointSourceIdx, TactileSourceIdx};
 use crate::leave;
 use crate::msg::binding::{BindingError, JointBinding, SampleBinding, TaxelBinding};
-use crate::msg::definition::TypeTree;
-use crate::msg::definition::{Definitions, LookupError};
+use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{ContactArray, WireType, WrenchStamped, type_hash};
+use engine::{Command, Engine, Input, Outputs};
+use interfaces::{DiagnosticArray, Log, TransitionEvent};
+use outbox::{LogConfig, OutIdx, Rosout};
+use parameters::{ParameterEvent, Parameters};
+use serving::{Duties, News};
+use shared::Managed;
 
 /// How often the node checks if it should end.
 const LOOK: Duration = Duration::from_millis(20);
@@ -56,30 +79,6 @@ pub struct Setup {
     pub recorder: Option<SyncSender<Record>>,
 }
 
-/// Why a node can't start or go on. Each text is one line.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the texts say it
-pub enum NodeError {
-    #[error(transparent)]
-    Name(#[from] NameError),
-    #[error(transparent)]
-    Qos(#[from] QosError),
-    #[error("ROS_SECURITY_STRATEGY=Enforce: {0}")]
-    Security(#[from] SecurityError),
-    #[error(transparent)]
-    Lookup(#[from] LookupError),
-    #[error("topic {topic}: {error}")]
-    Binding { topic: String, error: Box<BindingError> },
-    #[error("{what}: can't be created: {reason}")]
-    Create { what: String, reason: String },
-    #[error("{what}: {source}")]
-    System { what: &'static str, source: std::io::Error },
-    #[error("{0}")]
-    Configure(String),
-    #[error("{0}")]
-    Ended(String),
-}
-
 /// Runs a node until SIGINT or SIGTERM, and leaves the graph.
 ///
 /// # Errors
@@ -101,7 +100,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     let of_others = qos::check_all_used(&tree, &entities.collect::<Vec<_>>())?;
     let sim_clock = match cfg.use_sim_time {
         true => {
-            let ty = TopicType::Known(interfaces::Clock::TYPE_NAME);
+            let ty = TopicType::Known(ClockMessage::TYPE_NAME);
             Some(graph.subscription("/clock", ty, &qos::output_default())?)
         }
         false => None,
@@ -172,11 +171,6 @@ fn watch(news: &Receiver<News>) -> (Option<Graph>, Result<(), NodeError>) {
         }
     }
     (graph, Ok(()))
-}
-
-pub(super) fn runtime() -> Result<tokio::runtime::Runtime, NodeError> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    runtime.map_err(|source| NodeError::System { what: "runtime", source })
 }
 
 /// The type of each input, and the binding that turns its messages into samples: one per source, tactile sources first.

@@ -33,7 +33,7 @@ impl SessionError {
     }
 
     /// The same, with the bag where what it holds is at fault.
-    pub(super) fn of_bag(self, bag: &Path) -> Self {
+    pub(crate) fn of_bag(self, bag: &Path) -> Self {
         match self {
             SessionError::Recording(error) => SessionError::at(bag, &error),
             other => other,

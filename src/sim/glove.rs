@@ -13,6 +13,7 @@
 //!
 //! A whole-hand glove has such taxels on every fingertip, each strained mostly by the joints of its own finger.
 
+mod bends;
 mod contact;
 mod coupled;
 mod readout;
@@ -24,7 +25,7 @@ use strain::StrainField;
 
 use super::hand::Finger;
 use super::performance::HandState;
-use super::session::{Activity, Physics, SessionSpec};
+use super::spec::{Activity, Physics, SessionSpec};
 use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 

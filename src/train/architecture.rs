@@ -42,6 +42,16 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::PoseAware => "pose-aware",
+            Kind::TactileOnly => "tactile-only",
+            Kind::EarlyFusion => "early-fusion",
+            Kind::Adaptive => "adaptive",
+        }
+    }
+
     /// True if the network takes joint angles.
     pub fn uses_pose(self) -> bool {
         matches!(self, Kind::PoseAware | Kind::EarlyFusion)

@@ -8,7 +8,8 @@ use std::path::PathBuf;
 /// Says that the running test, or a part of it, is skipped.
 pub fn skipped(why: &str) {
     let thread = std::thread::current();
-    let _ = writeln!(std::io::stderr(), "skipped {}: {why}", thread.name().unwrap_or("a test"));
+    let line = format!("skipped {}: {why}\n", thread.name().unwrap_or("a test"));
+    let _ = std::io::stderr().write_all(line.as_bytes()); // at once, because other tests write, too
 }
 
 /// The folder of shared data and fixtures: `TPF_SHARED`, else `../shared` beside the repository.

@@ -1,12 +1,9 @@
 //! What the tests of messages share.
 #![allow(dead_code, missing_docs, unreachable_pub, unused_imports)]
 
-#[path = "../common/skip.rs"]
-mod skip;
-
 use std::path::{Path, PathBuf};
 
-pub use skip::shared;
+pub use crate::common::skip::shared;
 use tactile_pose_fusion::msg::binding::{JointBinding, JointFields, StampFrom, TaxelBinding, TaxelFields};
 use tactile_pose_fusion::msg::definition::TypeTree;
 use tactile_pose_fusion::msg::dynamic::{FieldPlan, ReadAs, Value, numeric_paths, read_value};

@@ -10,6 +10,7 @@ use mcap::records::op;
 use super::channels::{ChannelTable, Definitions};
 use super::chunk::{ChunkHeader, ChunkRecords, ChunkTrouble, MIN_HEADER_LEN};
 use super::fields::Fields;
+use super::foreign::not_mcap;
 use super::head::{self, Head};
 use super::loss::Losses;
 use super::order::Chunks;
@@ -78,7 +79,7 @@ impl McapFile {
         let mut magic = Vec::new();
         source.read_up_to(MAGIC.len() as u64, &mut magic)?;
         if magic != MAGIC {
-            return Err(super::locate::not_mcap(path));
+            return Err(not_mcap(path));
         }
         Ok(McapFile {
             source,

@@ -1,21 +1,15 @@
 //! From the path that a person gives to the files of the bag behind it.
 
-use std::cmp::Ordering;
-use std::io::Read;
 use std::path::{Path, PathBuf};
-
-use mcap::MAGIC;
 
 use super::BagError;
 use super::channels::ChannelTable;
-use super::sqlite::SQLITE_MAGIC;
+use super::foreign::not_a_bag;
+use super::names::natural_order;
 use super::storage::{first_log_time, summary};
-use super::unpacked::Unpacked;
 use crate::bag::error::one_line;
 use crate::bag::layout::{self, METADATA_FILE};
 use crate::units::{NANOS_PER_SEC, Stamp};
-
-const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
 
 /// How files of bags end; a `.zstd` or `.zst` may follow.
 const EXTENSIONS: [&str; 2] = ["mcap", "db3"];
@@ -237,101 +231,4 @@ fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> 
         }
     }
     Ok(paths)
-}
-
-/// The error for a file that doesn't begin as MCAP does: it says what the file looks like.
-pub(super) fn not_mcap(path: &Path) -> BagError {
-    let mut start = Vec::new();
-    let read = Unpacked::open(path).map(|unpacked| unpacked.file.take(64).read_to_end(&mut start));
-    match read {
-        Err(error) => return error,
-        Ok(Err(error)) => return BagError::io(path, "read", error),
-        Ok(Ok(_)) => {}
-    }
-    let is_listing = path.file_name().is_some_and(|name| name == METADATA_FILE);
-    let why = if start.is_empty() {
-        "it is empty".to_owned()
-    } else if is_listing {
-        "it describes a bag: give the folder that it lies in".to_owned()
-    } else if start.starts_with(ROS1_MAGIC) {
-        ros1_advice(path)
-    } else if SQLITE_MAGIC.starts_with(&start) {
-        format!("it is a sqlite3 (.db3) bag, cut off after {} bytes", start.len())
-    } else if MAGIC.starts_with(&start) {
-        format!("it is cut off after {} bytes", start.len())
-    } else if start.iter().all(|&byte| byte == 0) {
-        "it begins with zeros, as files do after a power failure".to_owned()
-    } else if is_text(&start) {
-        "it looks like text, expected a .mcap or .db3 file".to_owned()
-    } else {
-        let shown: Vec<String> = start.iter().take(MAGIC.len()).map(|byte| format!("{byte:02x}")).collect();
-        format!("it begins with the bytes {}, expected those of MCAP or sqlite3", shown.join(" "))
-    };
-    not_a_bag(path, why)
-}
-
-/// The commands that make an MCAP bag of one of ROS 1, for a shell.
-fn ros1_advice(path: &Path) -> String {
-    let quoted = |path: &Path| format!("'{}'", one_line(&path.to_string_lossy()).replace('\'', "'\\''"));
-    format!(
-        "it is a ROS 1 bag: `pip install rosbags`, then `rosbags-convert --src {} --dst {} --dst-storage mcap` makes an MCAP bag of it",
-        quoted(path),
-        quoted(&path.with_extension(""))
-    )
-}
-
-/// Whether these first bytes of a file are text; the last character may be cut in two.
-fn is_text(start: &[u8]) -> bool {
-    let valid = match std::str::from_utf8(start) {
-        Ok(text) => text,
-        Err(error) if error.error_len().is_none() => {
-            std::str::from_utf8(&start[..error.valid_up_to()]).unwrap_or_default()
-        }
-        Err(_) => return false,
-    };
-    !valid.is_empty() && valid.chars().all(|c| !c.is_control() || c.is_whitespace())
-}
-
-fn not_a_bag(path: &Path, why: String) -> BagError {
-    BagError::NotABag { path: path.to_path_buf(), why }
-}
-
-/// Order of names in which `bag_2` comes before `bag_10`.
-pub(super) fn natural_order(a: &str, b: &str) -> Ordering {
-    let (mut left, mut right) = (a, b);
-    while !left.is_empty() && !right.is_empty() {
-        let (left_run, left_rest) = split_run(left);
-        let (right_run, right_rest) = split_run(right);
-        let by_run = match (left_run.as_bytes()[0].is_ascii_digit(), right_run.as_bytes()[0].is_ascii_digit()) {
-            (true, true) => {
-                let (left_digits, right_digits) = (left_run.trim_start_matches('0'), right_run.trim_start_matches('0'));
-                left_digits.len().cmp(&right_digits.len()).then_with(|| left_digits.cmp(right_digits))
-            }
-            _ => left_run.cmp(right_run),
-        };
-        if by_run != Ordering::Equal {
-            return by_run;
-        }
-        (left, right) = (left_rest, right_rest);
-    }
-    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
-}
-
-/// The leading digits of a text that is not empty, or all that stands in front of its first digit; and the rest.
-fn split_run(text: &str) -> (&str, &str) {
-    let starts_with_digit = text.starts_with(|c: char| c.is_ascii_digit());
-    let end = text.find(|c: char| c.is_ascii_digit() != starts_with_digit).unwrap_or(text.len());
-    text.split_at(end)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_of_a_split_bag_sort_by_their_numbers() {
-        let mut names = ["b_10.mcap", "b_2.mcap", "b.mcap", "b_1.mcap", "a_3.mcap", "b_02.mcap"];
-        names.sort_by(|a, b| natural_order(a, b));
-        assert_eq!(names, ["a_3.mcap", "b.mcap", "b_1.mcap", "b_02.mcap", "b_2.mcap", "b_10.mcap"]);
-    }
 }

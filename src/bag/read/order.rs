@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::Part;
 use super::fields::Fields;
-use super::locate::natural_order;
 use super::loss::Losses;
+use super::names::natural_order;
 use super::window::WINDOW;
 use crate::units::Stamp;
 

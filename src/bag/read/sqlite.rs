@@ -19,14 +19,12 @@ use rusqlite::{Connection, OpenFlags, Row};
 
 use super::file::{Context, message_of};
 use super::head::{Head, MESSAGE_HEAD_LEN};
-use super::unpacked::Unpacked;
+use super::unpacked::{SQLITE_MAGIC, Unpacked};
 use super::window::Window;
 use super::{BagError, RECORD_LIMIT, one_line};
 use crate::units::Stamp;
 
 pub(super) use scan::summary;
-
-pub(super) const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 
 /// Bytes of messages that are taken out of the file at once; one longer message is taken whole.
 const BATCH: usize = 1 << 20;

@@ -8,6 +8,7 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::{BagError, one_line};
 
+pub(super) const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 pub(super) const ZSTD_MAGIC: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
 
 /// A file may unpack to this many times its size and [`UNPACKED_BASE`], but never to more than [`MAX_UNPACKED`]: a few

@@ -7,12 +7,14 @@ use super::super::live::RosArguments;
 use super::super::progress::Progress;
 use super::super::setup::{load_models, shown};
 use super::super::zero;
-use super::super::{Failure, Outcome, interrupt, print, say};
-use super::{Args, verdict};
+use super::super::{Failure, Outcome, print, say};
+use super::press::{self, PressArgs, Recorder};
+use super::{Args, gains_text, verdict};
 use crate::config::{Config, ParamTree};
-use crate::fusion::Fusion;
+use crate::fusion::{Event, Fusion};
 use crate::glove::known;
-use crate::msg::definition::Definitions;
+use crate::msg::binding::SampleBinding;
+use crate::msg::definition::{Definitions, TypeTree};
 use crate::ros::{
     Calibrator, Delivery, Heard, HeardTopic, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings,
     wanted,
@@ -41,6 +43,8 @@ pub(super) struct LiveArgs {
     #[arg(long, value_name = "S", requires = "live", value_parser = zero::seconds)]
     seconds: Option<f64>,
     #[command(flatten)]
+    press: PressArgs,
+    #[command(flatten)]
     ros: RosArguments,
 }
 
@@ -52,6 +56,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
             shown(&args.output)
         )));
     }
+    live.press.check(&cfg, args.touches)?;
     let duration = live.seconds.map_or(cfg.calibration.duration, Duration::from_secs_f64);
     cfg.calibration.min_duration = cfg.calibration.min_duration.min(duration);
     let models = load_models(&cfg)?;
@@ -59,12 +64,16 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &place.environment.prefixes);
     let names = Names::new(&cfg, &[])?; // the graph remaps
     let mut listening = place.join()?;
-    let mut bindings = input_bindings(&cfg, &names, &definitions)?;
+    let bindings = input_bindings(&cfg, &names, &definitions)?;
     // As the graph of this tool has them: it asks for no more than best effort.
     let wanted = wanted(&cfg, &ParamTree::empty(NODE), &names, &bindings)?;
     for (input, (tree, _)) in names.inputs.iter().zip(&bindings) {
         listening.hear(&input.topic, TopicType::Defined(tree), Delivery::Data)?;
     }
+    let mut recorder = match args.touches || live.press.is_asked() {
+        true => Some(Recorder::start(&cfg, &names, &definitions, &mut listening)?),
+        false => None,
+    };
     let listener = listening.start()?;
     say(&format!(
         "for {:.0} s, in the air: open and close the hand, spread the fingers, go through the poses that you use; touch nothing",
@@ -75,32 +84,14 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let mut began = None::<Instant>;
     let waiting = Instant::now();
     let judge = Fusion::new(cfg.fusion.clone(), models.regressors)?;
-    let mut checks = Checks::new(Watched::new(&cfg, wanted.into_iter().flatten()));
+    let mut hand =
+        Hand { listener, bindings, checks: Checks::new(Watched::new(&cfg, wanted.into_iter().flatten())), waiting };
     loop {
-        if interrupt::happened() {
-            listener.leave();
-            return Err(Failure("interrupted; nothing was written".to_owned()));
-        }
-        if let Some(Heard { topic: HeardTopic(input), cdr: Ok(cdr), received }) = listener.next(NAP) {
-            for binding in &mut bindings[input].1 {
-                let source = checks.watched.source_of(binding);
-                checks.watched.inputs[source].handle_arrival(waiting.elapsed(), None);
-                match binding.decode(&cdr, received) {
-                    Ok(event) => {
-                        began.get_or_insert_with(Instant::now); // the graph takes a while to be found
-                        checks.watched.handle(&event);
-                        calibrator.handle(Sample::from(&event));
-                    }
-                    Err(error) => {
-                        checks.watched.inputs[source].handle_unreadable(1, error.reason(), &error.to_string());
-                    }
-                }
-            }
-        }
-        if let Some(problem) = checks.judge(waiting.elapsed(), &cfg, &judge, &listener) {
-            listener.leave();
-            return Err(Failure(format!("not calibrated: {problem}")));
-        }
+        hand.receive(recorder.as_mut(), &mut |event| {
+            began.get_or_insert_with(Instant::now); // the graph takes a while to be found
+            calibrator.handle(Sample::from(event));
+        })?;
+        hand.check(&cfg, Some(&judge), "not calibrated")?;
         let elapsed = began.map(|began| began.elapsed()).unwrap_or_default();
         progress.set(elapsed.as_millis() as u64);
         if elapsed >= duration || (began.is_none() && waiting.elapsed() >= duration.max(Duration::from_secs(5))) {
@@ -108,25 +99,36 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
         }
     }
     drop(progress);
-    listener.leave();
-    if let Some(silent) = checks.watched.inputs.iter().find(|input| input.meter().n_total() == 0) {
+    if let Some(silent) = hand.checks.watched.inputs.iter().find(|input| input.meter().n_total() == 0) {
         return Err(Failure(format!(
             "nothing that can be read came on {}; start its driver, or correct its topic and type in the parameters",
             silent.topic()
         )));
     }
     let (donning, result) = calibrator.finish(judge, &Donning::default());
-    let Some(donning) = donning else {
+    let Some(mut donning) = donning else {
         return Err(Failure(format!("not calibrated: {}", result.message)));
     };
     if !result.message.is_empty() {
         say(&result.message);
     }
+    let mut touches = Vec::new();
+    if let Some(recorder) = recorder {
+        let mut next = |recorder: &mut Recorder| {
+            hand.receive(Some(recorder), &mut |_| {})?;
+            hand.check(&cfg, None, "no gain of the touches")
+        };
+        touches = press::gains(&live.press, &cfg, recorder, &donning, duration, &mut next)?;
+        donning.force_gains = vec![None; cfg.fusion.regions.len()];
+        touches.iter().for_each(|found| donning.force_gains[found.region] = Some(found.gain));
+    }
+    hand.listener.leave();
     let taken = Zero::new(ZeroFrom::Live { frames: result.frames }, donning);
     let calibration = taken.to_calibration(&cfg, &known(&cfg, &models.infos).hashes);
     calibration.save(&args.output)?;
     let mut told = format!("{}: zero from {}\n", shown(&args.output), taken.from);
     told += &verdict(&calibration);
+    told += &gains_text(&touches, &cfg);
     let spans: Vec<String> = result
         .joints
         .iter()
@@ -139,6 +141,56 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     }
     print(&told)?;
     Ok(Outcome::Done)
+}
+
+/// The hand that is calibrated: what comes from it, and whether it is as it should be.
+struct Hand {
+    listener: Listener,
+    /// `[inputs]`: those of the core; force sensors come behind them.
+    bindings: Vec<(TypeTree, Vec<SampleBinding>)>,
+    checks: Checks,
+    waiting: Instant,
+}
+
+impl Hand {
+    /// Takes the next message, if there is one within a moment.
+    fn receive(
+        &mut self,
+        mut recorder: Option<&mut Recorder>,
+        on_event: &mut dyn FnMut(&Event<'_>),
+    ) -> Result<(), Failure> {
+        press::check_interrupt()?;
+        let Some(heard) = self.listener.next(NAP) else { return Ok(()) };
+        if let Some(recorder) = &mut recorder {
+            recorder.handle(&heard)?;
+        }
+        let Heard { topic: HeardTopic(input), cdr: Ok(cdr), received } = &heard else { return Ok(()) };
+        for binding in self.bindings.get_mut(*input).into_iter().flat_map(|(_, bindings)| bindings) {
+            let source = self.checks.watched.source_of(binding);
+            self.checks.watched.inputs[source].handle_arrival(self.waiting.elapsed(), None);
+            match binding.decode(cdr, *received) {
+                Ok(event) => {
+                    self.checks.watched.handle(&event);
+                    if let Some(recorder) = &mut recorder {
+                        recorder.handle_event(&event);
+                    }
+                    on_event(&event);
+                }
+                Err(error) => {
+                    self.checks.watched.inputs[source].handle_unreadable(1, error.reason(), &error.to_string());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails where something has been wrong with an input for a while.
+    fn check(&mut self, cfg: &Config, core: Option<&Fusion>, what: &str) -> Result<(), Failure> {
+        match self.checks.judge(self.waiting.elapsed(), cfg, core, &self.listener) {
+            Some(problem) => Err(Failure(format!("{what}: {problem}"))),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Whether inputs are such that a zero can be taken from them: what is wrong ends a calibration when it lasts, and not after
@@ -156,13 +208,13 @@ impl Checks {
     }
 
     /// What is wrong with an input, where it lasts.
-    fn judge(&mut self, now: Duration, cfg: &Config, core: &Fusion, listener: &Listener) -> Option<String> {
+    fn judge(&mut self, now: Duration, cfg: &Config, core: Option<&Fusion>, listener: &Listener) -> Option<String> {
         if now.saturating_sub(self.judged) < JUDGE_EVERY {
             return None;
         }
         self.judged = now;
         listener.look_around(&mut self.watched, now);
-        let problems = self.watched.judge(now, cfg, Some(core));
+        let problems = self.watched.judge(now, cfg, core);
         let before = std::mem::take(&mut self.wrong);
         let mut lasting = None;
         for (input, problem) in

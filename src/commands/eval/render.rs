@@ -72,12 +72,16 @@ pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
             result.models.iter().map(|model| (model.name.as_str(), by_group(model, key))).collect();
         let table = ResultTable::new(rows.iter().map(|(name, scores)| (*name, scores)));
         let _ = writeln!(text, "\nBy {key}\n\n{}", table.text());
+        if *by == GroupBy::Session {
+            force_gains(&mut text, &rows);
+        }
     }
     improvements(&mut text, result);
     if result.has_scores() {
         result.paired.iter().for_each(|pairing| paired(&mut text, pairing));
         contacts(&mut text, result);
     }
+    held(&mut text, result);
     in_air(&mut text, result);
     timing(&mut text, result);
     if !result.pose_quality.is_empty() {
@@ -87,6 +91,22 @@ pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
         let _ = write!(text, "\nGates\n\n{}", checks::text(&result.checks));
     }
     text
+}
+
+/// The force gain of each donning: its spread is what nothing in the air tells.
+fn force_gains(text: &mut String, rows: &[(&str, BTreeMap<String, Score>)]) {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header(["Session", "Model", "Force gain"]);
+    for (model, scores) in rows {
+        for (session, score) in scores {
+            let gain = score.force_gain.value().map_or("-".to_owned(), |gain| format!("{gain:.2}"));
+            table.add_row([session.clone(), (*model).to_owned(), gain]);
+        }
+    }
+    let _ = writeln!(
+        text,
+        "\nForce gain by donning: estimated force as a share of the true one, over all touch\n\n{table}"
+    );
 }
 
 fn by_group(model: &ModelScores, key: &str) -> BTreeMap<String, Score> {
@@ -188,6 +208,48 @@ fn contacts(text: &mut String, result: &Evaluated) {
         }
     }
     let _ = writeln!(text, "{table}");
+}
+
+fn held(text: &mut String, result: &Evaluated) {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header([
+        "Glove",
+        "Model",
+        "Mean true gF",
+        "Touches",
+        "Found at 1 s",
+        "Found later",
+        "Force gain at 1 s",
+        "Force kept later",
+    ]);
+    let share = |metric: Metric| metric.value().map_or("-".to_owned(), |share| format!("{:.0} %", 100.0 * share));
+    for model in &result.models {
+        for (glove, contact) in &model.contacts {
+            for held in &contact.held {
+                let bounds = held.to_gf.map_or_else(
+                    || format!("from {:.1}", held.from_gf),
+                    |to| format!("{:.1} to {to:.1}", held.from_gf),
+                );
+                let gain = held.gain_at_1_s.value().map_or("-".to_owned(), |gain| format!("{gain:.2}"));
+                table.add_row([
+                    glove.clone(),
+                    model.name.clone(),
+                    bounds,
+                    held.n.to_string(),
+                    share(held.found_at_1_s),
+                    share(held.found_later),
+                    gain,
+                    share(held.force_kept()),
+                ]);
+            }
+        }
+    }
+    if table.row_count() > 0 {
+        let _ = writeln!(
+            text,
+            "\nTouches held for 5 s and longer: contact and force, later compared with 1 s after the onset\n\n{table}"
+        );
+    }
 }
 
 fn in_air(text: &mut String, result: &Evaluated) {

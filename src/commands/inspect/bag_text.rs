@@ -2,13 +2,11 @@
 
 use std::fmt::Write as _;
 
-use super::bag::{BagReport, TopicReport};
-use super::candidates::{Candidates, Likelihood};
-use super::force::{ForceCandidate, ForceRange};
-use super::format::{bytes, count, known, number, printable, range, seconds, shortened, table};
-use super::joints::{Angle, JointCandidate};
-use super::tactile::TactileCandidate;
+use super::format::{UNKNOWN, bytes, count, known, number, printable, range, seconds, shortened, table};
 use crate::bag::GAP_FACTOR;
+use crate::inspect::{
+    Angle, BagReport, Candidates, ForceCandidate, ForceRange, JointCandidate, Likelihood, TactileCandidate, TopicReport,
+};
 
 /// Unlikely candidates of one kind that are named; `--json` lists all.
 const MAX_UNLIKELY: usize = 4;
@@ -68,7 +66,7 @@ fn plural(n: u64, one: &str, several: &str) -> String {
 }
 
 fn count_or_dash(n: u64, is_known: bool) -> String {
-    if is_known { count(n) } else { super::format::UNKNOWN.to_owned() }
+    if is_known { count(n) } else { UNKNOWN.to_owned() }
 }
 
 fn topics(topics: &[TopicReport]) -> String {
@@ -232,7 +230,7 @@ fn tactile(one: &TactileCandidate) -> String {
             rate.unwrap_or_default()
         ),
     );
-    paste(&mut text, &one.parameters);
+    paste(&mut text, &one.parameters.to_string());
     text
 }
 
@@ -253,7 +251,7 @@ fn joints(one: &JointCandidate) -> String {
     if one.angles.len() > MAX_JOINTS {
         line(&mut text, 6, &format!("and {} more", one.angles.len() - MAX_JOINTS));
     }
-    paste(&mut text, &one.parameters);
+    paste(&mut text, &one.parameters.to_string());
     text
 }
 

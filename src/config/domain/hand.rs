@@ -1,8 +1,8 @@
 //! Joint angles that are computed from the points of a hand.
 
 use super::super::error::ConfigError;
+use super::fields::{field_or, millis_to_ns, optional_field, stamp};
 use super::reader::Reader;
-use super::source::{field_or, millis_to_ns, optional_field, stamp};
 use crate::fusion::JointSource;
 use crate::hand::{JOINTS, Layout, NamedLayout, Side};
 use crate::msg::binding::{HandFields, JointFields, NamesFrom, Topic, hand_paths};

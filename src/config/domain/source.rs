@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
 use super::TruthSource;
+use super::fields::{RECEIPT, field_or, millis_to_ns, optional_field, stamp};
 use super::hand::{is_hand, of_hand};
 use super::reader::Reader;
 use crate::fusion::{ForceUnit, FrameClock, JointSource, TactileSource};
@@ -12,8 +13,6 @@ use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFr
 
 /// Of each source the key of its type, its topic, and its type.
 pub(super) type Named<'a> = [(String, &'a str, &'a str)];
-
-const RECEIPT: &str = "receipt";
 
 /// Reads each source of a list.
 pub(super) fn all<S, T>(
@@ -201,15 +200,6 @@ pub(super) fn one_type_a_topic(reader: &Reader<'_>, sources: &Named<'_>) -> Resu
     Ok(())
 }
 
-/// A stamp whose default is the header's.
-pub(super) fn stamp(reader: &Reader<'_>, key: &str) -> Result<StampFrom, ConfigError> {
-    match reader.is_set(key) {
-        false => Ok(StampFrom::Field("header.stamp".to_owned())),
-        true if reader.text(key)? == RECEIPT => Ok(StampFrom::Receipt),
-        true => Ok(StampFrom::Field(reader.field(key)?)),
-    }
-}
-
 /// A count that was set, as a number or as the path of a field; none where it is empty or unset.
 fn count(reader: &Reader<'_>, key: &str) -> Result<Option<CountFrom>, ConfigError> {
     if !reader.is_set(key) {
@@ -219,22 +209,6 @@ fn count(reader: &Reader<'_>, key: &str) -> Result<Option<CountFrom>, ConfigErro
         Some(ParamValue::Int(1)) => Ok(Some(CountFrom::One)),
         Some(ParamValue::Int(_)) => Ok(Some(CountFrom::Constant(reader.count(key)?))),
         _ => Ok(optional_field(reader, key)?.flatten().map(CountFrom::Field)),
-    }
-}
-
-/// The path of a field: none where it is unset, none inside where it is set to be empty.
-pub(super) fn optional_field(reader: &Reader<'_>, key: &str) -> Result<Option<Option<String>>, ConfigError> {
-    match reader.is_set(key) {
-        false => Ok(None),
-        true if reader.text(key)?.is_empty() => Ok(Some(None)),
-        true => Ok(Some(Some(reader.field(key)?))),
-    }
-}
-
-pub(super) fn field_or(reader: &Reader<'_>, key: &str, known: Option<&str>) -> Result<String, ConfigError> {
-    match known {
-        Some(known) if !reader.is_set(key) => Ok(known.to_owned()),
-        _ => reader.field(key),
     }
 }
 
@@ -256,9 +230,4 @@ fn message_type(reader: &Reader<'_>, key: &str) -> Result<String, ConfigError> {
         }
         _ => Err(reader.refused(key, "is not a message type, such as sensor_msgs/msg/JointState")),
     }
-}
-
-/// Milliseconds as nanoseconds; the table keeps them far below what an `i64` holds.
-pub(super) fn millis_to_ns(ms: f64) -> i64 {
-    (ms * 1e6).round() as i64
 }

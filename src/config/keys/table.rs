@@ -21,7 +21,7 @@ pub static KEYS: &[ParamKey] = &[
         "truth_sources",
         Kind::StrArray,
         EmptyArray,
-        "Names of the force sensors that tell the true force, for training and evaluation",
+        "Names of the force sensors that measure the true force, for training and evaluation",
     ),
     // One stream of taxels.
     ParamKey::new("tactile.<source>.topic", Kind::Str, Required, "Topic of the taxels"),
@@ -29,7 +29,7 @@ pub static KEYS: &[ParamKey] = &[
         "tactile.<source>.type",
         Kind::Str,
         Str("tactile_pose_fusion/msg/TaxelArray"),
-        "Message type: any, with the fields below telling where its numbers are",
+        "Message type; any type is possible, the fields below name the place of its numbers",
     ),
     ParamKey::new("tactile.<source>.n_taxels", Kind::Int, Required, "Taxels in a sample")
         .range(Ints { min: 1, max: 4096 }),
@@ -43,7 +43,7 @@ pub static KEYS: &[ParamKey] = &[
         "tactile.<source>.stamp",
         Kind::Str,
         Depends("header.stamp; required for Float32MultiArray, which has no header"),
-        "Path of the last row's stamp, or receipt: the time at which the message came in",
+        "Path of the last row's stamp, or receipt: the time at which the message arrived",
     ),
     ParamKey::new(
         "tactile.<source>.rows",
@@ -56,7 +56,7 @@ pub static KEYS: &[ParamKey] = &[
         "tactile.<source>.cols",
         Kind::IntOrField,
         Str(""),
-        "Taxels in a row, checked against n_taxels: a number, the path of a field, or empty for no such check",
+        "Taxels in a row, checked against n_taxels: a number, the path of a field, or empty for no check",
     )
     .range(Ints { min: 1, max: 4096 }),
     ParamKey::new(
@@ -77,9 +77,9 @@ pub static KEYS: &[ParamKey] = &[
         "tactile.<source>.sequence",
         Kind::Str,
         Depends("sequence for TaxelArray, else empty"),
-        "Path of the sender's message count, by which loss is seen; empty where there is none",
+        "Path of the sender's message counter, which shows lost messages; empty if there is none",
     ),
-    ParamKey::new("tactile.<source>.sign", Kind::Int, Int(1), "-1 where a lower reading means more pressure")
+    ParamKey::new("tactile.<source>.sign", Kind::Int, Int(1), "-1 if a lower reading means more pressure")
         .range(ParamRange::Ints(&[1, -1])),
     ParamKey::new(
         "tactile.<source>.frame_clock",
@@ -97,7 +97,7 @@ pub static KEYS: &[ParamKey] = &[
         "joint.<source>.type",
         Kind::Str,
         Str("sensor_msgs/msg/JointState"),
-        "Message type: any, with the fields below telling where its angles are",
+        "Message type; any type is possible, the fields below name the place of its angles",
     ),
     ParamKey::new(
         "joint.<source>.field",
@@ -115,13 +115,13 @@ pub static KEYS: &[ParamKey] = &[
         "joint.<source>.names",
         Kind::StrArray,
         Depends("unset"),
-        "Names of the angles, in order, for a type that carries none",
+        "Names of the angles, in order, for a type without names",
     ),
     ParamKey::new(
         "joint.<source>.stamp",
         Kind::Str,
         Str("header.stamp"),
-        "Path of the stamp, or receipt: the time at which the message came in",
+        "Path of the stamp, or receipt: the time at which the message arrived",
     ),
     ParamKey::new("joint.<source>.degrees", Kind::Bool, ParamDefault::Bool(false), "Whether the source sends degrees"),
     ParamKey::new(
@@ -141,7 +141,7 @@ pub static KEYS: &[ParamKey] = &[
         "Layout of a hand's points, for messages that hold points and no angles: openxr (26), openxr25 (without the palm), mano21 or manus",
     )
     .range(OneOf(&["", "openxr", "openxr25", "mano21", "manus"])),
-    ParamKey::new("joint.<source>.hand.side", Kind::Str, Str(""), "Which hand it is; the points alone don't tell")
+    ParamKey::new("joint.<source>.hand.side", Kind::Str, Str(""), "Left or right hand; the points alone don't show it")
         .range(OneOf(&["", "left", "right"])),
     ParamKey::new(
         "joint.<source>.hand.points",
@@ -153,7 +153,7 @@ pub static KEYS: &[ParamKey] = &[
         "joint.<source>.hand.first",
         Kind::Int,
         Int(0),
-        "Index of the hand's first point, where a message holds more than one hand",
+        "Index of the hand's first point, if a message holds more than one hand",
     )
     .range(Ints { min: 0, max: 4096 }),
     ParamKey::new(
@@ -180,10 +180,10 @@ pub static KEYS: &[ParamKey] = &[
         "truth.<source>.stamp",
         Kind::Str,
         Str("header.stamp"),
-        "Path of the stamp, or receipt: the time at which the message came in",
+        "Path of the stamp, or receipt: the time at which the message arrived",
     ),
     ParamKey::new("truth.<source>.unit", Kind::Str, Str("N"), "Unit of the force").range(OneOf(&["N", "gF"])),
-    ParamKey::new("truth.<source>.sign", Kind::Int, Int(1), "-1 where a lower reading means more pressure")
+    ParamKey::new("truth.<source>.sign", Kind::Int, Int(1), "-1 if a lower reading means more pressure")
         .range(ParamRange::Ints(&[1, -1])),
     ParamKey::new("truth.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
         .range(OFFSET_MS)
@@ -199,16 +199,16 @@ pub static KEYS: &[ParamKey] = &[
         "model.<name>.backend",
         Kind::Str,
         Str("auto"),
-        "What runs the model; auto: our own code where it is a network that tpf trains, else ONNX Runtime where found, else RTen",
+        "What runs the model; auto: our own code for networks that tpf trains, else ONNX Runtime if it is found, else RTen",
     )
     .range(OneOf(&["auto", "builtin", "onnxruntime", "rten"])),
-    ParamKey::new("model.<name>.unit", Kind::Str, Str(""), "Unit of the model's forces; empty: what the file says")
+    ParamKey::new("model.<name>.unit", Kind::Str, Str(""), "Unit of the model's forces; empty: the unit in the file")
         .range(OneOf(&["", "gF", "N"])),
     ParamKey::new(
         "model.<name>.rate_hz",
         Kind::Double,
         Double(0.0),
-        "Frames a second that the model was trained on; 0: what the file says",
+        "Frames per second that the model was trained on; 0: the rate in the file",
     )
     .range(Closed { min: 0.0, max: 10_000.0 })
     .unit("Hz"),
@@ -216,7 +216,7 @@ pub static KEYS: &[ParamKey] = &[
         "model.<name>.glove",
         Kind::Str,
         Str(""),
-        "Glove that the model was trained on, to use it on another; empty: on the one that `glove` names",
+        "Glove that the model was trained on, if it is another than `glove`; empty: the same glove",
     ),
     ParamKey::new("model.<name>.inputs.tactile", Kind::Str, Str("tactile"), "Name of the input [N, window, taxels]"),
     ParamKey::new("model.<name>.inputs.pose", Kind::Str, Str("pose"), "Name of the input [N, window, joints]"),
@@ -231,13 +231,13 @@ pub static KEYS: &[ParamKey] = &[
         "model.<name>.outputs.force_residual",
         Kind::Str,
         Str("force_residual"),
-        "Name of the output that the pose adds, if there is one",
+        "Name of the output of the pose correction, if there is one",
     ),
     ParamKey::new(
         "model.<name>.outputs.touch",
         Kind::Str,
         Str("touch"),
-        "Name of the output that tells the probability of touch, if there is one",
+        "Name of the output with the probability of touch, if there is one",
     ),
     // One patch.
     ParamKey::new(
@@ -250,7 +250,7 @@ pub static KEYS: &[ParamKey] = &[
         "region.<name>.tactile_source",
         Kind::Str,
         Depends("the only tactile source; required where there are several"),
-        "Where its taxels come from",
+        "The tactile source of its taxels",
     ),
     ParamKey::new(
         "region.<name>.taxels",
@@ -269,15 +269,15 @@ pub static KEYS: &[ParamKey] = &[
         "region.<name>.model_joints",
         Kind::StrArray,
         EmptyArray,
-        "Names by which its model knows these joints, in the same order, for a model that was trained on another finger; empty: the same names",
+        "Names of these joints in the model, in the same order, for a model that was trained on another finger; empty: the same names",
     ),
     ParamKey::new(
         "region.<name>.truth",
         Kind::Str,
         Depends("the only truth source; none where there are several"),
-        "Which force sensor tells its true force",
+        "The force sensor that measures its true force",
     ),
-    ParamKey::new("region.<name>.frame_id", Kind::Str, Required, "Frame in which its wrench is told, right-handed"),
+    ParamKey::new("region.<name>.frame_id", Kind::Str, Required, "Frame of its wrench (frame_id of the messages), right-handed"),
     ParamKey::new(
         "region.<name>.normal",
         Kind::DoubleArray(3),
@@ -288,14 +288,14 @@ pub static KEYS: &[ParamKey] = &[
         "region.<name>.mount.translation",
         Kind::DoubleArray(3),
         Doubles(&[0.0, 0.0, 0.0]),
-        "Where the patch sits in frame_id",
+        "Position of the patch in frame_id",
     )
     .unit("m"),
     ParamKey::new(
         "region.<name>.mount.rotation",
         Kind::DoubleArray(4),
         Doubles(&[0.0, 0.0, 0.0, 1.0]),
-        "How the patch is turned in frame_id: a unit quaternion x, y, z, w",
+        "Orientation of the patch in frame_id: a unit quaternion x, y, z, w",
     ),
     ParamKey::new("region.<name>.contact.force_on", Kind::Double, Depends("contact.force_on"), "For this region only")
         .range(CONTACT_FORCE)
@@ -332,7 +332,7 @@ pub static KEYS: &[ParamKey] = &[
         "contact.by",
         Kind::Str,
         Str("model"),
-        "What contact is decided on: model is the probability of touch of a model that gives one, else the force; force is the force of any model",
+        "Basis of contact: model is the probability of touch if the model gives one, else the force; force is the force of any model",
     )
     .range(CONTACT_BY)
     .at_run_time(),
@@ -340,7 +340,7 @@ pub static KEYS: &[ParamKey] = &[
         "contact.touch_on",
         Kind::Double,
         Depends("the model's own"),
-        "At or above this probability of touch there may be contact, of models that give one",
+        "At or above this probability of touch a contact may begin, for models that give one",
     )
     .range(TOUCH_LEVEL)
     .at_run_time(),
@@ -348,7 +348,7 @@ pub static KEYS: &[ParamKey] = &[
         "contact.touch_off",
         Kind::Double,
         Depends("the model's own; 0.7 x touch_on where that is set"),
-        "Below this probability of touch contact may end; less than touch_on, which must be set with it",
+        "Below this probability of touch a contact may end; must be less than touch_on, and be set together with it",
     )
     .range(TOUCH_LEVEL)
     .at_run_time(),
@@ -356,7 +356,7 @@ pub static KEYS: &[ParamKey] = &[
         "contact.force_on",
         Kind::Double,
         Double(0.024_516_625), // 2.5 gF, the touch threshold of the paper, Sec. VI
-        "At or above this force there may be contact; the default is 2.5 gF",
+        "At or above this force a contact may begin; the default is 2.5 gF",
     )
     .range(CONTACT_FORCE)
     .unit("N")
@@ -365,7 +365,7 @@ pub static KEYS: &[ParamKey] = &[
         "contact.force_off",
         Kind::Double,
         Double(0.014_709_975), // 1.5 gF
-        "Below this force contact may end; less than force_on; the default is 1.5 gF",
+        "Below this force a contact may end; must be less than force_on; the default is 1.5 gF",
     )
     .range(CONTACT_FORCE)
     .unit("N")
@@ -388,7 +388,7 @@ pub static KEYS: &[ParamKey] = &[
         "adaptation",
         Kind::Str,
         Str("follow"),
-        "Of models that tell what pose makes of the taxels: follow how that changes while the glove is worn; frozen: keep the calibration; none: leave it in the taxels",
+        "For adaptive models: follow corrects the artifact of pose and follows its changes while the glove is worn; frozen keeps the artifact of the calibration; none does not correct it",
     )
     .range(OneOf(&["follow", "frozen", "none"])),
     // Time.
@@ -404,7 +404,7 @@ pub static KEYS: &[ParamKey] = &[
         "timing.joint_slack_ms",
         Kind::Double,
         Double(10.0),
-        "How much data time a frame waits for the joint state after it; 0 for the lowest latency",
+        "Longest time, by stamps, that a frame waits for the next joint state; 0 for the lowest latency",
     )
     .range(Closed { min: 0.0, max: 1000.0 })
     .unit("ms"),
@@ -412,7 +412,7 @@ pub static KEYS: &[ParamKey] = &[
         "timing.max_pose_age_ms",
         Kind::Double,
         Depends("3 measured periods of the joint, at least 200, at most 500"),
-        "How long the last joint state is held; past that the estimate is tactile-only and flagged STALE_POSE",
+        "Longest time that the last joint state is used; after that the estimate is tactile-only and flagged STALE_POSE",
     )
     .range(Closed { min: 0.0, max: 60_000.0 })
     .unit("ms"),
@@ -420,7 +420,7 @@ pub static KEYS: &[ParamKey] = &[
         "timing.time_jump_ms",
         Kind::Double,
         Double(200.0),
-        "A stamp this far back is a jump of time, which resets the pipeline, and not a late sample",
+        "A stamp that goes back by this much or more is a jump of time, which resets the pipeline; by less it is a late sample",
     )
     .range(Closed { min: 1.0, max: 60_000.0 })
     .unit("ms"),
@@ -428,7 +428,7 @@ pub static KEYS: &[ParamKey] = &[
         "timing.max_age_ms",
         Kind::Double,
         Double(100.0),
-        "Live, a frame whose stamp is further than this from the clock is flagged LATE; 0 for no limit, to play old data",
+        "In a live run, a frame whose stamp differs from the clock by more than this is flagged LATE; 0 for no limit, to play old data",
     )
     .range(Closed { min: 0.0, max: 60_000.0 })
     .unit("ms"),
@@ -437,9 +437,9 @@ pub static KEYS: &[ParamKey] = &[
         "calibration.file",
         Kind::Str,
         Str(""),
-        "Where the calibration is kept, relative to the folder of this file; empty: not kept",
+        "File of the calibration, relative to the folder of this file; empty: the calibration is not kept",
     ),
-    ParamKey::new("calibration.duration_s", Kind::Double, Double(10.0), "How long a calibration in the air takes")
+    ParamKey::new("calibration.duration_s", Kind::Double, Double(10.0), "Duration of a calibration in the air")
         .range(Above { min: 0.5, max: 600.0 })
         .unit("s")
         .at_run_time(),
@@ -447,7 +447,7 @@ pub static KEYS: &[ParamKey] = &[
         "calibration.min_s",
         Kind::Double,
         Double(2.0),
-        "Least unloaded data that makes a calibration; at most duration_s",
+        "Least amount of unloaded data for a calibration; at most duration_s",
     )
     .range(Above { min: 0.0, max: 600.0 })
     .unit("s")
@@ -456,7 +456,7 @@ pub static KEYS: &[ParamKey] = &[
         "calibration.max_force",
         Kind::Double,
         Double(0.5),
-        "An estimate above this is a hand that touches something",
+        "An estimate above this force means that the hand touches something",
     )
     .range(Above { min: 0.0, max: 1000.0 })
     .unit("N")
@@ -465,7 +465,7 @@ pub static KEYS: &[ParamKey] = &[
         "calibration.max_loaded_fraction",
         Kind::Double,
         Double(0.1),
-        "Largest part of the data that may be loaded before the calibration fails",
+        "Largest part of the data that may be loaded; with more, the calibration fails",
     )
     .range(Closed { min: 0.0, max: 1.0 })
     .at_run_time(),
@@ -473,7 +473,7 @@ pub static KEYS: &[ParamKey] = &[
         "calibration.min_joint_span",
         Kind::Double,
         Double(0.2),
-        "How far some joint of each region must move while the live node calibrates; 0 takes a still hand",
+        "Least movement of some joint of each region during a live calibration; 0 accepts a hand that does not move",
     )
     .range(Closed { min: 0.0, max: 6.3 })
     .unit("rad")
@@ -482,11 +482,11 @@ pub static KEYS: &[ParamKey] = &[
         "calibration.insist",
         Kind::Bool,
         ParamDefault::Bool(false),
-        "Use a zero that would be refused, as one of another glove, user or model, or that looks loaded; it is said",
+        "Use a zero that would be refused: of another glove, user or model, or one that looks loaded; a warning says so",
     )
     .at_run_time(),
     ParamKey::new("glove", Kind::Str, Str(""), "Serial number of the glove, kept with calibrations and recordings"),
-    ParamKey::new("user", Kind::Str, Str(""), "Who wears it, kept with calibrations and recordings"),
+    ParamKey::new("user", Kind::Str, Str(""), "Name of the wearer, kept with calibrations and recordings"),
     ParamKey::new(
         "stage_topic",
         Kind::Str,
@@ -504,7 +504,7 @@ pub static KEYS: &[ParamKey] = &[
         "tactile_timeout_ms",
         Kind::Double,
         Double(100.0),
-        "Silence of a tactile source after which the node says STALE_TACTILE, and again each time as much passes",
+        "Silence of a tactile source after which the node publishes STALE_TACTILE, and repeats it after each such time",
     )
     .range(Closed { min: 1.0, max: 60_000.0 })
     .unit("ms"),
@@ -518,7 +518,7 @@ pub static KEYS: &[ParamKey] = &[
         "diagnostics.max_latency_ms",
         Kind::Double,
         Double(50.0),
-        "From the stamp of the data to its published estimate; a slower 99th percentile is a warning",
+        "Limit of the 99th percentile of the time from the stamp of the data to its published estimate; above it there is a warning",
     )
     .range(Above { min: 0.0, max: 60_000.0 })
     .unit("ms"),
@@ -526,7 +526,7 @@ pub static KEYS: &[ParamKey] = &[
         "diagnostics.max_jitter_ms",
         Kind::Double,
         Double(5.0),
-        "Standard deviation of the time between tactile messages; more is a warning",
+        "Limit of the standard deviation of the time between tactile messages; above it there is a warning",
     )
     .range(Above { min: 0.0, max: 60_000.0 })
     .unit("ms"),
@@ -534,10 +534,10 @@ pub static KEYS: &[ParamKey] = &[
         "diagnostics.min_estimates",
         Kind::Double,
         Double(0.9),
-        "Least part of a second's frames that must have an estimate without a flag; less is a warning",
+        "Least part of a second's frames with an estimate without a flag; below it there is a warning",
     )
     .range(Closed { min: 0.0, max: 1.0 }),
-    ParamKey::new("diagnostics.sustained_s", Kind::Double, Double(5.0), "A warning that lasts as long is an error")
+    ParamKey::new("diagnostics.sustained_s", Kind::Double, Double(5.0), "A warning that lasts this long becomes an error")
         .range(Closed { min: 0.0, max: 3600.0 })
         .unit("s"),
     // What every ROS 2 node has.
@@ -545,12 +545,12 @@ pub static KEYS: &[ParamKey] = &[
         "use_sim_time",
         Kind::Bool,
         ParamDefault::Bool(false),
-        "Whether the time is that of /clock, as in any ROS 2 node",
+        "Use the time of /clock, as any ROS 2 node does",
     ),
     ParamKey::new(
         "start_type_description_service",
         Kind::Bool,
         ParamDefault::Bool(true),
-        "Known to every ROS 2 node, and without effect here",
+        "A parameter of every ROS 2 node; it has no effect here",
     ),
 ];

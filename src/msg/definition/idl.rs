@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use super::{
-    Arity, BaseType, DefinitionError, FieldDefinition, FieldType, MessageDefinition, Primitive, checked_type_name,
-    shortened, tree::MAX_FIELDS,
+    Arity, BaseType, DefinitionError, FieldDefinition, FieldType, MAX_FIELDS, MessageDefinition, Primitive,
+    checked_type_name, shortened,
 };
 use token::{Token, tokens};
 

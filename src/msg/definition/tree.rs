@@ -4,16 +4,13 @@ use std::collections::BTreeMap;
 
 use super::idl::Structs;
 use super::{
-    Arity, BaseType, DefinitionError, FieldDefinition, FieldType, MessageDefinition, checked_type_name, shortened,
+    Arity, BaseType, DefinitionError, FieldDefinition, FieldType, MAX_FIELDS, MessageDefinition, checked_type_name,
+    shortened,
 };
-use crate::msg::schema::standard_text;
+use crate::msg::texts::standard_text;
 
 /// Deepest nesting of messages that is read.
 const MAX_DEPTH: usize = 32; // real messages nest about 6 deep
-
-/// Most fields, those of nested messages included, that a type may have.
-// Real messages have a few hundred at most, and `tpf inspect` looks at each by way of all before it.
-pub(super) const MAX_FIELDS: usize = 4096;
 
 /// What the two halves of a service need beside their own text to make its event type.
 const SERVICE_EVENT_INFO: &str = "service_msgs/msg/ServiceEventInfo";

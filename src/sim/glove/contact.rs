@@ -1,7 +1,7 @@
 //! The effect of a touch on the taxels: saturation, position, creep, and a gain that varies from touch to touch.
 
 use super::GloveDesign;
-use super::strain::Bends;
+use super::bends::Bends;
 use crate::random::{Lag, Noise, Wander};
 use crate::sim::performance::Contact;
 

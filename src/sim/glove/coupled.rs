@@ -13,7 +13,7 @@
 //! p_f        = 1 from where the fold pops up until it lies down again, each within 30 ms
 //! ```
 
-use super::strain::{FULL_BEND, LOCALITY, pattern};
+use super::bends::{FULL_BEND, LOCALITY, pattern};
 use super::{GloveDesign, Slipped};
 use crate::random::{Lag, Noise};
 

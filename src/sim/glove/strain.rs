@@ -1,23 +1,13 @@
 //! The effect of a pose on the taxels without any touch: the pose-related artifact.
 
+use super::bends::{Bends, FULL_BEND, FULL_RAD, LOCALITY, pattern};
 use super::contact::CREEP_S;
 use super::coupled::Coupled;
 use super::{GloveDesign, Slipped};
 use crate::random::{Lag, Noise};
 use crate::sim::hand::{Finger, HandPose};
 
-/// Weight of the finger's own joints DIP, PIP, MCP flexion and abduction in the strain at its tip.
-///
-/// # Source
-/// Pose-aware tactile gloves, Observation 3: nearby joints act most, DIP and PIP over MCP over other fingers.
-pub(super) const LOCALITY: [f64; 4] = [1.0, 0.7, 0.3, 0.15];
-/// Angles of a full bend, rad: with DIP and PIP here, the artifact is the design's `bend_artifact`.
-const FULL_RAD: [f64; 4] = [1.1, 1.5, 1.3, 0.35];
-/// The same for a thumb: IP, MCP, CMC flexion and abduction have smaller ranges.
-const FULL_THUMB_RAD: [f64; 4] = [1.1, 0.9, 0.8, 0.8];
-pub(super) const FULL_BEND: f64 = LOCALITY[0] + LOCALITY[1];
 const QUADRATIC: f64 = 0.3; // share of the artifact that grows with the square: fabric wrinkles late in a bend
-const COMMON: f64 = 0.6; // share that all taxels have in common, the rest is each one's own
 const CREEP: f64 = 0.15; // share of the strain that the glove follows slowly
 const RATE_S: f64 = 0.015; // viscous part: strain by speed of the bend
 const RATE_LAG_S: f64 = 0.05;
@@ -34,28 +24,6 @@ fn others_of(finger: Finger) -> [(Finger, f64); 4] {
         Ring => [(Middle, 0.4), (Little, 0.4), (Index, 0.1), (Thumb, 0.1)],
         Little => [(Ring, 0.6), (Middle, 0.2), (Index, 0.1), (Thumb, 0.1)],
         Thumb => [(Index, 0.6), (Middle, 0.2), (Ring, 0.1), (Little, 0.1)],
-    }
-}
-
-/// Current bend of a finger's joints, as fractions of a full bend.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Bends([f64; 4]);
-
-impl Bends {
-    fn of(pose: &HandPose, finger: Finger) -> Self {
-        let angles = pose.finger(finger);
-        let full_rad = if finger == Finger::Thumb { FULL_THUMB_RAD } else { FULL_RAD };
-        Bends(std::array::from_fn(|j| angles[j] / full_rad[j]))
-    }
-
-    /// Bend at the fingertip: 1 for DIP and PIP fully bent.
-    pub(super) fn local(&self) -> f64 {
-        self.0.iter().zip(LOCALITY).map(|(bend, weight)| bend * weight).sum::<f64>() / FULL_BEND
-    }
-
-    /// Total flexion of the finger, which tilts the tip.
-    pub(super) fn flexion(&self) -> f64 {
-        (self.0[0] + self.0[1] + self.0[2]) / 3.0
     }
 }
 
@@ -163,13 +131,6 @@ impl StrainField {
         };
         (self.taxels.iter().zip(&slip.taxels).map(artifact).collect(), bends)
     }
-}
-
-/// Weight of each taxel, 1 on average over the taxels: [`COMMON`] is the same for all, the rest differs.
-pub(super) fn pattern(n_taxels: usize, hardware: &mut Noise) -> Vec<f64> {
-    let own: Vec<f64> = (0..n_taxels).map(|_| hardware.normal((1.0 - COMMON) / COMMON)).collect();
-    let mean = own.iter().sum::<f64>() / n_taxels as f64;
-    own.iter().map(|own| 1.0 + own - mean).collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! A stream of samples on its way to the recorder: clock, delays and losses.
 
-use super::conditions::TrackingErrors;
+use super::super::spec::TrackingErrors;
 use crate::random::Noise;
 
 pub(super) const RATE_HZ: f64 = 100.0; // Sec. IV: all signals at 100 Hz

@@ -1,7 +1,7 @@
 //! Errors in the specification of a session.
 
 use super::super::glove::GLOVES;
-use super::Activity;
+use super::super::spec::Activity;
 
 /// The reason why a session can't be created. Each text is one line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

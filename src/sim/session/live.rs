@@ -76,7 +76,7 @@ impl LiveSession {
         faults: &[Fault],
     ) -> Result<Self, SimError> {
         let design = design(spec)?;
-        super::conditions::check(spec)?;
+        super::check::check(spec)?;
         let user = User::new(spec);
         let mut noise = user.of_session("performance");
         let plan = Plan::new(&protocol, Some(spec.minutes), &format!("{}, plan", spec.session_name()));
@@ -186,7 +186,7 @@ mod tests {
             user: 1,
             session: 1,
             seed: 5,
-            minutes: super::super::FULL_MINUTES,
+            minutes: crate::sim::FULL_MINUTES,
             activity: Activity::Protocol,
             tracking: Tracking::Markers,
             conditions: super::super::Conditions::default(),

@@ -1,0 +1,131 @@
+//! What a bag holds, before the core is set up for it: joints, sampling, annotations.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::CharacterizeError;
+use crate::bag::{BagReader, Input, Inputs};
+use crate::characterize::StreamTiming;
+use crate::config::Config;
+use crate::fusion::Event;
+use crate::observer::{Observer, check};
+use crate::recording::input_topics;
+use crate::units::Stamp;
+
+/// A joint that fewer of its source's messages name would leave holes in every other joint's data.
+const MIN_SHARE: f64 = 0.9;
+
+/// What a bag holds.
+pub(super) struct Scan {
+    /// The bag, as it was given.
+    pub(super) bag: String,
+    /// Share of its source's messages that have a finite angle of a joint, and that source, by the joint's name.
+    shares: BTreeMap<String, (f64, usize)>,
+    pub(super) tactile: Vec<NamedTiming>,
+    pub(super) joints: Vec<NamedTiming>,
+    /// Stamps of the first and the last taxels.
+    pub(super) start: Stamp,
+    pub(super) end: Stamp,
+    pub(super) has_annotations: bool,
+}
+
+/// Timing of a source by its name.
+#[derive(Debug, Clone, Serialize)]
+pub struct NamedTiming {
+    /// Name of the source.
+    pub source: String,
+    /// `None` where it sent too little to tell.
+    #[serde(flatten)]
+    pub timing: Option<StreamTiming>,
+}
+
+impl Scan {
+    /// Reads a bag to its end.
+    pub(super) fn of(bag: &Path, cfg: &Config, observer: &dyn Observer) -> Result<Self, CharacterizeError> {
+        let in_bag = |error: &dyn std::fmt::Display| CharacterizeError::in_bag(bag, error);
+        let mut reader = BagReader::open(&[bag.to_path_buf()])?;
+        let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
+        let mut tactile: Vec<Vec<Stamp>> = vec![Vec::new(); cfg.fusion.tactile_sources.len()];
+        let mut joints: Vec<Vec<Stamp>> = vec![Vec::new(); cfg.fusion.joint_sources.len()];
+        let mut seen: BTreeMap<String, (u64, usize)> = BTreeMap::new();
+        while let Some(message) = reader.next_message().map_err(|error| in_bag(&error))? {
+            check(observer)?;
+            for part in inputs.parts(message.channel).map_err(|error| in_bag(&error))? {
+                match inputs.decode(&message, part) {
+                    Input::Event(Event::Tactile(block))
+                        if block.is_of(cfg.fusion.tactile_sources[block.source.0].n_taxels) =>
+                    {
+                        let offset_ns = cfg.fusion.tactile_sources[block.source.0].stamp_offset_ns;
+                        let before = |row: usize| block.row_period_ns.saturating_mul((block.rows - 1 - row) as i64);
+                        tactile[block.source.0]
+                            .extend((0..block.rows).map(|row| block.stamp.offset(offset_ns - before(row))));
+                    }
+                    Input::Event(Event::Joints(sample)) => {
+                        joints[sample.source.0].push(sample.stamp);
+                        let angles = sample.names.iter().zip(sample.positions);
+                        for (name, _) in angles.filter(|(_, angle)| angle.is_finite()) {
+                            if let Some((n, _)) = seen.get_mut(name) {
+                                *n += 1;
+                            } else {
+                                seen.insert(name.clone(), (1, sample.source.0));
+                            }
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+        inputs.check_end(std::iter::empty()).map_err(|error| in_bag(&error))?;
+        let share =
+            |(name, (n, source)): (String, (u64, usize))| (name, (n as f64 / joints[source].len() as f64, source));
+        let named = |source: &String, stamps: &Vec<Stamp>| NamedTiming {
+            source: source.clone(),
+            timing: StreamTiming::of(stamps),
+        };
+        Ok(Scan {
+            bag: bag.display().to_string(),
+            start: tactile.iter().filter_map(|stamps| stamps.first()).min().copied().unwrap_or_default(),
+            end: tactile.iter().flatten().max().copied().unwrap_or_default(),
+            tactile: cfg
+                .fusion
+                .tactile_sources
+                .iter()
+                .zip(&tactile)
+                .map(|(source, stamps)| named(&source.name, stamps))
+                .collect(),
+            shares: seen.into_iter().map(share).collect(),
+            joints: cfg
+                .fusion
+                .joint_sources
+                .iter()
+                .zip(&joints)
+                .map(|(source, stamps)| named(&source.name, stamps))
+                .collect(),
+            has_annotations: inputs.has_annotations(),
+        })
+    }
+}
+
+/// The joints that every bag tells all of the time, each with the index of its source; and what is said of the others.
+pub(super) fn common_joints(cfg: &Config, scans: &[Scan]) -> (Vec<(String, usize)>, Vec<String>) {
+    let mut left_out = Vec::new();
+    let mut common: BTreeMap<&str, usize> = BTreeMap::new();
+    for scan in scans {
+        common.extend(scan.shares.iter().map(|(joint, (_, source))| (joint.as_str(), *source)));
+    }
+    let configured =
+        cfg.fusion.regions.iter().flat_map(|region| region.joints.iter().map(move |joint| (region, joint)));
+    for (region, joint) in configured.filter(|(_, joint)| !common.contains_key(joint.as_str())) {
+        left_out.push(format!("{joint}: in region.{}.joints, and in no joint message of any bag", region.name));
+    }
+    common.retain(|joint, _| {
+        let share = |scan: &Scan| scan.shares.get(*joint).map_or(0.0, |(share, _)| *share);
+        let Some(scan) = scans.iter().find(|scan| share(scan) < MIN_SHARE) else { return true };
+        let percent = 100.0 * share(scan);
+        left_out.push(format!("{joint}: has an angle in only {percent:.0} % of the joint messages of {}", scan.bag));
+        false
+    });
+    (common.into_iter().map(|(joint, source)| (joint.to_owned(), source)).collect(), left_out)
+}

@@ -1,0 +1,74 @@
+//! The model that a parameter file is made for.
+
+use std::path::{Component, Path, PathBuf};
+
+use crate::bag::shown;
+use crate::commands::{Failure, say};
+use crate::init::ModelFile;
+use crate::inspect::{BagReport, Likelihood};
+use crate::model;
+
+/// Most files in a folder that are tried.
+const MAX_FILES: usize = 64;
+
+/// The model that is named; else the only one in the folder of the parameter file, or in `models` there, that fits.
+pub(super) fn of(named: Option<&Path>, folder: &Path, bags: &[BagReport]) -> Result<Option<ModelFile>, Failure> {
+    if let Some(path) = named {
+        return described(path, folder, String::new()).map(Some);
+    }
+    let mut fitting: Vec<PathBuf> = Vec::new();
+    for path in onnx_files(folder).into_iter().chain(onnx_files(&folder.join("models"))) {
+        if model::inspect(&path).is_ok_and(|info| fits(info.contract.n_taxels, bags)) {
+            fitting.push(path);
+        }
+    }
+    match fitting.as_slice() {
+        [] => Ok(None),
+        [only] => {
+            let why = "CHECK: the only model here that takes as many taxels".to_owned();
+            say(&format!("guessed: the model is {}, the only one here that takes as many taxels", only.display()));
+            described(only, folder, why).map(Some)
+        }
+        several => {
+            let names = several.iter().map(|path| shown(path)).collect::<Vec<_>>().join(", ");
+            say(&format!("no model was taken, because {} fit: {names}; give one by --model", several.len()));
+            Ok(None)
+        }
+    }
+}
+
+fn fits(n_taxels: usize, bags: &[BagReport]) -> bool {
+    let taxels = bags.iter().flat_map(|bag| &bag.candidates.tactile);
+    taxels.filter(|one| one.likelihood == Likelihood::Likely).any(|one| one.n_taxels == Some(n_taxels as u64))
+}
+
+fn onnx_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_onnx = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "onnx") && path.is_file();
+    let mut paths: Vec<PathBuf> = entries.filter(is_onnx).take(MAX_FILES).collect();
+    paths.sort();
+    paths
+}
+
+fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, Failure> {
+    let contract = model::inspect(path)?.contract;
+    Ok(ModelFile {
+        path: relative(path, folder)?,
+        n_taxels: contract.n_taxels,
+        n_joints: contract.n_region_joints(),
+        joints: contract.joints,
+        rate_hz: contract.rate_hz,
+        why,
+    })
+}
+
+/// A path as a file in `folder` has it.
+pub(super) fn relative(path: &Path, folder: &Path) -> Result<String, Failure> {
+    let full = |path: &Path| path.canonicalize().map_err(|error| Failure(format!("{}: {error}", path.display())));
+    let (path, folder) = (full(path)?, full(folder)?);
+    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+    let relative: PathBuf = up.chain(path.components().skip(shared)).collect();
+    let text = relative.to_str().map(str::to_owned);
+    text.ok_or_else(|| Failure(format!("{}: a parameter file can't hold this path: it is not UTF-8", path.display())))
+}

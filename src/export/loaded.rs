@@ -1,0 +1,181 @@
+//! A bag as it is exported: its estimates, wherever they come from, beside what its sensors sent.
+
+use std::path::Path;
+use std::sync::atomic::AtomicU64;
+
+use super::{ExportError, Request, Session};
+use crate::bag::{BagReader, Input, Inputs};
+use crate::config::Config;
+use crate::glove::{Models, drop_unused_joints, replace_model};
+use crate::msg::EstimateTopics;
+use crate::observer::{Observer, check};
+use crate::recording::{EstimateTrack, PoseQuality, Samples, input_topics};
+use crate::sessions::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models, session_name};
+use crate::units::GramForce;
+use crate::zero::ZeroFrom;
+
+/// Reads bags, one after the other.
+pub(super) struct Loader<'a> {
+    request: &'a Request<'a>,
+    cfg: &'a Config,
+    observer: &'a dyn Observer,
+    /// Topic of the estimates in a bag.
+    topic: String,
+    /// The models, once a bag needed them.
+    core: Option<Core>,
+    has_said: bool,
+}
+
+/// A bag, ready to be exported.
+pub(super) struct Loaded {
+    name: String,
+    pub(super) synthetic: bool,
+    /// `[regions]`
+    pub(super) estimates: Vec<EstimateTrack>,
+    /// `[regions]`
+    truth: Vec<Option<Vec<Option<GramForce>>>>,
+    pub(super) samples: Samples,
+    labelled: Labelled,
+    /// Where the zero of the estimates comes from; `None` where they were in the bag.
+    pub(super) zero: Option<ZeroFrom>,
+    /// What was lost of the bag.
+    pub(super) losses: Vec<String>,
+    /// What was dropped of its samples.
+    pub(super) drops: Vec<String>,
+}
+
+impl<'a> Loader<'a> {
+    pub(super) fn new(request: &'a Request<'a>, cfg: &'a Config, observer: &'a dyn Observer) -> Self {
+        let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
+        Loader { request, cfg, observer, topic, core: None, has_said: false }
+    }
+
+    /// Everything of a bag.
+    pub(super) fn load(&mut self, bag: &Path) -> Result<Loaded, ExportError> {
+        let needs_truth = if self.request.needs_truth { NeedsTruth::All } else { NeedsTruth::Tared };
+        let labelled = Labelled::read(bag, self.cfg, None, needs_truth, self.observer)?;
+        let in_bag = |error: ExportError| match error.to_string() {
+            text if text.starts_with(&bag.display().to_string()) => error,
+            _ => ExportError::in_bag(bag, &error),
+        };
+        let (samples, losses, drops) = read_samples(bag, self.cfg, self.observer).map_err(in_bag)?;
+        let is_recorded = self.request.model.is_none() && hold_estimates(&[bag.to_path_buf()], &self.topic);
+        let (estimates, zero) = if is_recorded {
+            (read_estimates(bag, self.cfg, &self.topic, self.observer)?.0, None)
+        } else {
+            self.compute(bag, &labelled)?
+        };
+        let truth = self.cfg.truth_of_region.iter().zip(&estimates);
+        let max_gap = self.cfg.fusion.timing.max_gap;
+        let truth = truth.map(|(truth_idx, track)| labelled.truth_at(*truth_idx, &track.stamp, max_gap));
+        Ok(Loaded {
+            name: session_name(bag),
+            synthetic: labelled.notes().synthetic,
+            truth: truth.collect(),
+            estimates,
+            samples,
+            labelled,
+            zero,
+            losses,
+            drops,
+        })
+    }
+
+    fn compute(
+        &mut self,
+        bag: &Path,
+        labelled: &Labelled,
+    ) -> Result<(Vec<EstimateTrack>, Option<ZeroFrom>), ExportError> {
+        let core = match self.core.take() {
+            Some(core) => core,
+            None => self.load_core()?,
+        };
+        let done = AtomicU64::new(0);
+        let modelled = run_models(bag, labelled, vec![core], self.request.zero, &done, self.observer)?;
+        let Modelled { mut columns, mut cores, zero, verdict, .. } = modelled;
+        let verdict = verdict.map_err(|error| ExportError::in_bag(bag, &error))?;
+        verdict.iter().for_each(|note| self.observer.note(&format!("{}: {note}", bag.display())));
+        self.core = cores.pop();
+        Ok((columns.pop().unwrap_or_default(), zero))
+    }
+
+    /// The models, loaded: once, and again after a bag that failed took them with it.
+    fn load_core(&mut self) -> Result<Core, ExportError> {
+        let is_first = !std::mem::replace(&mut self.has_said, true);
+        let mut cfg = self.cfg.clone();
+        if let Some(path) = self.request.model {
+            replace_model(&mut cfg, path.to_path_buf())?;
+        }
+        if let Some(backend) = self.request.backend {
+            cfg.models.iter_mut().for_each(|model| model.spec.backend = backend);
+        }
+        if is_first {
+            let several = if self.request.bags.len() > 1 { ", where they hold none" } else { "" };
+            self.observer.note(&format!("no estimates on {} in the bag: the models make them{several}", self.topic));
+        }
+        let models = Models::load(&cfg)?;
+        if is_first {
+            models.notes(&cfg).iter().for_each(|note| self.observer.note(note));
+        }
+        cfg.fusion.batch = models.batch_hint();
+        if self.request.model.is_some() {
+            drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| self.observer.note(note));
+        }
+        Ok(Core { cfg, infos: models.infos, quality: PoseQuality::default(), regressors: models.regressors })
+    }
+}
+
+impl Loaded {
+    pub(super) fn session(&self) -> Session<'_> {
+        Session {
+            name: self.name.clone(),
+            synthetic: self.synthetic,
+            estimates: &self.estimates,
+            truth: &self.truth,
+            samples: &self.samples,
+            annotations: self.labelled.annotations(),
+        }
+    }
+}
+
+/// What the sensors sent, what was lost of the bag, and what was dropped.
+fn read_samples(
+    bag: &Path,
+    cfg: &Config,
+    observer: &dyn Observer,
+) -> Result<(Samples, Vec<String>, Vec<String>), ExportError> {
+    let mut reader = BagReader::open(&[bag.to_path_buf()])?;
+    let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    let mut samples = Samples::new(&cfg.fusion);
+    loop {
+        check(observer)?;
+        let Some(message) = reader.next_message()? else { break };
+        for part in inputs.parts(message.channel)? {
+            if let Input::Event(event) = inputs.decode(&message, part) {
+                samples.handle_event(&event)?;
+            }
+        }
+    }
+    let used = cfg.fusion.regions.iter().flat_map(|region| &region.joints);
+    inputs.check_end(used.map(String::as_str).filter(|joint| !samples.joints.contains_key(*joint)))?;
+    let unreadable = inputs.counters().iter().filter_map(|(topic, counters)| {
+        let first = counters.first_error.as_ref()?;
+        let n: u64 = counters.unreadable.values().sum();
+        Some(format!("topic {topic}: {n} messages could not be read: {first}"))
+    });
+    let losses = reader.losses().iter().map(ToString::to_string).chain(unreadable).collect();
+    let mut drops = Vec::new();
+    for (source, track) in cfg.fusion.tactile_sources.iter().zip(&samples.tactile) {
+        if track.late + track.wrong_length > 0 {
+            drops.push(format!(
+                "tactile source {}: {} samples came late or twice, {} messages had another length than {} taxels",
+                source.name, track.late, track.wrong_length, source.n_taxels
+            ));
+        }
+    }
+    let unused: u64 = samples.joints.values().map(|track| track.unused).sum();
+    if unused > 0 {
+        drops.push(format!("{unused} joint angles came late or twice, or were not finite"));
+    }
+    Ok((samples, losses, drops))
+}

@@ -1,0 +1,100 @@
+//! What an export writes, all of it open until the last bag is read.
+
+use std::path::Path;
+
+use super::loaded::Loaded;
+use super::summary::BagSummary;
+use super::{Dataset, DatasetSpec, Episode, ExportError, Layout, Request, Targets, columns, rows};
+use crate::columns::{Cells, ColumnFile, CsvFile, Kind};
+use crate::config::Config;
+
+/// Everything that is written, open until all bags are read.
+pub(super) struct Outputs<'a> {
+    request: &'a Request<'a>,
+    cfg: &'a Config,
+    dataset: Option<Dataset>,
+    layout: Option<Layout>,
+    /// Joints of the tables: those of the first bag.
+    joints: Option<Vec<String>>,
+    parquet: Option<ColumnFile>,
+    csv: Option<CsvFile>,
+}
+
+/// What one bag adds to the outputs.
+pub(super) struct Made {
+    episode: Option<Episode>,
+    /// `[regions][columns]`
+    rows: Vec<Vec<Cells>>,
+}
+
+impl<'a> Outputs<'a> {
+    pub(super) fn create(request: &'a Request<'a>, cfg: &'a Config) -> Result<Self, ExportError> {
+        let spec = DatasetSpec { fps: request.fps, task: request.task.to_owned(), robot_type: cfg.glove.clone() };
+        let dataset = request.targets.lerobot.map(|path| Dataset::create(path, spec)).transpose()?;
+        Ok(Outputs { request, cfg, dataset, layout: None, joints: None, parquet: None, csv: None })
+    }
+
+    fn has_tables(&self) -> bool {
+        self.request.targets.parquet.is_some() || self.request.targets.csv.is_some()
+    }
+
+    /// What a bag adds, all of it before any is written.
+    pub(super) fn make(&mut self, loaded: &Loaded) -> Result<Made, ExportError> {
+        let session = loaded.session();
+        let mut episode = None;
+        if self.dataset.is_some() {
+            let layout = match &self.layout {
+                Some(layout) => layout.clone(),
+                None => {
+                    Layout::new(&self.cfg.fusion, self.request.fps, self.request.tactile_window_ms, session.samples)?
+                }
+            };
+            episode = Some(layout.episode(&session)?);
+            self.layout = Some(layout);
+        }
+        let rows = match self.has_tables() {
+            true => {
+                let joints = self.joints.as_deref().unwrap_or(&session.samples.joint_names);
+                rows(&self.cfg.fusion, joints, &session)?
+            }
+            false => Vec::new(),
+        };
+        Ok(Made { episode, rows })
+    }
+
+    pub(super) fn write(&mut self, bag: &Path, made: Made, loaded: Loaded) -> Result<BagSummary, ExportError> {
+        let Made { episode, rows } = made;
+        let summary = BagSummary::new(bag, self.cfg, &loaded, episode.as_ref(), &rows);
+        if let (Some(dataset), Some(episode)) = (&mut self.dataset, episode) {
+            dataset.handle_episode(episode)?;
+        }
+        if self.joints.is_none() && self.has_tables() {
+            self.create_tables(&loaded)?;
+        }
+        for cells in &rows {
+            self.parquet.as_mut().map_or(Ok(()), |table| table.write(cells))?;
+            self.csv.as_mut().map_or(Ok(()), |table| table.write(cells))?;
+        }
+        Ok(summary)
+    }
+
+    fn create_tables(&mut self, first: &Loaded) -> Result<(), ExportError> {
+        let joints = first.samples.joint_names.clone();
+        let columns = columns(&joints);
+        let columns: Vec<(&str, Kind)> = columns.iter().map(|(name, kind)| (name.as_str(), *kind)).collect();
+        let made_by = format!("tactile_pose_fusion {}", env!("CARGO_PKG_VERSION"));
+        let notes = [("synthetic", first.synthetic.to_string()), ("made_by", made_by)];
+        let Targets { parquet, csv, .. } = self.request.targets;
+        self.parquet = parquet.map(|path| ColumnFile::create(path, &columns, &notes)).transpose()?;
+        self.csv = csv.map(|path| CsvFile::create(path, &columns)).transpose()?;
+        self.joints = Some(joints);
+        Ok(())
+    }
+
+    /// Gives every output its name.
+    pub(super) fn finish(self) -> Result<(), ExportError> {
+        self.parquet.map_or(Ok(()), ColumnFile::finish)?;
+        self.csv.map_or(Ok(()), CsvFile::finish)?;
+        self.dataset.map_or(Ok(()), Dataset::finish)
+    }
+}

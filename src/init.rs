@@ -1,0 +1,41 @@
+//! A complete parameter file from what is in bags: which topics are taxels, joint angles and true force, which patches they
+//! make, and why. Pure: findings of [`inspect`](crate::inspect) go in, a [`Document`] comes out.
+//!
+//! # Rules
+//!
+//! | what | rule |
+//! |---|---|
+//! | taxels | arrays whose type or name says so, else those whose form allows it; of fixed length, and some value changes |
+//! | several such arrays | all, where each is named after another finger; else it is asked |
+//! | sign | that of the correlation with the measured force from 0.3 on; else of the skewness from 0.5 on: a press is rarer than rest; else 1 |
+//! | joint angles | named angles that move; those that the model names before those that name fingers; points of a hand where there are no angles |
+//! | patches | one for each array; one a finger where the model, or angles of several fingers, divide the taxels |
+//! | true force | a wrench or what is named as one; its axis that goes with the taxels best, else the one with the widest range |
+//! | unit of force | N for a wrench; gF where the name says so, or where a reading is beyond 100 |
+//! | frame clock | `tactile` within 20 % of the model's rate, else `grid` |
+//!
+//! What no rule decides is asked by [`Ask`], with the likeliest answer.
+
+mod ask;
+mod document;
+mod fingers;
+mod force;
+mod joints;
+mod plan;
+mod regions;
+mod taxels;
+mod yaml;
+
+pub use ask::{Answer, Ask, InitError, Question};
+pub use document::{Document, document};
+pub use plan::ModelFile;
+
+/// Asks nobody: the likeliest answer is taken, and said.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct BestGuess;
+
+impl Ask for BestGuess {
+    fn ask(&mut self, _: &Question) -> Answer {
+        Answer::Likeliest
+    }
+}

@@ -1,0 +1,106 @@
+//! What findings alone don't tell.
+
+/// Something to be chosen.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Question {
+    /// What is asked, as a question.
+    pub words: String,
+    /// The answers, at least two.
+    pub options: Vec<String>,
+    /// Index of the likeliest of them.
+    pub likeliest: usize,
+    /// What speaks for it.
+    pub because: String,
+}
+
+/// What came back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// A person chose the option of this index.
+    Chosen(usize),
+    /// The likeliest is to be taken.
+    Likeliest,
+    /// Nobody is there to ask.
+    Nobody,
+}
+
+/// Who answers questions.
+pub trait Ask {
+    /// The answer to a question.
+    fn ask(&mut self, question: &Question) -> Answer;
+}
+
+/// Why there is no parameter file.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum InitError {
+    /// No array can be taxels.
+    #[error("{bags}: no taxels found: {why}; `tpf inspect` tells what is there")]
+    NoTaxels {
+        /// The bags.
+        bags: String,
+        /// What is there instead.
+        why: String,
+    },
+    /// A model that the taxels don't fit.
+    #[error("{model} takes {expected} taxels, and the bags have {got}; leave --model out, or give one for this glove")]
+    Model {
+        /// The model.
+        model: String,
+        /// Taxels of the model.
+        expected: usize,
+        /// Taxels of the arrays that were found.
+        got: String,
+    },
+    /// A question that nobody answers.
+    #[error("{question} Nobody is there to ask: --yes takes the likeliest, {likeliest}")]
+    Nobody {
+        /// What is asked.
+        question: String,
+        /// The likeliest answer.
+        likeliest: String,
+    },
+}
+
+/// What was chosen, and how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Choice {
+    pub(super) idx: usize,
+    /// Whether a person chose it.
+    pub(super) is_asked: bool,
+}
+
+/// Asks, and keeps what was taken without an answer.
+pub(super) struct Chooser<'a> {
+    ask: &'a mut dyn Ask,
+    /// One line each.
+    pub(super) guesses: Vec<String>,
+}
+
+impl<'a> Chooser<'a> {
+    pub(super) fn new(ask: &'a mut dyn Ask) -> Self {
+        Chooser { ask, guesses: Vec::new() }
+    }
+
+    /// The answer to a question.
+    pub(super) fn choose(&mut self, question: Question) -> Result<Choice, InitError> {
+        let likeliest = question.likeliest;
+        match self.ask.ask(&question) {
+            Answer::Chosen(idx) if idx < question.options.len() => Ok(Choice { idx, is_asked: true }),
+            Answer::Chosen(_) | Answer::Likeliest => {
+                let Question { words, options, because, .. } = question;
+                self.guesses.push(format!("{words} Taken: {}, {because}", options[likeliest]));
+                Ok(Choice { idx: likeliest, is_asked: false })
+            }
+            Answer::Nobody => {
+                Err(InitError::Nobody { likeliest: question.options[likeliest].clone(), question: question.words })
+            }
+        }
+    }
+}
+
+impl Choice {
+    /// How it came about, for a comment.
+    pub(super) fn told(self, because: &str) -> String {
+        if self.is_asked { "as answered".to_owned() } else { format!("CHECK: a guess, {because}") }
+    }
+}

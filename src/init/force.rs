@@ -1,0 +1,129 @@
+//! Which topics tell the true force.
+
+use super::ask::{Chooser, InitError, Question};
+use super::fingers;
+use super::plan::{Region, TruthSource, most_seen};
+use crate::inspect::{BagReport, ForceCandidate, ForceRange, Likelihood, number, source_name, yaml_text};
+
+/// A force beyond this is in gF: no fingertip presses with 100 N.
+const MOST_NEWTONS: f64 = 100.0;
+
+const WRENCH_STAMPED: &str = "geometry_msgs/msg/WrenchStamped";
+
+/// The sources of true force, and what else could be one.
+pub(super) fn sources(
+    bags: &[BagReport],
+    chooser: &mut Chooser<'_>,
+) -> Result<(Vec<TruthSource>, Vec<String>), InitError> {
+    let field = |one: &ForceCandidate| one.fields.first().map_or("", String::as_str).len() as u64;
+    let all: Vec<&ForceCandidate> = most_seen(
+        bags,
+        |bag| &bag.candidates.force,
+        |one| (&one.topic, &one.type_name, one.n_messages.max(field(one))),
+    );
+    let is_read = |one: &&&ForceCandidate| !one.ranges.is_empty();
+    let likely: Vec<&ForceCandidate> =
+        all.iter().filter(is_read).filter(|one| one.likelihood == Likelihood::Likely).copied().collect();
+    let possible = all.iter().filter(is_read).filter(|one| one.likelihood == Likelihood::Possible);
+    let others = possible.map(|one| format!("{} ({})", one.topic, one.fields.join(", "))).collect();
+    let fingers: std::collections::BTreeSet<&str> =
+        likely.iter().filter_map(|one| fingers::finger(&one.topic)).collect();
+    let mut why = None;
+    let chosen = if likely.len() > 1 && fingers.len() < likely.len() {
+        let options = likely.iter().map(|one| one.topic.clone()).collect();
+        let follows = |one: &ForceCandidate| best(one).and_then(|range| range.with_taxels).map_or(0.0, f64::abs);
+        let likeliest =
+            (0..likely.len()).max_by(|a, b| follows(likely[*a]).total_cmp(&follows(likely[*b]))).unwrap_or(0);
+        let because = "it goes with the taxels best".to_owned();
+        let words = "Which topic tells the true force?".to_owned();
+        let choice = chooser.choose(Question { words, options, likeliest, because: because.clone() })?;
+        why = Some(choice.told(&because));
+        vec![likely[choice.idx]]
+    } else {
+        likely
+    };
+    Ok((chosen.into_iter().map(|one| source(one, why.clone(), bags)).collect(), others))
+}
+
+/// Gives each region a force of its own finger. Where one load cell goes from finger to finger and its topic says which, a
+/// recording may lack the topics of the others: a single source would count for them all, so theirs are named after it.
+pub(super) fn for_other_fingers(truths: &mut Vec<TruthSource>, regions: &mut [Region]) {
+    let [only] = truths.as_slice() else { return };
+    let Some(known) = only.finger.filter(|_| regions.len() > 1) else { return };
+    let only = only.clone();
+    for region in regions {
+        let Some(finger) = region.finger.filter(|finger| *finger != known) else { continue };
+        let mut other = only.clone();
+        let Some((_, topic, why)) = other.lines.first_mut().filter(|(_, topic, _)| topic.contains(known)) else {
+            return;
+        };
+        *topic = topic.replace(known, finger);
+        *why = format!("CHECK: not in these bags; named as that of the {known} finger");
+        other.name = only.name.replace(known, finger);
+        other.finger = Some(finger);
+        region.truth = Some(other.name.clone());
+        truths.push(other);
+    }
+}
+
+/// The number of a topic that is the force: what goes with the taxels best, else what spans most.
+fn best(one: &ForceCandidate) -> Option<&ForceRange> {
+    let span = |range: &ForceRange| range.values[1] - range.values[0];
+    // A torque is in no unit of force.
+    let forces = || one.ranges.iter().filter(|range| !range.field.contains("torque"));
+    let follows = |range: &&ForceRange| range.with_taxels.is_some_and(|with| with.abs() >= 0.3);
+    let by_taxels = |range: &&ForceRange| range.with_taxels.map_or(0.0, f64::abs);
+    let following = forces().filter(follows).max_by(|a, b| by_taxels(a).total_cmp(&by_taxels(b)));
+    following.or_else(|| forces().max_by(|a, b| span(a).total_cmp(&span(b))))
+}
+
+fn source(one: &ForceCandidate, chosen: Option<String>, bags: &[BagReport]) -> TruthSource {
+    let mut lines =
+        vec![("topic", yaml_text(&one.topic), String::new()), ("type", yaml_text(&one.type_name), String::new())];
+    if let Some(ForceRange { field, values: [least, most], with_taxels, .. }) = best(one) {
+        let seen = format!("{} to {}", number(*least), number(*most));
+        let with = with_taxels.map_or(String::new(), |with| format!("; correlation with the taxels {with:.2}"));
+        lines.push(("field", yaml_text(field), format!("{seen}{with}")));
+        let (unit, why) = unit(one, field, least.abs().max(most.abs()));
+        lines.push(("unit", unit.to_owned(), why));
+        if -least > *most {
+            let why = "CHECK: readings go further down than up, so a press is taken to lower them".to_owned();
+            lines.push(("sign", "-1".to_owned(), why));
+        }
+    }
+    if one.type_name != WRENCH_STAMPED {
+        let topics = bags.iter().flat_map(|bag| &bag.topics).filter(|topic| topic.stats.topic == one.topic);
+        match topics.filter_map(|topic| topic.stamps.as_ref()).next() {
+            Some(stamps) => lines.push(("stamp", yaml_text(&stamps.field), String::new())),
+            None => {
+                let why = "the type has none, so the time of receipt counts".to_owned();
+                lines.push(("stamp", "receipt".to_owned(), why));
+            }
+        }
+    }
+    let mut why: Vec<String> = chosen.into_iter().collect();
+    why.push(format!("likely: {}", one.reasons.join("; ")));
+    TruthSource { name: source_name(&one.topic), finger: fingers::finger(&one.topic), lines, why }
+}
+
+/// The unit of a force as YAML, and why.
+fn unit(one: &ForceCandidate, field: &str, largest: f64) -> (&'static str, String) {
+    let name = format!("{}/{field}", one.topic).to_ascii_lowercase();
+    let says = |words: &[&str]| name.split(|c: char| !c.is_ascii_alphanumeric()).any(|word| words.contains(&word));
+    if says(&["kgf", "kg", "mn"]) {
+        return (
+            "\"N\"",
+            "CHECK: its name says kgf or mN, which parameters don't have: publish it in N or gF".to_owned(),
+        );
+    }
+    if says(&["gf", "grams", "gram", "g"]) {
+        return ("gF", "its name says gram-force".to_owned());
+    }
+    if one.type_name.starts_with("geometry_msgs/msg/Wrench") {
+        return ("\"N\"", "a wrench is in N".to_owned());
+    }
+    match largest > MOST_NEWTONS {
+        true => ("gF", format!("CHECK: up to {}: no fingertip presses with more than 100 N", number(largest))),
+        false => ("\"N\"", format!("CHECK: up to {}, as N are", number(largest))),
+    }
+}

@@ -1,0 +1,174 @@
+//! Which arrays are taxels.
+
+use std::collections::BTreeSet;
+
+use super::ask::{Chooser, InitError, Question};
+use super::fingers;
+use super::plan::{ModelFile, TaxelSource, free_name, listed, most_seen};
+use crate::inspect::{BagReport, ForceCandidate, Likelihood, TactileCandidate, number};
+
+/// Correlation with the measured force, and skewness, from which on they tell the sign.
+const FOLLOWS: f64 = 0.3;
+const SKEWED: f64 = 0.5;
+
+/// The sources of taxels.
+pub(super) fn sources<'a>(
+    bags: &'a [BagReport],
+    model: Option<&ModelFile>,
+    chooser: &mut Chooser<'_>,
+) -> Result<Vec<TaxelSource<'a>>, InitError> {
+    let all: Vec<&TactileCandidate> =
+        most_seen(bags, |bag| &bag.candidates.tactile, |one| (&one.topic, &one.field, one.n_messages));
+    let usable: Vec<&TactileCandidate> = all.iter().copied().filter(|one| changes(one)).collect();
+    let likeliest = usable.iter().map(|one| one.likelihood).min();
+    let mut found: Vec<&TactileCandidate> = match likeliest {
+        Some(Likelihood::Likely) => of(&usable, Likelihood::Likely),
+        Some(Likelihood::Possible) => of(&usable, Likelihood::Possible),
+        Some(Likelihood::Unlikely) | None => return Err(none(bags, &all)),
+    };
+    if let Some(model) = model {
+        let fits = |one: &&TactileCandidate| {
+            let (n_taxels, n_missing) = (one.n_taxels.unwrap_or_default(), one.taxels.missing.len() as u64);
+            let wanted = model.n_taxels as u64;
+            n_taxels.saturating_sub(n_missing) == wanted || n_taxels.is_multiple_of(wanted)
+        };
+        if !found.iter().any(fits) {
+            let counts: BTreeSet<u64> = found.iter().filter_map(|one| one.n_taxels).collect();
+            let got = counts.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+            return Err(InitError::Model { model: model.path.clone(), expected: model.n_taxels, got });
+        }
+        found.retain(fits);
+    }
+    found.sort_by_key(|one| rank(one));
+    let mut why = Vec::new();
+    if found.len() > 1 && !are_fingers(&found) {
+        let options = found.iter().map(|one| told(one)).collect();
+        let because = "the first by type, by the axis that a press changes most (z), and by how many taxels change";
+        let words = "Which array holds the taxels?".to_owned();
+        let choice = chooser.choose(Question { words, options, likeliest: 0, because: because.to_owned() })?;
+        let others: Vec<String> =
+            found.iter().enumerate().filter(|(idx, _)| *idx != choice.idx).map(|(_, one)| told(one)).collect();
+        why.push(format!("{}; the others: {}", choice.told(because), listed(&others)));
+        found = vec![found[choice.idx]];
+    }
+    let mut sources: Vec<TaxelSource<'a>> = Vec::new();
+    let has_one_topic = found.iter().all(|one| one.topic == found[0].topic);
+    for one in &found {
+        let wanted = match (found.len() > 1 && has_one_topic, finger_of(one)) {
+            (true, Some(finger)) => format!("{}_{finger}", one.parameters.name),
+            _ => one.parameters.name.clone(),
+        };
+        let taken: Vec<&str> = sources.iter().map(|source| source.name.as_str()).collect();
+        sources.push(TaxelSource {
+            name: free_name(&wanted, &taken),
+            found: one,
+            n_taxels: one.n_taxels.and_then(|n| usize::try_from(n).ok()).unwrap_or_default(),
+            finger: finger_of(one),
+            hand: hand_of(one),
+            sign: sign(one, bags),
+            why: why.iter().cloned().chain(reasons(one)).collect(),
+        });
+    }
+    Ok(sources)
+}
+
+/// Whether an array is a sensor's: of fixed length and alive.
+fn changes(one: &TactileCandidate) -> bool {
+    one.likelihood != Likelihood::Unlikely && one.n_taxels.is_some_and(|n| n > 0) && !is_constant(one)
+}
+
+/// Whether no taxel ever changes.
+fn is_constant(one: &TactileCandidate) -> bool {
+    one.taxels.skew.is_none()
+        && one.n_taxels.is_some_and(|n| (one.taxels.constant.len() + one.taxels.missing.len()) as u64 >= n)
+}
+
+fn of<'a>(all: &[&'a TactileCandidate], likelihood: Likelihood) -> Vec<&'a TactileCandidate> {
+    all.iter().copied().filter(|one| one.likelihood == likelihood).collect()
+}
+
+fn none(bags: &[BagReport], all: &[&TactileCandidate]) -> InitError {
+    let names = bags.iter().map(|bag| bag.path.clone()).collect::<Vec<_>>().join(", ");
+    let constant = |one: &TactileCandidate| if is_constant(one) { "; none of its taxels ever changes" } else { "" };
+    let because =
+        |one: &&TactileCandidate| format!("{} ({}): {}{}", one.topic, one.field, one.reasons.join("; "), constant(one));
+    let why = match all.first().map(because) {
+        None => "no topic holds an array of numbers".to_owned(),
+        Some(first) if all.len() == 1 => format!("the only array of numbers is {first}"),
+        Some(first) => format!("none of {} arrays looks like taxels, the first: {first}", all.len()),
+    };
+    InitError::NoTaxels { bags: names, why: why.replace(|c: char| c.is_control(), " ") }
+}
+
+/// What of several candidates is first: our own type, then a press (z) before shear, then live taxels, then rate.
+fn rank(one: &TactileCandidate) -> (bool, bool, std::cmp::Reverse<u64>, std::cmp::Reverse<u64>) {
+    let is_ours = one.type_name == "tactile_pose_fusion/msg/TaxelArray";
+    let last = one.field.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
+    let is_shear = last.ends_with('x') || last.ends_with('y');
+    let dead = (one.taxels.constant.len() + one.taxels.missing.len()) as u64;
+    let rate = one.sample_rate_hz.map_or(0, |rate| rate.round() as u64);
+    let live = one.n_taxels.unwrap_or_default().saturating_sub(dead);
+    (!is_ours, is_shear, std::cmp::Reverse(live), std::cmp::Reverse(rate))
+}
+
+fn told(one: &TactileCandidate) -> String {
+    let rate = one.sample_rate_hz.map_or(String::new(), |rate| format!(" at {} Hz", number(rate)));
+    format!("{} ({}), {} taxels{rate}", one.topic, one.field, one.n_taxels.unwrap_or_default())
+}
+
+fn finger_of(one: &TactileCandidate) -> Option<&'static str> {
+    fingers::finger(&one.field).or_else(|| fingers::finger(&one.topic))
+}
+
+fn hand_of(one: &TactileCandidate) -> Option<&'static str> {
+    fingers::side(&one.field).or_else(|| fingers::side(&one.topic))
+}
+
+/// Whether each is named after another finger, or another hand's.
+fn are_fingers(found: &[&TactileCandidate]) -> bool {
+    let named: BTreeSet<(Option<&str>, &str)> =
+        found.iter().filter_map(|one| Some((hand_of(one), finger_of(one)?))).collect();
+    named.len() == found.len()
+}
+
+fn reasons(one: &TactileCandidate) -> Vec<String> {
+    let word = if one.likelihood == Likelihood::Likely { "likely" } else { "CHECK: possible" };
+    let mut why = vec![format!("{word}: {}", one.reasons.join("; "))];
+    let values = one
+        .values
+        .map_or(String::new(), |[least, most]| format!(", {} to {}", number(least.into()), number(most.into())));
+    let rate = one.sample_rate_hz.map_or(String::new(), |rate| format!(", {} samples a second", number(rate)));
+    why.push(format!("{} of {} values a message{values}{rate}", one.element, one.n_values[1]));
+    why
+}
+
+/// Which way a press goes: 1 or -1, and why.
+fn sign(one: &TactileCandidate, bags: &[BagReport]) -> (i32, String) {
+    let name = format!("{} ({})", one.topic, one.field);
+    let forces = bags.iter().flat_map(|bag| &bag.candidates.force);
+    let forces = forces.filter(|force| force.likelihood != Likelihood::Unlikely);
+    let with = |force: &ForceCandidate| -> Vec<(f64, String)> {
+        let of_these = force.ranges.iter().filter(|range| range.taxels.as_ref() == Some(&name));
+        let press = |[least, most]: [f64; 2]| if -least > most { -1.0 } else { 1.0 };
+        let told = |range: &crate::inspect::ForceRange| {
+            Some((range.with_taxels? * press(range.values), format!("{} of {}", range.field, force.topic)))
+        };
+        of_these.filter_map(told).collect()
+    };
+    let best = forces.flat_map(with).max_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
+    if let Some((with, force)) = best.filter(|(with, _)| with.abs() >= FOLLOWS) {
+        return match with > 0.0 {
+            true => (1, format!("readings rise with {force} (correlation {with:.2})")),
+            false => (-1, format!("readings fall where {force} rises (correlation {with:.2})")),
+        };
+    }
+    match one.taxels.skew {
+        Some(skew) if skew >= SKEWED => {
+            (1, format!("CHECK: readings rise now and then (skewness {skew:.1}), as under a press"))
+        }
+        Some(skew) if skew <= -SKEWED => {
+            (-1, format!("CHECK: readings fall now and then (skewness {skew:.1}), as under a press"))
+        }
+        _ => (1, "CHECK: nothing tells; -1 where a lower reading means more pressure".to_owned()),
+    }
+}

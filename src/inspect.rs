@@ -1,0 +1,39 @@
+//! What is in a bag and what of it can feed the fusion: topics, their timing and stamps, and which of them can be taxels,
+//! joint angles and a measured force, each with its reasons and the lines that a parameter file needs for it.
+//!
+//! A bag is read once, from its first message to its last, in memory that grows with the number of topics alone.
+
+mod angles;
+mod arrays;
+mod candidates;
+mod force;
+mod force_run;
+mod gather;
+mod grid;
+mod hand;
+mod hand_points;
+mod hints;
+mod joints;
+mod likelihood;
+mod moments;
+mod numbers;
+mod parameters;
+mod report;
+mod stamps;
+mod tactile;
+mod taxel_means;
+mod topic;
+mod view;
+
+pub use angles::Angle;
+pub use candidates::{Candidates, StageTopic};
+pub use force::ForceCandidate;
+pub use force_run::ForceRange;
+pub use hand::HandCandidate;
+pub use joints::JointCandidate;
+pub use likelihood::Likelihood;
+pub use numbers::{count, number, range};
+pub use parameters::{SourceLine, SourceLines, source_name, yaml_text};
+pub use report::{BagReport, InspectError, TopicReport};
+pub use stamps::StampStats;
+pub use tactile::{Count, TactileCandidate, TaxelStats};

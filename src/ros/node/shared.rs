@@ -1,0 +1,47 @@
+//! What the services, the action and the lifecycle share.
+
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use tokio::sync::mpsc;
+
+use super::engine::Command;
+use super::lifecycle::{Lifecycle, State};
+use super::outbox::{OutIdx, Outbox};
+use super::parameters::Parameters;
+use crate::ros::wire::clock::Clock;
+
+/// Data shared by the services.
+pub(super) struct Shared {
+    pub(super) parameters: RefCell<Parameters>,
+    pub(super) managed: Managed,
+    pub(super) commands: mpsc::UnboundedSender<Command>,
+    pub(super) outbox: Outbox,
+    pub(super) clock: Arc<Clock>,
+    pub(super) parameter_events: OutIdx,
+    /// SHA-256 of each model in use.
+    pub(super) hashes: RefCell<BTreeMap<String, String>>,
+    /// True while a calibration is in progress.
+    pub(super) calibrating: Cell<bool>,
+    pub(super) node_name: String,
+}
+
+/// The lifecycle of a node, and the data that its transitions need.
+pub(super) struct Managed {
+    pub(super) life: RefCell<Lifecycle>,
+    pub(super) events: OutIdx,
+    pub(super) calibration: Option<PathBuf>,
+}
+
+impl Managed {
+    pub(super) fn new(events: OutIdx, calibration: Option<PathBuf>) -> Self {
+        Managed { life: RefCell::default(), events, calibration }
+    }
+
+    /// The current state.
+    pub(super) fn state(&self) -> State {
+        self.life.borrow().state()
+    }
+}

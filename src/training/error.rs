@@ -1,0 +1,92 @@
+//! Why a model can't be trained.
+
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+use crate::bag::BagError;
+use crate::eval::SplitError;
+use crate::evaluate::EvaluateError;
+use crate::fusion::{RegressError, SetupError};
+use crate::observer::Cancelled;
+use crate::sessions::SessionError;
+use crate::train::{DatasetError, TrainError};
+
+/// Why a model can't be trained. Each text is one line.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the texts say it
+pub enum TrainingError {
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    #[error(transparent)]
+    Split(#[from] SplitError),
+    #[error(transparent)]
+    Network(#[from] RegressError),
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    #[error("{path}: {reason}")]
+    At { path: String, reason: String },
+    #[error("the parameters have {n} regions, a model is trained for one: give --region {names}")]
+    SeveralRegions { n: usize, names: String },
+    #[error("--region {name}: the parameters have {names}")]
+    NoSuchRegion { name: String, names: String },
+    #[error(
+        "region.{region}.joints is empty and --kind {kind} needs joint angles; name the joints, or train --kind tactile-only"
+    )]
+    NoJoints { region: String, kind: &'static str },
+    #[error(
+        "region {region}: no force sensor tells its true force; set truth_sources and truth.*.topic in the parameters, or give --truth TOPIC"
+    )]
+    NoTruth { region: String },
+    #[error(
+        "--light-touches is for --kind adaptive: the taxels of other models keep the artifact of pose, which a touch doesn't add to"
+    )]
+    LightTouches,
+    #[error("{}: expected a name that ends with .onnx", path.display())]
+    NotOnnx { path: PathBuf },
+    #[error("{}: is already there; choose another name, or give --overwrite", path.display())]
+    Exists { path: PathBuf },
+    #[error("{}: is already there; choose another name of the model, or give --overwrite", path.display())]
+    FoldExists { path: PathBuf },
+    #[error(
+        "{}: an interrupted run left it; give --resume to go on from there, or --overwrite to begin anew",
+        path.display()
+    )]
+    Unfinished { path: PathBuf },
+    #[error(
+        "{}: was made with other settings than this command's; give the same ones, or leave --resume out",
+        path.display()
+    )]
+    OtherSettings { path: PathBuf },
+    #[error(
+        "interrupted at step {step} of {steps}; nothing is lost: give the same command with --resume to go on from {}",
+        checkpoint.display()
+    )]
+    Interrupted { step: u64, steps: u64, checkpoint: PathBuf },
+    #[error(
+        "{session}: does not say who wore the glove, so no model can be trained without its user; --hold-out donnings needs no users"
+    )]
+    NoUser { session: String },
+    #[error("all bags are of one {what}, so nothing is left to train on without it; give bags of two or more")]
+    OneGroup { what: &'static str },
+    #[error("no run was finished")]
+    NoRun,
+}
+
+impl TrainingError {
+    /// What is wrong with a file or bag.
+    pub(super) fn at(path: &Path, reason: &dyn Display) -> Self {
+        TrainingError::At { path: path.display().to_string(), reason: reason.to_string() }
+    }
+}

@@ -1,0 +1,306 @@
+//! `tpf init` as a user runs it: from a bag to a parameter file that loads and replays.
+
+use crate::common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::bags::{Bag, at, decoded};
+use common::layouts;
+use common::onnx::LinearModel;
+use common::tpf::{Run, tpf};
+use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, NewChannel};
+use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE};
+use tactile_pose_fusion::msg::{Header, WireType, WrenchStamped, to_cdr};
+
+const INDEX: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
+
+fn in_source(path: &str) -> String {
+    format!("{}/{path}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A synthetic session of two minutes, and its path.
+fn simulated(folder: &Path, glove: &str, hand: &str) -> String {
+    let args = ["simulate", "--glove", glove, "--users", "1", "--sessions", "1", "--minutes=2", "--seed", "7"];
+    tpf(folder, &[&args[..], &["--hand", hand, "-o", "sessions"]].concat()).ok();
+    format!("sessions/{}_user01_session1", if glove.len() == 1 { format!("glove{glove}") } else { glove.to_owned() })
+}
+
+fn init(folder: &Path, bag: &str, more: &[&str]) -> Run {
+    tpf(folder, &[&["init", bag, "-o", "made.yaml"], more].concat())
+}
+
+fn load(folder: &Path) -> Config {
+    let path = folder.join("made.yaml");
+    let text = || fs::read_to_string(&path).unwrap();
+    config::load(&path, DEFAULT_NODE).unwrap_or_else(|error| panic!("{error}\n{}", text()))
+}
+
+/// Forces on a region that replay writes, N.
+fn forces(folder: &Path, bag: &str, params: &str, region: &str, more: &[&str]) -> Vec<(i64, f64)> {
+    let args = ["replay", bag, "--params-file", params, "-o", "out.mcap", "--overwrite"];
+    tpf(folder, &[&args[..], more].concat()).ok();
+    let topic = format!("/tactile_pose_fusion/{region}/wrench");
+    let wrenches: Vec<WrenchStamped> = decoded(&folder.join("out.mcap"), &topic);
+    let force = |one: &WrenchStamped| {
+        let stamp = i64::from(one.header.stamp.sec) * 1_000_000_000 + i64::from(one.header.stamp.nanosec);
+        (stamp, one.wrench.force.z)
+    };
+    wrenches.iter().map(force).collect()
+}
+
+#[test]
+fn the_file_of_a_synthetic_glove_gives_the_forces_of_the_one_that_ships() {
+    for glove in 1..=3 {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let bag = simulated(folder, &glove.to_string(), "angles");
+        let model = in_source(&format!("models/glove{glove}_pose_aware.onnx"));
+        let run = init(folder, &bag, &["--model", &model]).ok(); // nobody is there to ask: nothing is open
+        assert_eq!(run.stderr, "", "{run:?}");
+        assert!(run.stdout.contains("tpf replay"), "{run:?}");
+        let (made, shipped) = (load(folder), in_source(&format!("params/glove{glove}.yaml")));
+        let known = config::load(shipped.as_ref(), DEFAULT_NODE).unwrap();
+        assert_eq!(made.fusion.tactile_sources[0].inverted, known.fusion.tactile_sources[0].inverted, "glove {glove}");
+        assert_eq!(made.fusion.tactile_sources[0].frame_clock, known.fusion.tactile_sources[0].frame_clock);
+        assert_eq!((&made.tactile, &made.joints), (&known.tactile, &known.joints));
+        assert_eq!((&made.truth, &made.truth_sources[0].unit), (&known.truth, &known.truth_sources[0].unit));
+        assert_eq!(made.truth_sources[0].inverted, known.truth_sources[0].inverted);
+        assert_eq!(made.fusion.regions, known.fusion.regions);
+        let (of_made, of_shipped) =
+            (forces(folder, &bag, "made.yaml", "index", &[]), forces(folder, &bag, &shipped, "index", &[]));
+        assert!(of_made.len() > 10_000, "{}", of_made.len());
+        assert_eq!(of_made.len(), of_shipped.len());
+        let same = |(a, b): (&(i64, f64), &(i64, f64))| a.0 == b.0 && a.1.to_bits() == b.1.to_bits();
+        assert!(of_made.iter().zip(&of_shipped).all(same), "glove {glove}");
+    }
+}
+
+#[test]
+fn a_whole_hand_has_a_region_a_finger_each_with_its_own_joints_and_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bag = simulated(folder, "hand1", "angles");
+    let model = in_source("models/glove1_pose_aware.onnx");
+    init(folder, &bag, &["--model", &model]).ok();
+    let (made, known) = (load(folder), config::load(in_source("params/hand1.yaml").as_ref(), DEFAULT_NODE).unwrap());
+    let parts = |cfg: &Config| -> Vec<_> {
+        let truth = |idx: usize| cfg.truth_of_region[idx].map(|truth| cfg.truth[truth].name.clone());
+        let regions = cfg.fusion.regions.iter().enumerate();
+        regions
+            .map(|(idx, one)| {
+                let joints = (one.joints.clone(), one.model_joints.clone());
+                (one.name.clone(), one.taxels.clone(), joints, truth(idx), one.patch.frame_id.clone())
+            })
+            .collect()
+    };
+    let sorted = |mut parts: Vec<_>| {
+        parts.sort();
+        parts
+    };
+    assert_eq!(sorted(parts(&made)), sorted(parts(&known)));
+    // Without a model the taxels are divided all the same, by the fingers that are named.
+    let run = init(folder, &bag, &["--yes", "--overwrite"]).ok();
+    assert!(run.stderr.contains("How do the 30 taxels"), "{run:?}");
+    assert_eq!(load(folder).fusion.regions.len(), 5);
+}
+
+#[test]
+fn points_of_a_hand_become_its_joint_angles() {
+    for (form, layout) in [("openxr", "openxr"), ("openxr25", "openxr25"), ("mano21", "mano21")] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let bag = simulated(folder, "1", form);
+        let model = in_source("models/glove1_pose_aware.onnx");
+        let run = init(folder, &bag, &["--model", &model]);
+        assert!(run.failure().contains("Which hand is /hand/poses"), "{run:?}");
+        assert!(!folder.join("made.yaml").exists());
+        let run = init(folder, &bag, &["--model", &model, "--yes"]).ok();
+        assert!(run.stderr.starts_with("guessed: Which hand") && run.stderr.lines().count() == 1, "{run:?}");
+        let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
+        assert!(text.contains(&format!("hand.layout: {layout}")) && text.contains("hand.side: right"), "{text}");
+        assert_eq!(load(folder).fusion.regions[0].joints, INDEX);
+        assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 10_000);
+    }
+}
+
+#[test]
+fn gloves_on_the_market_go_from_init_to_forces() {
+    for (name, n_taxels) in [("xela", 8), ("contactile", 9), ("image", 8)] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        let mut bag = Bag::create(&path.join("glove.mcap"));
+        let manus = layouts::add::<layouts::ManusGlove>(&mut bag, "/manus_glove_0");
+        let skin = match name {
+            "xela" => layouts::add::<layouts::SensStream>(&mut bag, "/xServTopic"),
+            "image" => layouts::add::<layouts::Image>(&mut bag, "/glove/pressure"),
+            _ => layouts::add::<layouts::SensorState>(&mut bag, "/hub_0/sensor_0"),
+        };
+        for k in 0..600 {
+            layouts::send(&mut bag, manus, at(10 * k), &layouts::manus_glove(k));
+            match name {
+                "image" => layouts::send(&mut bag, skin, at(10 * k), &layouts::image(at(10 * k), k)),
+                "xela" => layouts::send(&mut bag, skin, at(10 * k), &layouts::sens_stream(at(10 * k), k)),
+                _ => layouts::send(&mut bag, skin, at(10 * k), &layouts::sensor_state(at(10 * k), k)),
+            }
+        }
+        bag.finish();
+        let joints = r#"["IndexPIPStretch","IndexSpread"]"#;
+        LinearModel::new(8, n_taxels, 2).metadata("unit", "N").metadata("joints", joints).write(path, "fingertip.onnx");
+        // The model is found beside the file.
+        let run = init(path, "glove.mcap", &["--yes"]).ok();
+        let text = fs::read_to_string(path.join("made.yaml")).unwrap();
+        assert!(run.stderr.contains("guessed: the model is"), "{run:?}");
+        let cfg = load(path);
+        assert_eq!(cfg.fusion.tactile_sources[0].n_taxels, n_taxels, "{name}: {text}");
+        assert_eq!(cfg.fusion.regions[0].joints, ["IndexPIPStretch", "IndexSpread"], "{name}: {text}");
+        assert!(text.contains("degrees: true") && text.contains("stamp: receipt"), "{name}: {text}");
+        let more = ["--calibrate-first", "2.5", "-p", "calibration.max_force:=1000.0"];
+        // The first window is full with the eighth frame.
+        assert_eq!(forces(path, "glove.mcap", "made.yaml", "index", &more).len(), 593, "{name}: {text}");
+    }
+}
+
+/// A grid of 24 x 32 cells as a Wuji glove sends it: NaN where there is no taxel.
+#[derive(Debug, serde::Serialize, serde::Deserialize)]
+struct TactileFrame {
+    header: Header,
+    hand: u8,
+    sequence: u16,
+    device_timestamp_ms: u32,
+    pressure: Vec<f32>,
+}
+
+impl WireType for TactileFrame {
+    const TYPE_NAME: &'static str = "wujihand_tactile_msgs/msg/TactileFrame";
+}
+
+#[test]
+fn cells_that_hold_no_taxel_are_left_out_of_the_region_and_replay_takes_the_zero_of_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let mut bag = Bag::create(&path.join("glove.mcap"));
+    let rule = "=".repeat(80);
+    let schema_text = format!(
+        "std_msgs/Header header\nuint8 hand\nuint16 sequence\nuint32 device_timestamp_ms\nfloat32[] pressure\n{rule}\nMSG: \
+         std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{rule}\nMSG: builtin_interfaces/Time\nint32 \
+         sec\nuint32 nanosec\n"
+    );
+    let channel = NewChannel {
+        topic: "/right/tactile",
+        type_name: TactileFrame::TYPE_NAME,
+        schema_text: &schema_text,
+        qos_yaml: BEST_EFFORT_QOS,
+        type_hash: "",
+    };
+    let topic = bag.writer.add_channel(channel).unwrap();
+    for k in 0..600_i64 {
+        let reading = |cell: i64| if cell % 32 < 4 { 0.1 + (k % 5) as f32 * 0.01 } else { f32::NAN };
+        let frame = TactileFrame {
+            header: Header { stamp: at(8 * k).into(), frame_id: String::new() },
+            hand: 1,
+            sequence: k as u16,
+            device_timestamp_ms: 8 * k as u32,
+            pressure: (0..768).map(reading).collect(),
+        };
+        bag.writer.write(topic, 0, at(8 * k), at(8 * k), &to_cdr(&frame)).unwrap();
+    }
+    bag.finish();
+    LinearModel::new(8, 96, 0).metadata("unit", "N").write(path, "model.onnx");
+    init(path, "glove.mcap", &["--model", "model.onnx"]).ok();
+    let cfg = load(path);
+    let expected: Vec<usize> = (0..768).filter(|cell| cell % 32 < 4).collect();
+    assert_eq!(cfg.fusion.regions[0].taxels, expected);
+    let text = fs::read_to_string(path.join("made.yaml")).unwrap();
+    assert!(text.contains("672 of 768 taxels never have a value"), "{text}");
+    let region = cfg.fusion.regions[0].name.clone();
+    let more = ["--calibrate-first", "2.5", "-p", "calibration.max_force:=1000.0"];
+    assert!(forces(path, "glove.mcap", "made.yaml", &region, &more).len() > 400);
+}
+
+#[test]
+fn without_a_model_the_file_loads_and_says_how_to_get_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bag = simulated(folder, "1", "angles");
+    let question = "Which finger are the 6 taxels of /glove/taxels on?";
+    assert!(init(folder, &bag, &[]).failure().starts_with(question));
+    let run = init(folder, &bag, &["--yes"]).ok();
+    assert!(run.stderr.contains(question) && run.stdout.contains("next: tpf train"), "{run:?}");
+    let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
+    assert!(text.contains("No model was given") && text.contains("`tpf train"), "{text}");
+    assert_eq!(load(folder).fusion.regions[0].joints, INDEX);
+    assert!(text.lines().all(|line| line.chars().count() <= 120), "{text}");
+}
+
+#[test]
+fn a_file_that_is_there_stays_unless_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("made.yaml"), "mine").unwrap();
+    let run = init(folder.path(), "gone.mcap", &["--yes"]);
+    assert_eq!(run.failure(), "made.yaml is there already; give another name, or --overwrite");
+    assert_eq!(fs::read_to_string(folder.path().join("made.yaml")).unwrap(), "mine");
+}
+
+#[test]
+fn a_bag_without_taxels_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bag = Bag::create(&folder.path().join("arm.mcap"));
+    (0..50).for_each(|k| bag.joints(at(10 * k), &["elbow"], &[0.01 * k as f64]));
+    bag.finish();
+    let run = init(folder.path(), "arm.mcap", &["--yes"]);
+    assert!(run.failure().starts_with("arm.mcap: no taxels found: "), "{run:?}");
+    // A topic that never changes is no sensor.
+    let mut bag = Bag::create(&folder.path().join("constant.mcap"));
+    (0..50).for_each(|k| bag.taxels(at(10 * k), &[1.0, 2.0]));
+    bag.finish();
+    assert!(init(folder.path(), "constant.mcap", &["--yes"]).failure().contains("none of its taxels ever changes"));
+    assert!(!folder.path().join("made.yaml").exists());
+}
+
+#[test]
+fn a_model_of_another_glove_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bag = Bag::create(&folder.path().join("glove.mcap"));
+    (0..50).for_each(|k| bag.taxels(at(10 * k), &[1.0, k as f32]));
+    bag.finish();
+    LinearModel::new(8, 3, 0).write(folder.path(), "model.onnx");
+    let run = init(folder.path(), "glove.mcap", &["--model", "model.onnx"]);
+    assert_eq!(
+        run.failure(),
+        "model.onnx takes 3 taxels, and the bags have 2; leave --model out, or give one for this glove"
+    );
+}
+
+/// Every MCAP file below `folder`, in order.
+fn bags(folder: &Path, found: &mut Vec<PathBuf>) {
+    let mut entries: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            bags(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "mcap") {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn every_recorded_bag_gives_a_file_that_loads_or_one_line() {
+    let Some(shared) = common::shared() else { return };
+    let mut paths = Vec::new();
+    bags(&shared.join("data"), &mut paths);
+    let folder = tempfile::tempdir().unwrap();
+    let mut n_made = 0;
+    for path in paths {
+        let run = init(folder.path(), path.to_str().unwrap(), &["--yes", "--overwrite"]);
+        assert!(!run.stderr.contains("panicked"), "{path:?}: {run:?}");
+        if run.code == 1 {
+            assert!(run.failure().contains(path.file_name().unwrap().to_str().unwrap()), "{path:?}: {run:?}");
+        } else {
+            n_made += 1;
+            load(folder.path());
+        }
+    }
+    assert!(n_made > 0, "no bag gave a file");
+}

@@ -1,0 +1,24 @@
+//! Commands of `tpf` as processes.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+#[cfg(feature = "train")]
+mod adaptive;
+mod characterize;
+mod demo;
+mod devices;
+mod diff;
+mod eval_command;
+mod eval_report;
+mod export;
+mod init;
+mod inspect;
+mod output_faults;
+mod replay;
+mod replay_failures;
+mod replay_jobs;
+mod replay_memory;
+mod simulate;
+#[cfg(feature = "train")]
+mod train_command;

@@ -1,0 +1,214 @@
+//! Synthetic sessions as bags, and the whole way from one to forces.
+
+use crate::common;
+
+use std::fs;
+use std::path::Path;
+
+use common::bags::messages;
+use common::onnx::LinearModel;
+use common::tpf::tpf;
+use tactile_pose_fusion::msg::{WrenchStamped, from_cdr};
+
+const SIMULATE: [&str; 8] = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes=2"];
+
+#[test]
+fn a_simulated_session_replays_with_its_annotated_zero() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let run = tpf(folder, &[&SIMULATE[..], &["--seed", "7", "-o", "sessions"]].concat()).ok();
+    assert!(run.stderr.contains("synthetic") && run.stdout.contains("synthetic"), "{run:?}");
+    LinearModel::new(64, 6, 4).metadata("unit", "gF").write(folder, "model.onnx");
+    let params = "/**:
+  ros__parameters:
+    regions: [index]
+    tactile_sources: [glove]
+    joint_sources: [hand]
+    tactile.glove: {topic: /glove/taxels, n_taxels: 6}
+    joint.hand: {topic: /hand/joint_states}
+    model.tip: {path: model.onnx}
+    calibration.max_force: 1000.0 # the model only adds up taxels: a hand that moves in the air reads as force
+    region.index: {model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}
+";
+    fs::write(folder.join("params.yaml"), params).unwrap();
+    let bag = "sessions/glove1_user01_session1";
+    let replayed = tpf(folder, &["replay", bag, "--params-file", "params.yaml", "-o", "out.mcap", "--json"]).ok();
+    let summary = replayed.json();
+    assert_eq!(summary["baseline"]["from"], "annotations");
+    let (frames, lost) = (&summary["tactile"][0]["frames"], &summary["tactile"][0]["lost_messages"]);
+    assert!(frames.as_u64().unwrap() > 10_000 && lost.as_u64().unwrap() > 0, "{summary:#}");
+    let estimates = summary["regions"][0]["estimates"].as_u64().unwrap();
+    assert!(estimates as f64 > 0.95 * frames.as_f64().unwrap(), "{summary:#}");
+    let inspected = tpf(folder, &["inspect", bag]).ok();
+    assert!(inspected.stdout.contains("/glove/taxels") && inspected.stdout.contains("/stage"));
+}
+
+/// Forces of a session whose hand is written in this form, N.
+fn forces(folder: &Path, form: &str, hand: &str) -> Vec<f64> {
+    tpf(folder, &[&SIMULATE[..], &["--seed", "7", "--hand", form, "-o", form]].concat()).ok();
+    let params = format!(
+        "/**:
+  ros__parameters:
+    regions: [index]
+    tactile_sources: [glove]
+    joint_sources: [hand]
+    tactile.glove: {{topic: /glove/taxels, n_taxels: 6}}
+    joint.hand: {hand}
+    model.tip: {{path: model.onnx}}
+    calibration.max_force: 1000.0
+    region.index: {{model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}}
+"
+    );
+    let (params_file, output) = (format!("{form}.yaml"), format!("{form}.mcap"));
+    fs::write(folder.join(&params_file), params).unwrap();
+    let bag = format!("{form}/glove1_user01_session1");
+    tpf(folder, &["replay", &bag, "--params-file", &params_file, "-o", &output]).ok();
+    let wrenches = messages(&folder.join(output)).into_iter().filter(|message| message.topic.ends_with("/wrench"));
+    wrenches.map(|message| from_cdr::<WrenchStamped>(&message.data).unwrap().wrench.force.z).collect()
+}
+
+#[test]
+fn a_hand_in_poses_gives_the_forces_of_its_angles() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    LinearModel::new(64, 6, 4).gains(0.01, 3.0).metadata("unit", "gF").write(folder, "model.onnx");
+    let of_angles = forces(folder, "angles", "{topic: /hand/joint_states}");
+    assert!(of_angles.len() > 10_000);
+    for form in ["openxr", "openxr25", "mano21"] {
+        let hand =
+            format!("{{topic: /hand/poses, type: geometry_msgs/msg/PoseArray, hand: {{layout: {form}, side: right}}}}");
+        let of_poses = forces(folder, form, &hand);
+        assert_eq!(of_poses.len(), of_angles.len(), "{form}");
+        let off = of_poses.iter().zip(&of_angles).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-5, "{form}: {off} N");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_one_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (seed, output) in [("7", "a"), ("7", "b"), ("8", "c")] {
+        tpf(folder, &[&SIMULATE[..], &["--seed", seed, "-o", output]].concat()).ok();
+    }
+    let file = |output: &str| folder.join(output).join("glove1_user01_session1/glove1_user01_session1_0.mcap");
+    assert!(fs::read(file("a")).unwrap() == fs::read(file("b")).unwrap());
+    assert!(messages(&file("a")) != messages(&file("c")));
+    let again = tpf(folder, &[&SIMULATE[..], &["--seed", "7", "-o", "a"]].concat());
+    assert!(again.failure().contains("glove1_user01_session1"), "{again:?}");
+}
+
+#[test]
+fn what_cannot_be_simulated_is_refused_before_a_folder_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let glove = tpf(folder, &["simulate", "--glove", "4", "--seed", "1", "-o", "out"]);
+    assert_eq!(glove.failure(), "glove 4: there is no such synthetic glove; choose one of 1 to 3");
+    let short = tpf(folder, &["simulate", "--glove", "1", "--seed", "1", "--minutes", "0.1", "-o", "out"]);
+    assert!(short.failure().starts_with("minutes 0.1: a session of the protocol takes"), "{short:?}");
+    assert!(!folder.join("out").exists());
+}
+
+#[test]
+fn free_manipulation_is_a_session_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let asked = ["simulate", "--glove", "3", "--users", "1", "--sessions", "1", "--seed", "7", "-o", "free"];
+    let free = ["--activity", "manipulation", "--tracking", "camera"];
+    let short = tpf(folder, &[&asked[..], &free, &["--minutes", "5"]].concat());
+    assert!(short.failure().contains("a session of free manipulation takes 10 to 120 minutes"), "{short:?}");
+    let other = tpf(folder, &[&asked[..], &["--activity", "work"]].concat());
+    assert!(other.code == 2 && other.stderr.contains("expected protocol or manipulation, got \"work\""), "{other:?}");
+    tpf(folder, &[&asked[..], &free, &["--minutes", "10"]].concat()).ok();
+    let inspected = tpf(folder, &["inspect", "free/glove3_user01_session1"]).ok();
+    let joints = inspected.stdout.lines().find(|line| line.trim_start().starts_with("/hand/joint_states")).unwrap();
+    let rate_hz: f64 = joints.split_whitespace().nth(2).unwrap().parse().unwrap();
+    assert!((26.0..30.0).contains(&rate_hz), "{joints}");
+    let scored = ["eval", "free/glove3_user01_session1", "--whole", "--by", "substage", "--params-file"];
+    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
+    let scored = tpf(folder, &[&scored[..], &[params]].concat()).ok();
+    for episode in ["air", "still_air", "light_hold", "still_hold", "grasp", "ramp", "touches"] {
+        assert!(scored.stdout.contains(episode), "{scored:?}");
+    }
+}
+
+#[test]
+fn a_hand_replays_and_is_scored_finger_by_finger() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/hand1.yaml");
+    let asked = ["simulate", "--glove", "hand1", "--users", "1", "--minutes", "2", "--seed", "7", "-o", "hand"];
+    tpf(folder, &[&asked[..], &["--sessions", "2"]].concat()).ok();
+    // The protocol goes through the fingers in turn, and a finger that the load cell was never under has no topic.
+    for (session, under, never) in [(1, "index", "middle"), (2, "middle", "index")] {
+        let inspected = tpf(folder, &["inspect", &format!("hand/hand1_user01_session{session}")]).ok();
+        assert!(inspected.stdout.contains(&format!("/load_cell/{under}/wrench")), "{inspected:?}");
+        assert!(!inspected.stdout.contains(&format!("/load_cell/{never}/wrench")), "{inspected:?}");
+    }
+    let insist = ["-p", "calibration.insist:=true"]; // the models know another finger, whose zero theirs is not
+    let bag = "hand/hand1_user01_session2";
+    let replay = ["replay", bag, "--params-file", params, "-o", "out.mcap", "--json"];
+    let summary = tpf(folder, &[&replay[..], &insist].concat()).ok().json();
+    for (region, name) in ["index", "middle", "ring", "little", "thumb"].into_iter().enumerate() {
+        let of_region = &summary["regions"][region];
+        assert_eq!(of_region["name"], name);
+        assert!(of_region["estimates"].as_u64().unwrap() > 9_000, "{of_region:#}");
+    }
+    let scored = ["eval", "hand", "--whole", "--json", "--params-file", params];
+    let scored = tpf(folder, &[&scored[..], &insist].concat()).ok().json();
+    // Of the others no force was measured; their contacts in the air are told all the same.
+    assert_eq!(scored["table"]["gloves"], serde_json::json!(["hand1/index", "hand1/middle"]));
+    let contacts = scored["models"].as_array().unwrap().last().unwrap()["contacts"].as_object().unwrap();
+    assert_eq!(contacts.len(), 5);
+    assert!(contacts["hand1/thumb"]["in_air"].is_object());
+    let missing = scored["sessions"][0]["missing"][0].as_str().unwrap();
+    assert!(
+        missing.starts_with("no true force of some regions: the bag has no topic /load_cell/middle/wrench, "),
+        "{missing}"
+    );
+}
+
+#[test]
+fn free_manipulation_of_a_hand_is_scored_on_each_finger_that_touches() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/hand1.yaml");
+    let asked = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "1", "--seed", "7", "-o", "free"];
+    let free = ["--activity", "manipulation", "--minutes", "10", "--episodes", "touches,light_hold"];
+    tpf(folder, &[&asked[..], &free].concat()).ok();
+    let scored = ["eval", "free", "--whole", "--json", "--params-file", params, "-p", "calibration.insist:=true"];
+    let scored = tpf(folder, &scored).ok().json();
+    let fingers = scored["table"]["gloves"].as_array().unwrap();
+    assert!(fingers.len() >= 2, "several fingers touch within a few minutes: {fingers:?}");
+    for finger in fingers {
+        assert!(finger.as_str().unwrap().starts_with("hand1/"), "{finger}");
+    }
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused_in_one_line_before_a_folder_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let asked = ["simulate", "--seed", "7", "-o", "out", "--glove"];
+    for (options, told) in [
+        (&["hand4"][..], "glove 4: there is no such synthetic glove; choose one of 1 to 3"),
+        (&["1", "--tracking-rate", "0"], "tracking rate: expected 1 to 1000 Hz, got 0"),
+        (&["1", "--tracking-bias", "-1"], "tracking bias: expected 0 to 90 degrees, got -1"),
+        (&["1", "--slips", "nan"], "slips: expected 0 to 60 per minute, got NaN"),
+        (&["1", "--finger", "ring"], "ring finger: this glove has taxels on the index fingertip alone"),
+        (&["1", "--episodes", "grasp"], "episodes: the protocol says what is done"),
+        (&["1", "--start", "in-contact"], "start: the protocol says what is done"),
+    ] {
+        let refused = tpf(folder, &[&asked[..], options].concat());
+        assert!(refused.failure().starts_with(told), "{refused:?}");
+    }
+    for (options, told) in [
+        (&["hand"][..], "expected 1, 2, 3, hand1, hand2 or hand3, got \"hand\""),
+        (&["1", "--physics", "real"], "expected one of separable, coupled, got \"real\""),
+        (&["1", "--episodes", "grasp,nap"], "got \"nap\""),
+    ] {
+        let refused = tpf(folder, &[&asked[..], options].concat());
+        assert!(refused.code == 2 && refused.stderr.contains(told), "{refused:?}");
+    }
+    assert!(!folder.join("out").exists());
+}

@@ -1,0 +1,24 @@
+//! The live node and its tools. They start participants, so they run inside of `tests/ros/isolated` only.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[cfg(feature = "ros")]
+#[path = "../node_common/mod.rs"]
+mod node_common;
+
+#[cfg(feature = "ros")]
+mod node;
+#[cfg(feature = "ros")]
+mod node_collect;
+#[cfg(feature = "ros")]
+mod node_faults;
+#[cfg(feature = "ros")]
+mod node_interfaces;
+#[cfg(feature = "ros")]
+mod node_play;
+#[cfg(feature = "security")]
+mod node_security;
+#[cfg(feature = "ros")]
+mod node_stop;
+#[cfg(feature = "zenoh")]
+mod node_zenoh;

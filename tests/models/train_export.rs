@@ -1,0 +1,309 @@
+//! The written model loads in both runtimes and computes what the trained network computes.
+
+use crate::common;
+use crate::train_common;
+
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::AtomicBool;
+
+use common::shared;
+use safetensors::SafeTensors;
+use serde_json::json;
+use tactile_pose_fusion::eval::Part;
+use tactile_pose_fusion::fusion::{
+    ARTIFACT_BASIS, ArtifactModel, ForceUnit, Forces, PoseRange, TouchLevels, TouchOutput, Windows,
+};
+use tactile_pose_fusion::model::{self, BackendChoice, ModelError, ModelSpec};
+use tactile_pose_fusion::train::*;
+use tactile_pose_fusion::units::{GramForce, Newton};
+use train_common::{config, dataset};
+
+const KINDS: [Kind; 4] = [Kind::PoseAware, Kind::TactileOnly, Kind::EarlyFusion, Kind::Adaptive];
+const FORMS: [GraphForm; 2] = [GraphForm::Fast, GraphForm::Plain];
+
+fn card(kind: Kind) -> ModelCard {
+    let joints = if kind.needs_joints() { vec!["index_pip".to_string(), "index_dip".to_string()] } else { vec![] };
+    ModelCard {
+        rate_hz: 100.0,
+        pose_range: joints.iter().map(|_| PoseRange { min: -0.5, max: 1.5 }).collect(),
+        joints,
+        artifact: (kind == Kind::Adaptive).then(artifact),
+        touch: (kind == Kind::Adaptive).then(touch),
+        held_out: Vec::new(),
+        glove: "bench".into(),
+        trained_on: "two made-up sessions".into(),
+        metrics: json!({"mdf_gf": 37.5, "ba": 0.98}),
+    }
+}
+
+/// When its touch output is contact.
+fn touch() -> TouchOutput {
+    TouchOutput { levels: TouchLevels { on: 0.8, off: 0.5 }, false_per_min: Some(2.5) }
+}
+
+/// What bending makes of the taxels, as a model tells it.
+fn artifact() -> ArtifactModel {
+    ArtifactModel {
+        n_taxels: 3,
+        n_joints: 2,
+        shapes: (0..3 * 2 * ARTIFACT_BASIS).map(|idx| 0.1 * idx as f64).collect(),
+        gain_variance: vec![0.1; 6],
+        slip: 0.3,
+        slip_common: 0.35,
+        slip_time_s: 90.0,
+        touch: vec![2.0, 3.0, 4.0],
+        residual: vec![1.0 / 3.0; 3],
+    }
+}
+
+/// A network that training has moved, so that every fold has something to fold.
+fn trained(kind: Kind) -> (Network, Dataset) {
+    let dataset = dataset(kind, if kind == Kind::Adaptive { 400 } else { 120 });
+    let mut trainer = Trainer::new(config(kind, 12), &dataset, 2).unwrap();
+    let network = trainer.run(&AtomicBool::new(false), None, &mut |_| {}).unwrap().last;
+    (network, dataset)
+}
+
+fn backends() -> Vec<BackendChoice> {
+    vec![BackendChoice::Rten, BackendChoice::OnnxRuntime]
+}
+
+/// Loads a model. Without ONNX Runtime's library that backend is skipped, unless `TPF_REQUIRE_ORT=1` forbids that.
+fn load(path: &Path, backend: BackendChoice) -> Option<model::Model> {
+    match model::load(&ModelSpec { backend, ..ModelSpec::new(path) }) {
+        Ok(model) => Some(model),
+        Err(missing @ ModelError::NoOnnxRuntime { .. }) => {
+            common::without_onnx_runtime(&missing.to_string());
+            None
+        }
+        Err(refused) => panic!("{refused}"),
+    }
+}
+
+#[track_caller]
+fn assert_close(what: &str, got: &[f32], expected: &[f32]) {
+    assert_eq!(got.len(), expected.len(), "{what}");
+    let scale = expected.iter().fold(1.0f32, |scale, value| scale.max(value.abs()));
+    let worst = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // Folded weights are rounded once more, and each runtime adds in an order of its own.
+    assert!(worst <= 1e-5 * scale, "{what}: {worst} of {scale}");
+}
+
+#[test]
+fn both_runtimes_give_what_the_network_gives_in_either_form() {
+    let folder = tempfile::tempdir().unwrap();
+    for kind in KINDS {
+        let (network, dataset) = trained(kind);
+        let batch = dataset.batch(Part::Train, &(0..40).collect::<Vec<_>>(), None);
+        let windows = Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose };
+        let expected = network.predict(windows).unwrap();
+        for form in FORMS {
+            let path = folder.path().join("model.onnx");
+            std::fs::write(&path, onnx_model(&network, &card(kind), form).unwrap()).unwrap();
+            for backend in backends() {
+                let Some(mut model) = load(&path, backend) else { continue };
+                assert_eq!(model.info.contract.has_base, kind == Kind::PoseAware);
+                let forces = common::run_windows(&mut model, windows).unwrap();
+                assert_close(&format!("{kind:?} {form:?} {backend:?}"), &forces.force, &expected.force);
+                assert_close(&format!("base of {kind:?} {form:?} {backend:?}"), &forces.base, &expected.base);
+                assert_close(&format!("touch of {kind:?} {form:?} {backend:?}"), &forces.touch, &expected.touch);
+                assert_eq!(model.info.contract.touch, (kind == Kind::Adaptive).then(touch));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_model_tells_its_contract() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.onnx");
+    let (network, _) = trained(Kind::PoseAware);
+    std::fs::write(&path, onnx_model(&network, &card(Kind::PoseAware), GraphForm::Fast).unwrap()).unwrap();
+    let info = model::inspect(&path).unwrap();
+    let contract = &info.contract;
+    assert_eq!((contract.window, contract.n_taxels, contract.n_joints), (8, 3, 2));
+    assert_eq!((contract.unit, contract.rate_hz), (ForceUnit::GramForce, 100.0));
+    assert_eq!(contract.joints.as_deref(), Some(&["index_pip".to_string(), "index_dip".to_string()][..]));
+    assert_eq!(contract.pose_range.as_ref().unwrap()[1], PoseRange { min: -0.5, max: 1.5 });
+    assert_eq!(contract.mdf, Some(Newton::from(GramForce(37.5))));
+    assert_eq!((info.opset, info.ir_version, info.batch), (17, 8, model::Batch::Dynamic));
+    assert_eq!(info.notes, Vec::<String>::new());
+    let keys: Vec<&str> = info.metadata.keys().map(String::as_str).collect();
+    let expected = [
+        "glove",
+        "joints",
+        "metrics",
+        "pose_range",
+        "rate_hz",
+        "taxels",
+        "tool_version",
+        "tpf.contract",
+        "trained_on",
+        "unit",
+        "window",
+    ];
+    assert_eq!(keys, expected);
+    assert_eq!(info.metadata["trained_on"], "two made-up sessions");
+}
+
+#[test]
+fn an_adaptive_model_tells_its_artifact_and_needs_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.onnx");
+    let (network, _) = trained(Kind::Adaptive);
+    std::fs::write(&path, onnx_model(&network, &card(Kind::Adaptive), GraphForm::Fast).unwrap()).unwrap();
+    let contract = model::inspect(&path).unwrap().contract;
+    assert_eq!(contract.artifact.as_deref(), Some(&artifact()), "to the last bit");
+    assert_eq!((contract.n_joints, contract.n_region_joints()), (0, 2));
+    assert_eq!(contract.pose_range.unwrap().len(), 2);
+    let without = ModelCard { artifact: None, ..card(Kind::Adaptive) };
+    let refused = onnx_model(&network, &without, GraphForm::Fast).unwrap_err().to_string();
+    assert!(refused.contains("needs its artifact model"), "{refused}");
+}
+
+#[test]
+fn the_same_network_gives_the_same_file() {
+    let (network, _) = trained(Kind::PoseAware);
+    let card = card(Kind::PoseAware);
+    let file = onnx_model(&network, &card, GraphForm::Fast).unwrap();
+    assert_eq!(onnx_model(&network, &card, GraphForm::Fast).unwrap(), file);
+    // The auxiliary decoder stays behind.
+    assert!(!file.windows(9).any(|bytes| bytes == b"auxiliary"));
+}
+
+#[test]
+fn a_card_that_does_not_fit_is_refused() {
+    let (network, _) = trained(Kind::PoseAware);
+    type Change = fn(&mut ModelCard);
+    let cases: [(Change, &str); 5] = [
+        (|c| c.joints.truncate(1), "expected 2 distinct names"),
+        (|c| c.joints[1] = c.joints[0].clone(), "expected 2 distinct names"),
+        (|c| c.pose_range.truncate(1), "pose_range holds 1 joints, expected 2"),
+        (|c| c.rate_hz = f64::NAN, "rate_hz is NaN"),
+        (|c| c.metrics = json!([1]), "metrics must be a JSON object"),
+    ];
+    for (change, expected) in cases {
+        let mut card = card(Kind::PoseAware);
+        change(&mut card);
+        let refused = onnx_model(&network, &card, GraphForm::Fast).unwrap_err().to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+    let mut spoiled = network;
+    spoiled.values[5] = f32::NAN;
+    assert!(onnx_model(&spoiled, &card(Kind::PoseAware), GraphForm::Fast).is_err());
+}
+
+#[test]
+fn windows_of_another_shape_are_refused() {
+    let (network, _) = trained(Kind::PoseAware);
+    assert!(network.predict(Windows { n: 2, tactile: &[0.0; 48], pose: &[0.0; 16] }).is_err());
+    assert!(network.predict(Windows { n: usize::MAX, tactile: &[0.0; 48], pose: &[0.0; 32] }).is_err());
+    let none = network.predict(Windows { n: 0, tactile: &[], pose: &[] }).unwrap();
+    assert_eq!(none, Forces::default());
+}
+
+#[test]
+fn onnx_finds_no_fault_with_the_files() {
+    let Some(python) = common::python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = Vec::new();
+    for kind in KINDS {
+        let (network, _) = trained(kind);
+        for form in FORMS {
+            let path = folder.path().join(format!("{kind:?}_{form:?}.onnx"));
+            std::fs::write(&path, onnx_model(&network, &card(kind), form).unwrap()).unwrap();
+            files.push(path);
+        }
+    }
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/train_onnx_check.py");
+    let ran = Command::new(python).arg(script).args(&files).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    assert_eq!(String::from_utf8_lossy(&ran.stdout).lines().count(), files.len());
+}
+
+#[test]
+fn the_weights_of_a_pytorch_export_give_pytorchs_forces() {
+    let Some(shared) = shared() else { return };
+    let network = from_pytorch_export(&shared.join("fixtures/torch_opset17.onnx"));
+    let bytes = std::fs::read(shared.join("fixtures/torch_opset17.safetensors")).unwrap();
+    let tensors = SafeTensors::deserialize(&bytes).unwrap();
+    let values = |name: &str| -> Vec<f32> {
+        let data = tensors.tensor(name).unwrap().data();
+        data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
+    };
+    let (tactile, pose, force, base) = (values("tactile"), values("pose"), values("force"), values("force_base"));
+    let forces = network.predict(Windows { n: force.len(), tactile: &tactile, pose: &pose }).unwrap();
+    // Forces of the fixture are about 1; PyTorch's own float32 is 1.5e-7 from its float64.
+    for (got, expected) in [(&forces.force, &force), (&forces.base, &base)] {
+        let worst = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-6, "{worst}");
+    }
+}
+
+/// The fixture's weights as a network of ours, its batch normalization already folded.
+fn from_pytorch_export(path: &Path) -> Network {
+    use model::onnx::{Message, ModelProto};
+    let model = ModelProto::decode(std::fs::read(path).unwrap().as_slice()).unwrap();
+    let weights = model.graph.unwrap().initializer;
+    let values = |name: &str| -> Vec<f32> {
+        let raw = weights.iter().find(|tensor| tensor.name == name).unwrap().raw_data.clone().unwrap();
+        raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
+    };
+    let architecture = Architecture {
+        kind: Kind::PoseAware,
+        window: 64,
+        n_taxels: 16,
+        n_joints: 4,
+        tactile_scale: 1.0,
+        force_scale: 1.0,
+        touch_scale: 1.0,
+    };
+    let mut network = Network::new(architecture, 0).unwrap();
+    network.statistics.variance.fill(1.0 - 1e-5); // with the epsilon of the normalization: exactly no change
+    let mut set = |name: &str, values: &[f32]| network.set_parameter(name, values).unwrap();
+    for (ours, theirs) in [
+        ("tactile.conv0.weight", "onnx::Conv_373"),
+        ("tactile.conv0.bias", "onnx::Conv_374"),
+        ("base.0.weight", "b0.weight"),
+        ("base.0.bias", "b0.bias"),
+        ("base.1.weight", "b1.weight"),
+        ("base.1.bias", "b1.bias"),
+        ("pose.norm.weight", "ln.weight"),
+        ("pose.norm.bias", "ln.bias"),
+        ("pose.embed.bias", "enc.bias"),
+        ("residual.0.weight", "f0.weight"),
+        ("residual.0.bias", "f0.bias"),
+        ("residual.1.weight", "f1.weight"),
+        ("residual.1.bias", "f1.bias"),
+    ] {
+        set(ours, &values(theirs));
+    }
+    for idx in 1..=3 {
+        for part in ["weight", "bias"] {
+            set(&format!("tactile.conv{idx}.{part}"), &values(&format!("c{idx}.{part}")));
+        }
+    }
+    let embed = values("onnx::MatMul_375"); // [8, 64], ours is [64, 8]
+    set("pose.embed.weight", &(0..512).map(|idx| embed[idx % 8 * 64 + idx / 8]).collect::<Vec<_>>());
+    // ONNX orders gates input, output, forget, cell; PyTorch input, forget, cell, output.
+    let by_torch_gates = |values: &[f32]| -> Vec<f32> {
+        let gate = values.len() / 4;
+        [0, 2, 3, 1].iter().flat_map(|idx| &values[idx * gate..(idx + 1) * gate]).copied().collect()
+    };
+    for (layer, [bias, input, hidden]) in [[418, 419, 420], [461, 462, 463]].into_iter().enumerate() {
+        for (direction, name) in ["forward", "backward"].into_iter().enumerate() {
+            let part = |id: u32| -> Vec<f32> {
+                let both = values(&format!("onnx::LSTM_{id}"));
+                both[direction * both.len() / 2..(direction + 1) * both.len() / 2].to_vec()
+            };
+            let name = format!("pose.lstm{layer}.{name}");
+            set(&format!("{name}.weight_ih"), &by_torch_gates(&part(input)));
+            set(&format!("{name}.weight_hh"), &by_torch_gates(&part(hidden)));
+            let biases = part(bias);
+            set(&format!("{name}.bias_ih"), &by_torch_gates(&biases[..128]));
+            set(&format!("{name}.bias_hh"), &by_torch_gates(&biases[128..]));
+        }
+    }
+    network
+}

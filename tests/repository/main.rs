@@ -1,0 +1,8 @@
+//! The repository itself: its rules, documentation and examples.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod architecture;
+mod docs;
+mod examples;
