@@ -1,0 +1,5 @@
+"""`python -m tactile_pose_fusion` is `tpf`."""
+
+from ._cli import main
+
+main()

@@ -1,0 +1,96 @@
+//! Long work off the interpreter's lock. It goes on in a thread of its own; the thread that called waits, tells Python
+//! notes and progress, and looks for Ctrl-C, which only that thread can see.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use tactile_pose_fusion::observer::Observer;
+
+use crate::error::{Refusal, raise};
+
+/// Between looks at notes, progress and Ctrl-C.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// What the work tells, until it is told to Python.
+#[derive(Debug, Default)]
+struct Watch {
+    notes: Mutex<Vec<String>>,
+    done: AtomicU64,
+    total: AtomicU64,
+    is_cancelled: AtomicBool,
+}
+
+impl Observer for Watch {
+    fn note(&self, text: &str) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(text.to_owned());
+    }
+
+    fn progress(&self, done: u64, total: u64) {
+        self.total.store(total, Ordering::Relaxed);
+        self.done.store(done, Ordering::Relaxed);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.is_cancelled.load(Ordering::Relaxed)
+    }
+}
+
+impl Watch {
+    /// Tells Python what is new, and gives its answer: an error is Ctrl-C, or what a callback raised.
+    fn tell(&self, watcher: &Bound<'_, PyAny>) -> PyResult<()> {
+        let notes = std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner));
+        for note in notes {
+            watcher.call_method1("note", (note,))?;
+        }
+        let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
+        if total > 0 {
+            watcher.call_method1("progress", (done, total))?;
+        }
+        watcher.py().check_signals()
+    }
+}
+
+/// Does work. `watcher` is a Python object with `note(text)` and `progress(done, total)`; what it raises ends the work.
+///
+/// # Errors
+/// The exception of the work's own error, of Ctrl-C, or of the watcher.
+pub(crate) fn run<T: Send, E: Refusal + Send>(
+    watcher: &Bound<'_, PyAny>,
+    work: impl FnOnce(&dyn Observer) -> Result<T, E> + Send,
+) -> PyResult<T> {
+    let py = watcher.py();
+    let watch = Watch::default();
+    let (done, is_done) = channel();
+    let (result, raised) = std::thread::scope(|scope| -> PyResult<_> {
+        let watch = &watch;
+        let body = move || {
+            let result = work(watch);
+            let _ = done.send(()); // whoever waits also looks whether this thread is there
+            result
+        };
+        let thread = std::thread::Builder::new().name("tpf-work".to_owned()).spawn_scoped(scope, body)?;
+        let mut raised = None;
+        let is_done = Mutex::new(is_done);
+        loop {
+            let waited = py.detach(|| is_done.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK_EVERY));
+            if raised.is_none()
+                && let Err(error) = watch.tell(watcher)
+            {
+                watch.is_cancelled.store(true, Ordering::Relaxed);
+                raised = Some(error);
+            }
+            if waited != Err(RecvTimeoutError::Timeout) {
+                break;
+            }
+        }
+        Ok((py.detach(|| thread.join()), raised))
+    })?;
+    match (result, raised) {
+        (Err(panic), _) => std::panic::resume_unwind(panic),
+        (_, Some(error)) => Err(error),
+        (Ok(result), None) => result.map_err(|error| raise(&error)),
+    }
+}

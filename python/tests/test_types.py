@@ -1,0 +1,53 @@
+"""Types hold under mypy's strictest rules, and the stub is what the native module is."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from conftest import ROOT, TIMEOUT_S
+
+import tactile_pose_fusion as tpf
+from tactile_pose_fusion import _core
+
+PACKAGE = ROOT / "python/python/tactile_pose_fusion"
+
+
+def mypy(*args: object) -> None:
+    words = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", "/dev/null", *map(str, args)]
+    run = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT_S, check=False, cwd=ROOT / "python")
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+def test_the_package_is_typed() -> None:
+    assert (Path(tpf.__file__).parent / "py.typed").exists()
+    mypy(PACKAGE)
+
+
+def test_a_program_that_uses_it_is_checked(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import tactile_pose_fusion as tpf\n"
+        "index = tpf.replay('bag', 'glove.yaml')['index']\n"
+        "largest: float = float(index.force_n.max())\n"
+        "calibrated: tpf.Calibrated = tpf.calibrate(['bag'], 'out.yaml', tpf.Parameters('glove.yaml'))\n"
+        "tpf.replay('bag', 'glove.yaml', models='x')  # type: ignore[call-arg]\n"
+    )
+    mypy("--warn-unused-ignores", program)
+
+
+def test_the_stub_names_what_the_native_module_has() -> None:
+    stub = (PACKAGE / "_core.pyi").read_text()
+    named = set(re.findall(r"^(?:class|def) (\w+)", stub, re.M)) | set(re.findall(r"^(\w+):", stub, re.M))
+    there = {name for name in dir(_core) if not name.startswith("_")}
+    assert there == {name for name in named if not name.startswith("_")}
+
+
+def test_everything_public_is_documented() -> None:
+    for name in tpf.__all__:
+        thing = getattr(tpf, name)
+        if inspect.isclass(thing) or inspect.isfunction(thing):
+            assert inspect.getdoc(thing), name
