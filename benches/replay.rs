@@ -1,19 +1,18 @@
 //! Speed of one tick and of replay, on each runtime that is here, side by side in one run.
 //!
-//! The model is the paper's network where `../shared/fixtures` has it, else a linear one of the same shapes, which
-//! shows what all but the model costs. The name of each benchmark says which.
+//! The model is the paper's network at its full size.
 #![allow(missing_docs)] // criterion's macros make public items
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 use common::bags::{Bag, at};
 use common::fake::{config, region};
-use common::onnx::LinearModel;
+use common::parity::Parity;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
 
@@ -22,12 +21,8 @@ const N_TAXELS: usize = 16;
 const N_FRAMES: i64 = 18_000; // three minutes at 100 Hz
 
 /// The model file, and what it is.
-fn model(folder: &Path) -> (PathBuf, &'static str) {
-    let linear = || (LinearModel::new(64, N_TAXELS, 4).write(folder, "linear.onnx"), "linear");
-    match common::shared().map(|shared| shared.join("fixtures/torch_opset17.onnx")) {
-        Some(fixture) if fixture.exists() => (fixture, "paper"),
-        _ => linear(),
-    }
+fn model() -> (PathBuf, &'static str) {
+    (Parity::read().model, "paper")
 }
 
 fn backends() -> Vec<(&'static str, BackendChoice)> {
@@ -48,8 +43,7 @@ fn angles(k: i64) -> [f64; 4] {
 
 /// A tick: one joint state and one frame of taxels in, the estimates of all regions out.
 fn tick(c: &mut Criterion) {
-    let folder = tempfile::tempdir().unwrap();
-    let (path, kind) = model(folder.path());
+    let (path, kind) = model();
     for n_regions in [1, 5] {
         let mut group = c.benchmark_group(format!("tick/{n_regions}_regions/{kind}"));
         for (name, backend) in backends() {
@@ -80,7 +74,7 @@ fn tick(c: &mut Criterion) {
 fn replay(c: &mut Criterion) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let (path, kind) = model(folder);
+    let (path, kind) = model();
     common::tpf::write_params(folder, N_TAXELS, &JOINTS, "    calibration.max_loaded_fraction: 1.0\n");
     let mut bag = Bag::create(&folder.join("session.mcap"));
     for k in 0..N_FRAMES {

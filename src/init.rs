@@ -1,5 +1,6 @@
 //! A complete parameter file from what is in bags: which topics are taxels, joint angles and true force, which patches they
-//! make, and why. Pure: findings of [`inspect`](crate::inspect) go in, a [`Document`] comes out.
+//! make, and why. Findings of [`inspect`](crate::inspect) go in, and [`document`] makes a [`Document`] of them; [`write`]
+//! writes it as a file that loads.
 //!
 //! # Rules
 //!
@@ -18,17 +19,22 @@
 
 mod ask;
 mod document;
+mod error;
 mod fingers;
 mod force;
 mod joints;
+mod model_file;
 mod plan;
 mod regions;
 mod taxels;
+mod write;
 mod yaml;
 
 pub use ask::{Answer, Ask, InitError, Question};
 pub use document::{Document, document};
+pub use error::InitFileError;
 pub use plan::ModelFile;
+pub use write::{Request, Written, write};
 
 /// Asks nobody: the likeliest answer is taken, and said.
 #[derive(Debug, Clone, Copy, Default)]

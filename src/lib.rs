@@ -134,6 +134,8 @@ pub mod protocol;
 mod random;
 pub mod recording;
 pub mod replay;
+#[cfg(feature = "cli")]
+pub mod report;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod sessions;

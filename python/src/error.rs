@@ -11,9 +11,11 @@ use tactile_pose_fusion::evaluate::EvaluateError;
 use tactile_pose_fusion::export::ExportError;
 use tactile_pose_fusion::fusion::{FusionError, SetupError};
 use tactile_pose_fusion::glove::{GloveError, SeveralModels};
+use tactile_pose_fusion::inspect::InspectError;
 use tactile_pose_fusion::replay::ReplayError;
 use tactile_pose_fusion::sessions::SessionError;
 use tactile_pose_fusion::synthetic::SyntheticError;
+use tactile_pose_fusion::training::TrainingError;
 use tactile_pose_fusion::zero::ZeroError;
 
 create_exception!(
@@ -189,6 +191,39 @@ impl Refusal for SyntheticError {
             SyntheticError::Sim(_) => Kind::Parameter,
             SyntheticError::Bag(_) => Kind::Bag,
             SyntheticError::Cancelled(_) => Kind::Other,
+        }
+    }
+}
+
+impl Refusal for InspectError {
+    fn kind(&self) -> Kind {
+        match self {
+            InspectError::Bag(_) => Kind::Bag,
+            InspectError::Model(_) => Kind::Model,
+            InspectError::Cancelled(_) => Kind::Other,
+        }
+    }
+}
+
+impl Refusal for TrainingError {
+    fn kind(&self) -> Kind {
+        match self {
+            TrainingError::Setup(_)
+            | TrainingError::Train(_)
+            | TrainingError::Split(_)
+            | TrainingError::SeveralRegions { .. }
+            | TrainingError::NoSuchRegion { .. }
+            | TrainingError::NoJoints { .. }
+            | TrainingError::NoTruth { .. }
+            | TrainingError::LightTouches
+            | TrainingError::NotOnnx { .. } => Kind::Parameter,
+            TrainingError::Bag(_)
+            | TrainingError::Dataset(_)
+            | TrainingError::NoUser { .. }
+            | TrainingError::OneGroup { .. } => Kind::Bag,
+            TrainingError::Session(error) => error.kind(),
+            TrainingError::Evaluate(error) => error.kind(),
+            _ => Kind::Other,
         }
     }
 }

@@ -4,6 +4,7 @@ mod cli;
 mod error;
 mod estimates;
 mod parameters;
+mod prepare;
 mod streaming;
 mod work;
 mod works;
@@ -20,6 +21,8 @@ mod _core {
     #[pymodule_export]
     use super::parameters::Parameters;
     #[pymodule_export]
+    use super::prepare::{init, inspect, train};
+    #[pymodule_export]
     use super::streaming::{Core, Glove};
     #[pymodule_export]
     use super::works::{calibrate, characterize, evaluate, export, replay, replay_to, simulate};
@@ -27,7 +30,7 @@ mod _core {
     use super::*;
 
     #[pymodule_init]
-    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    fn add_errors(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::error::register(module)?;
         module.add("VERSION", env!("CARGO_PKG_VERSION"))
     }

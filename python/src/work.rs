@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 use tactile_pose_fusion::observer::Observer;
+use tactile_pose_fusion::train::Progress;
 
 use crate::error::{Refusal, raise};
 
@@ -16,8 +17,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// What the work tells, until it is told to Python.
 #[derive(Debug, Default)]
-struct Watch {
+pub(crate) struct Watch {
     notes: Mutex<Vec<String>>,
+    steps: Mutex<Vec<String>>,
     done: AtomicU64,
     total: AtomicU64,
     is_cancelled: AtomicBool,
@@ -39,11 +41,25 @@ impl Observer for Watch {
 }
 
 impl Watch {
+    /// Takes a step of a training: the last one is its progress, and those with a look at the validation part are told.
+    pub(crate) fn step(&self, step: &Progress) {
+        self.progress(step.step, step.steps);
+        if step.validation.is_some()
+            && let Ok(step) = serde_json::to_string(step)
+        {
+            self.steps.lock().unwrap_or_else(PoisonError::into_inner).push(step);
+        }
+    }
+
     /// Tells Python what is new, and gives its answer: an error is Ctrl-C, or what a callback raised.
     fn tell(&self, watcher: &Bound<'_, PyAny>) -> PyResult<()> {
         let notes = std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner));
         for note in notes {
             watcher.call_method1("note", (note,))?;
+        }
+        let steps = std::mem::take(&mut *self.steps.lock().unwrap_or_else(PoisonError::into_inner));
+        for step in steps {
+            watcher.call_method1("step", (step,))?;
         }
         let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
         if total > 0 {
@@ -53,13 +69,14 @@ impl Watch {
     }
 }
 
-/// Does work. `watcher` is a Python object with `note(text)` and `progress(done, total)`; what it raises ends the work.
+/// Does work. `watcher` is a Python object with `note(text)`, `progress(done, total)` and `step(json)`; what it raises
+/// ends the work.
 ///
 /// # Errors
 /// The exception of the work's own error, of Ctrl-C, or of the watcher.
 pub(crate) fn run<T: Send, E: Refusal + Send>(
     watcher: &Bound<'_, PyAny>,
-    work: impl FnOnce(&dyn Observer) -> Result<T, E> + Send,
+    work: impl FnOnce(&Watch) -> Result<T, E> + Send,
 ) -> PyResult<T> {
     let py = watcher.py();
     let watch = Watch::default();

@@ -58,7 +58,7 @@ fn cores() -> NonZero<usize> {
     std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN)
 }
 
-fn json(value: &impl serde::Serialize) -> PyResult<String> {
+pub(crate) fn json(value: &impl serde::Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| exception(Kind::Other, error.to_string()))
 }
 
@@ -350,7 +350,7 @@ pub(crate) fn simulate(
 }
 
 /// What has a name, of all that there are.
-fn of_name<T: Copy>(what: &str, name: &str, all: &[T], name_of: fn(T) -> &'static str) -> PyResult<T> {
+pub(crate) fn of_name<T: Copy>(what: &str, name: &str, all: &[T], name_of: fn(T) -> &'static str) -> PyResult<T> {
     let found = all.iter().copied().find(|one| name_of(*one) == name);
     let names: Vec<&str> = all.iter().map(|one| name_of(*one)).collect();
     found.ok_or_else(|| {

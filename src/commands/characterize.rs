@@ -1,8 +1,5 @@
 //! `tpf characterize`: which joints move which taxels of a glove, how large its artifacts are, and what else it does.
 
-mod page;
-mod text;
-
 use std::path::PathBuf;
 
 use super::progress::Shown;
@@ -10,8 +7,9 @@ use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::characterization::{self, Characterized, InAir, NamedTiming, RegionResult, Request, SessionSummary};
+use crate::characterization::{InAir, MIN_GAIN, Request, run as characterize};
 use crate::files;
+use crate::report::characterization;
 
 /// Characterizes a glove from recordings: joints that move its taxels, artifact size, hysteresis, drift, noise, clocks.
 #[derive(Debug, clap::Args)]
@@ -30,7 +28,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FROM..TO|all", allow_hyphen_values = true)]
     in_air: Option<InAir>,
     /// Suggest joints as long as each adds this share to what is explained of the artifact
-    #[arg(long, value_name = "SHARE", default_value_t = characterization::MIN_GAIN, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = MIN_GAIN, value_parser = share)]
     min_gain: f64,
     /// Print everything as JSON
     #[arg(long)]
@@ -57,10 +55,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         needs_truth: args.truth.is_some(),
         ..Request::new(&bags)
     };
-    let result = characterization::run(&cfg, &request, &Shown::bytes("characterize"))?;
-    print(&if args.json { serde_json::to_string_pretty(&result)? + "\n" } else { text::text(&result) })?;
+    let result = characterize(&cfg, &request, &Shown::bytes("characterize"))?;
+    print(&if args.json { serde_json::to_string_pretty(&result)? + "\n" } else { characterization::text(&result) })?;
     if let Some(path) = &args.report {
-        let written = files::replace(path, page::page(&result).html().as_bytes());
+        let written = files::replace(path, characterization::page(&result).html().as_bytes());
         written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
         say(&format!("report: {}", path.display()));
     }

@@ -2,18 +2,18 @@
 //! that ship, a table, a picture.
 
 mod linear;
-mod picture;
 
 use std::path::{Path, PathBuf};
 
 use super::progress::{Said, Shown};
-use super::{Failure, Outcome, eval, interrupt, print, say};
+use super::{Failure, Outcome, interrupt, print, say};
 use crate::config::{self, Config};
 use crate::evaluate::{self, Evaluated, Request};
 use crate::files;
 use crate::glove;
 use crate::model;
 use crate::replay::{self, Options, Recording};
+use crate::report::{evaluation, picture};
 use crate::sessions::recorded;
 use crate::sim::manipulation::{Episode, Start};
 use crate::sim::{Activity, Conditions, SessionSpec, Tracking};
@@ -114,7 +114,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     write(&folder.picture(), picture::draw(&frames, Model::TactileOnly.name(), args.glove)?.as_bytes())?;
     say("score all against the true force\n");
     let found = folder.evaluate(cfg)?;
-    print(&(eval::short_text(&found) + &next_steps(&folder)))?;
+    print(&(evaluation::short_text(&found) + &next_steps(&folder)))?;
     Ok(Outcome::Done)
 }
 

@@ -1,19 +1,15 @@
 //! `tpf diff`: the estimates of two bags, region by region and field by field.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-
-use comfy_table::{Table, presets};
 
 use super::checks::CheckArgs;
 use super::{Failure, Outcome, print, say};
 use crate::bag::{BagReader, ContactReader};
-use crate::eval::{
-    Check, Diff, DiffConfig, Difference, EstimateRecord, FieldValue, Moment, OnlyIn, RegionDiff, Verdict, diff,
-};
+use crate::eval::{DiffConfig, EstimateRecord, diff};
 use crate::fusion::{Adaptation, ContactEvent, Flags};
 use crate::msg::{ContactArray, ContactState, Time, WireType, WrenchStamped, from_cdr};
+use crate::report::comparison;
 use crate::units::{Newton, Stamp};
 
 /// Compares the estimates of two bags; leaves with 1 where they differ.
@@ -44,12 +40,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let losses: Vec<String> =
         [&a, &b].iter().flat_map(|records| records.reader.losses()).map(ToString::to_string).collect();
     losses.iter().for_each(|loss| say(&format!("input lost: {loss}")));
+    let names = [&args.a, &args.b].map(|path| path.display().to_string());
+    let names = names.each_ref().map(String::as_str);
     if args.checks.are_wanted() {
-        args.checks.write("tpf diff", &checks_of(&found, args))?;
+        args.checks.write("tpf diff", &comparison::checks(&found, names, args.tolerance_n))?;
     }
     let text = match args.json {
         true => serde_json::to_string_pretty(&found)? + "\n",
-        false => rendered(&found, args),
+        false => comparison::text(&found, names, args.tolerance_n),
     };
     print(&text)?;
     Ok(match (found.is_same(), losses.is_empty()) {
@@ -171,113 +169,4 @@ fn record_of(stamp: Time, state: &ContactState, wrench: Option<[f64; 6]>) -> Est
 
 fn stamp_of(time: Time) -> Stamp {
     Stamp::from_sec_nanosec(time.sec, time.nanosec)
-}
-
-/// Frames and fields of each region, a check each.
-fn checks_of(found: &Diff, args: &Args) -> Vec<Check> {
-    let mut checks = Vec::new();
-    for (region, diff) in &found.regions {
-        let mut push = |what: &str, n_different: u64, expected: String, reason: String| {
-            let verdict = if n_different == 0 { Verdict::Passed } else { Verdict::Failed(reason) };
-            checks.push(Check {
-                name: format!("{region}: {what}"),
-                value: Some(n_different as f64),
-                expected,
-                verdict,
-            });
-        };
-        for (only, bag) in [(&diff.only_in_a, &args.a), (&diff.only_in_b, &args.b)] {
-            let reason = format!("{} frames are in {} only", only.n, bag.display());
-            push(&format!("frames only in {}", if bag == &args.a { "a" } else { "b" }), only.n, "0".to_owned(), reason);
-        }
-        for field in &diff.fields {
-            let first = field.first.as_ref().map_or(String::new(), |first| {
-                format!(", first at {}: {} and {}", at(&first.at), value(&first.a), value(&first.b))
-            });
-            let reason = format!("{} of {} differ{first}", field.n_different, field.n_compared);
-            push(field.field.name(), field.n_different, agreement_wanted(args.tolerance_n), reason);
-        }
-    }
-    checks
-}
-
-fn agreement_wanted(tolerance_n: f64) -> String {
-    if tolerance_n == 0.0 { "equal bit by bit".to_owned() } else { format!("equal within {tolerance_n} N") }
-}
-
-fn rendered(found: &Diff, args: &Args) -> String {
-    let mut text = String::new();
-    for (region, diff) in &found.regions {
-        // Writing to a string can't fail.
-        let _ = writeln!(text, "region {region}: {} frames in both", diff.n_matched);
-        only(&mut text, &args.a, &diff.only_in_a);
-        only(&mut text, &args.b, &diff.only_in_b);
-        let differing: Vec<_> = diff.fields.iter().filter(|field| field.n_different > 0).collect();
-        if differing.is_empty() {
-            let _ = writeln!(text, "  {}", agreement(diff, args.tolerance_n));
-            continue;
-        }
-        let mut table = Table::new();
-        table.load_style(presets::NOTHING).set_header([
-            "  field",
-            "differ",
-            "first at",
-            "a",
-            "b",
-            "largest at",
-            "a",
-            "b",
-            "apart",
-        ]);
-        for field in differing {
-            let mut row =
-                vec![format!("  {}", field.field.name()), format!("{} of {}", field.n_different, field.n_compared)];
-            for difference in [&field.first, &field.largest] {
-                row.extend(cells(difference.as_ref()));
-            }
-            row.push(
-                field.largest.as_ref().and_then(|largest| largest.distance).map_or("-".into(), |d| format!("{d:.3e}")),
-            );
-            table.add_row(row);
-        }
-        let _ = writeln!(text, "{table}");
-    }
-    let _ = writeln!(text, "{}", if found.is_same() { "same" } else { "different" });
-    text
-}
-
-fn agreement(diff: &RegionDiff, tolerance_n: f64) -> String {
-    let largest = diff.fields.iter().filter_map(|field| field.largest.as_ref()?.distance).fold(0.0, f64::max);
-    match tolerance_n {
-        0.0 => "every field equal, bit by bit".to_owned(),
-        _ => format!("every field equal within {tolerance_n} N, the largest difference {largest:.3e} N"),
-    }
-}
-
-fn only(text: &mut String, bag: &Path, only: &OnlyIn) {
-    if let (Some(first), Some(last)) = (&only.first, &only.last) {
-        let _ = writeln!(text, "  only in {}: {} frames, from {} to {}", bag.display(), only.n, at(first), at(last));
-    }
-}
-
-fn cells(difference: Option<&Difference>) -> [String; 3] {
-    difference.map_or(["-".into(), "-".into(), "-".into()], |d| [at(&d.at), value(&d.a), value(&d.b)])
-}
-
-fn at(moment: &Moment) -> String {
-    let epoch = if moment.epoch > 0 { format!(" (lap {})", moment.epoch + 1) } else { String::new() };
-    format!("{}{epoch}", Stamp(moment.stamp_ns))
-}
-
-fn value(value: &FieldValue) -> String {
-    match value {
-        FieldValue::Force(force) => format!("{force:.6} N"),
-        FieldValue::Wrench(wrench) => wrench.map(|part| format!("{part:.6}")).join(" "),
-        FieldValue::Nanos(nanos) => Stamp(*nanos).to_string(),
-        FieldValue::State(state) => state.to_string(),
-        FieldValue::Bits(bits) => Flags::from_bits(*bits).to_string(),
-        FieldValue::Share(share) => format!("{:.3} %", 100.0 * share),
-        FieldValue::Text(text) => (*text).to_owned(),
-        FieldValue::Missing => "none".to_owned(),
-    }
 }

@@ -2,9 +2,6 @@
 
 mod gates;
 mod pose_quality;
-mod render;
-mod report;
-mod tables;
 
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -13,9 +10,7 @@ use clap::ValueEnum;
 
 use self::gates::GateFile;
 use self::pose_quality::PoseQualityArgs;
-pub(super) use self::render::short_text;
-use self::tables::FrameFile;
-use super::checks::{self, CheckArgs};
+use super::checks::CheckArgs;
 use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
@@ -26,6 +21,8 @@ use crate::eval::GroupBy;
 use crate::evaluate::{self, Evaluated, JudgeTouch, Request};
 use crate::files;
 use crate::fusion::TouchLevels;
+use crate::report::checks;
+use crate::report::evaluation::{self, FrameFile};
 
 /// Scores force and contact against the true force: per session, user, glove and substage, in the shape of the paper.
 #[derive(Debug, clap::Args)]
@@ -144,17 +141,17 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     result.sessions.iter().flat_map(|session| &session.warnings).for_each(|warning| say(warning));
     result.failed.iter().for_each(|failed| say(&format!("not scored: {}", failed.error)));
     if let Some(path) = &args.report {
-        let written = files::replace(path, report::page(&result).html().as_bytes());
+        let written = files::replace(path, evaluation::page(&result).html().as_bytes());
         written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
         say(&format!("report: {}", path.display()));
     }
     if let Some(path) = &args.parquet {
-        tables::write_scores(path, &result)?;
+        evaluation::write_scores(path, &result)?;
     }
     print(&if args.json {
         serde_json::to_string_pretty(&result)? + "\n"
     } else {
-        render::text(&result, &args.by.iter().map(|by| GroupBy::from(*by)).collect::<Vec<_>>())
+        evaluation::text(&result, &args.by.iter().map(|by| GroupBy::from(*by)).collect::<Vec<_>>())
     })?;
     let lost = !result.failed.is_empty() || result.sessions.iter().any(|session| !session.losses.is_empty());
     Ok(match (checks::are_met(&result.checks), lost) {
@@ -187,7 +184,7 @@ fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
     let mut frames = args.frames.as_deref().map(FrameFile::new);
     let result = evaluate::run_with(cfg, &request, &Shown::bytes("eval"), |series, session| {
         let written = frames.iter_mut().try_for_each(|frames| frames.handle_session(series, session));
-        written.map_err(|failure| failure.to_string().into())
+        written.map_err(|error| error.to_string().into())
     })?;
     frames.map_or(Ok(()), FrameFile::finish)?;
     Ok(result)

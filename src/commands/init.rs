@@ -1,18 +1,15 @@
 //! `tpf init`: a complete parameter file from what is in bags.
 
-mod model_file;
 mod person;
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::progress::Shown;
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::bag::{Recordings, printable, recordings_at};
-use crate::config::{self, DEFAULT_NODE};
-use crate::files;
-use crate::init::{Ask, BestGuess, Document, document};
-use crate::inspect::BagReport;
+use crate::bag::printable;
+use crate::init::{self, Ask, BestGuess, Request, Written};
+use crate::inspect::{self, BagReport};
 use person::{NoOne, Person};
 
 /// Writes a parameter file from what is in bags: topics, types, fields, rates, taxels, joints, patches, each with its reason.
@@ -39,13 +36,16 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let output = &args.output;
-    if output.exists() && !args.overwrite {
-        return Err(is_there(output));
-    }
+    let request = Request {
+        output: &args.output,
+        model: args.model.as_deref(),
+        message_definitions: args.message_definitions.as_deref(),
+        overwrite: args.overwrite,
+    };
+    request.check()?;
     interrupt::listen();
     let mut bags = Vec::new();
-    for path in recordings(&args.bags) {
+    for path in inspect::all_recordings(&args.bags) {
         bags.push(BagReport::read(&path, args.message_definitions.as_deref(), &Shown::bytes("inspect"))?);
     }
     let mut outcome = Outcome::Done;
@@ -53,8 +53,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         say(&format!("input lost: {}", printable(loss)));
         outcome = Outcome::InputLost;
     }
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let model = model_file::of(args.model.as_deref(), folder, &bags)?;
     let mut person = Person;
     let mut no_one = NoOne;
     let mut best = BestGuess;
@@ -63,60 +61,19 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         (false, true) => &mut person,
         (false, false) => &mut no_one,
     };
-    let mut made = document(&bags, model.as_ref(), ask)?;
-    if let Some(definitions) = &args.message_definitions {
-        let path = model_file::relative(definitions, folder)?;
-        made.text += &format!("\n    message_definitions: {}\n", crate::inspect::yaml_text(&path));
-    }
-    refuse_what_would_not_load(&made, output)?;
-    made.guesses.iter().for_each(|guess| say(&format!("guessed: {}", printable(guess))));
-    write(output, made.text.as_bytes(), args.overwrite)?;
-    print(&told(&made, args, model.is_some()))?;
+    let written = init::write(&bags, &request, ask)?;
+    written.notes.iter().for_each(|note| say(note));
+    print(&told(&written, args))?;
     Ok(outcome)
 }
 
-/// Each path, or the recordings in it where it is a folder of several files.
-fn recordings(paths: &[PathBuf]) -> Vec<PathBuf> {
-    let of_path = |path: &PathBuf| match recordings_at(path) {
-        Ok(Recordings { paths, .. }) if !paths.is_empty() => paths,
-        _ => vec![path.clone()],
-    };
-    paths.iter().flat_map(of_path).collect()
-}
-
-/// A file that is written loads.
-fn refuse_what_would_not_load(made: &Document, output: &Path) -> Result<(), Failure> {
-    let label = output.to_string_lossy();
-    let tree = config::parse_param_files(&[(made.text.as_str(), label.as_ref())], DEFAULT_NODE);
-    let refuse = |error: String| Failure(format!("the bags make no parameter file that loads: {error}"));
-    let tree = tree.map_err(|error| refuse(error.to_string()))?;
-    config::Config::from_tree(&tree).map_err(|error| refuse(error.to_string()))?;
-    Ok(())
-}
-
-fn write(output: &Path, text: &[u8], overwrite: bool) -> Result<(), Failure> {
-    let cannot = |error: std::io::Error| Failure(format!("{}: cannot write: {error}", output.display()));
-    if overwrite {
-        return files::replace(output, text).map_err(cannot);
-    }
-    let beside = files::written_beside(output, text).map_err(cannot)?;
-    match beside.persist_noclobber(output) {
-        Ok(_) => Ok(()),
-        Err(failed) if failed.error.kind() == std::io::ErrorKind::AlreadyExists => Err(is_there(output)),
-        Err(failed) => Err(cannot(failed.error)),
-    }
-}
-
-fn is_there(output: &Path) -> Failure {
-    Failure(format!("{} is there already; give another name, or --overwrite", output.display()))
-}
-
 /// What was written, and what to do with it.
-fn told(made: &Document, args: &Args, has_model: bool) -> String {
+fn told(written: &Written, args: &Args) -> String {
+    let made = &written.document;
     let output = args.output.display();
     let mut text = format!("{output}: patches {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
     let bag = args.bags.first().map_or_else(String::new, |bag| bag.display().to_string());
-    text += &match (has_model, made.has_truth) {
+    text += &match (written.has_model, made.has_truth) {
         (true, _) => format!("next: tpf replay {bag} --params-file {output} -o forces.mcap\n"),
         (false, true) => {
             let region = if made.regions.len() > 1 { format!(" --region {}", made.regions[0]) } else { String::new() };

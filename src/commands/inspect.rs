@@ -1,19 +1,15 @@
 //! `tpf inspect`: what is in a bag or a model, and what of it can feed the fusion.
 
-mod bag_text;
-mod format;
-mod model_text;
-
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
 use super::progress::Shown;
 use super::setup::shown;
 use super::{Failure, Outcome, print, say};
-use crate::bag::{Recordings, recordings_at};
-use crate::inspect::BagReport;
-use crate::model::{self, ModelInfo};
+use crate::bag::printable;
+use crate::inspect::{self, Inspected};
+use crate::report::inspection;
 
 /// Tells what is in bags and models: topics and their timing, which of them can be tactile, joints or force, contracts.
 #[derive(Debug, clap::Args)]
@@ -31,34 +27,39 @@ pub(super) struct Args {
 
 /// What is told of one path.
 #[derive(Debug, Serialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
+#[serde(untagged)]
 enum Report {
-    Bag(Box<BagReport>),
-    Model(Box<ModelInfo>),
-    /// It can be neither.
-    Refused {
-        path: String,
-        error: String,
-    },
+    Found(Inspected),
+    Refused(Refused),
+}
+
+/// A path that is neither a bag nor a model.
+#[derive(Debug, Serialize)]
+#[serde(tag = "kind", rename = "refused")]
+struct Refused {
+    path: String,
+    error: String,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut reports = Vec::new();
     let mut failures = Vec::new();
     let mut outcome = Outcome::Done;
-    for (idx, path) in recordings(&args.paths).iter().enumerate() {
-        let report = match inspect(path, args.message_definitions.as_deref()) {
-            Ok(report) => report,
-            Err(Failure(error)) => {
-                let error = format::printable(&error);
+    let (paths, notes) = inspect::recordings(&args.paths);
+    notes.iter().for_each(|note| say(&printable(note)));
+    for (idx, path) in paths.iter().enumerate() {
+        let report = match inspect::inspect(path, args.message_definitions.as_deref(), &Shown::bytes("inspect")) {
+            Ok(found) => Report::Found(found),
+            Err(error) => {
+                let error = printable(&error.to_string());
                 failures.push(Failure(error.clone()));
-                Report::Refused { path: shown(path), error }
+                Report::Refused(Refused { path: shown(path), error })
             }
         };
-        if let Report::Bag(bag) = &report
+        if let Report::Found(Inspected::Bag(bag)) = &report
             && !bag.losses.is_empty()
         {
-            bag.losses.iter().for_each(|loss| say(&format!("input lost: {}", format::printable(loss))));
+            bag.losses.iter().for_each(|loss| say(&format!("input lost: {}", printable(loss))));
             outcome = Outcome::InputLost;
         }
         if !args.json {
@@ -80,31 +81,12 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
 }
 
-/// Each path, or the recordings in it where it is a folder of several files.
-fn recordings(paths: &[PathBuf]) -> Vec<PathBuf> {
-    let of_path = |path: &PathBuf| match recordings_at(path) {
-        Ok(Recordings { paths, note }) if paths.iter().any(|found| found.parent() == Some(path) && found.is_file()) => {
-            note.iter().for_each(|note| say(&format::printable(note)));
-            paths
-        }
-        _ => vec![path.clone()],
-    };
-    paths.iter().flat_map(of_path).collect()
-}
-
-fn inspect(path: &Path, definitions: Option<&Path>) -> Result<Report, Failure> {
-    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("onnx")) {
-        return Ok(Report::Model(Box::new(model::inspect(path)?)));
-    }
-    Ok(Report::Bag(Box::new(BagReport::read(path, definitions, &Shown::bytes("inspect"))?)))
-}
-
 impl Report {
     fn text(&self) -> String {
         match self {
-            Report::Bag(bag) => bag_text::text(bag),
-            Report::Model(model) => model_text::text(model),
-            Report::Refused { .. } => String::new(),
+            Report::Found(Inspected::Bag(bag)) => inspection::bag(bag),
+            Report::Found(Inspected::Model(model)) => inspection::model(model),
+            Report::Refused(_) => String::new(),
         }
     }
 }

@@ -1,7 +1,5 @@
 //! `tpf train`: annotated bags in, a force model out.
 
-mod text;
-
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -14,6 +12,7 @@ use super::setup::ParamArgs;
 use super::split::SplitArgs;
 use super::{Failure, Outcome, interrupt, print};
 use crate::observer::Observer;
+use crate::report;
 use crate::train::{GraphForm, Kind, LossConfig, Progress, Schedule, TrainConfig};
 use crate::training::{self, HoldOut, Request, VALIDATION_SHARE};
 
@@ -167,14 +166,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let shown = Shown { bar: Mutex::new(None), kind };
     let report = training::run(&cfg, &bags, &request, &shown, &mut |step| shown.show(step))?;
     shown.clear();
-    print(&if args.json { report.to_json()? } else { text::of_report(&report, &request) })?;
+    print(&if args.json { report.to_json()? } else { report::training::of_report(&report, &request) })?;
     if let Some(hold_out) = args.hold_out {
         let sessions = report.sessions();
         let scores = training::hold_out(&cfg, &bags, sessions, hold_out.into(), &request, &shown, &mut |step| {
             shown.show(step);
         })?;
         shown.clear();
-        print(&text::of_folds(&scores, &request))?;
+        print(&report::training::of_folds(&scores, &request))?;
     }
     Ok(Outcome::Done)
 }
@@ -263,7 +262,7 @@ impl Shown {
     }
 
     fn show(&self, progress: &Progress) {
-        if let Some(line) = text::of_step(progress, self.kind) {
+        if let Some(line) = report::training::of_step(progress, self.kind) {
             self.note(&line);
         }
         self.set("train", progress.step, progress.steps);

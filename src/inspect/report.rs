@@ -11,15 +11,19 @@ use super::stamps::StampStats;
 use super::topic::Topic;
 use super::view::View;
 use crate::bag::{BagError, BagReader, BagStats, TopicStats, printable, shown};
+use crate::model::ModelError;
 use crate::observer::{Cancelled, Observer, check};
 use crate::units::NANOS_PER_SEC;
 
-/// Why a bag can't be inspected.
+/// Why a bag or a model can't be inspected.
 #[derive(Debug, thiserror::Error)]
 pub enum InspectError {
     /// It can't be read.
     #[error(transparent)]
     Bag(#[from] BagError),
+    /// A model can't be read.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// It was to end.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

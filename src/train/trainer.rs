@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use burn::tensor::Device;
+use serde::Serialize;
 
 use super::architecture::{Architecture, Kind};
 use super::dataset::Dataset;
@@ -36,7 +37,7 @@ pub use validation::{Validation, validate};
 const OUTPUTS: usize = 64;
 
 /// Progress after a step.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Progress {
     /// Steps done.
     pub step: u64,

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::{Request, SessionNotes, TrainingError, train_without};
 use crate::config::Config;
 use crate::eval::{GroupBy, GroupScore};
@@ -11,7 +13,8 @@ use crate::observer::Observer;
 use crate::train::Progress;
 
 /// What a model is trained without, one after the other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum HoldOut {
     /// All sessions of a user.
     Users,
@@ -30,7 +33,7 @@ impl HoldOut {
 }
 
 /// Each user or donning by the model that was trained without it, every frame scored.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct HeldOutScores {
     /// What was left out.
     pub hold_out: HoldOut,

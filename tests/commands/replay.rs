@@ -10,6 +10,7 @@ use std::path::Path;
 use common::bags::{Bag, at, decoded, messages, stamp_of, write_session};
 use common::layouts;
 use common::onnx::LinearModel;
+use common::parity::Parity;
 use common::shared;
 use common::tpf::{tpf, write_params};
 use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagWriter, NewChannel, WriteOptions};
@@ -53,25 +54,20 @@ const FIRST: [&str; 2] = ["--calibrate-first", "3.13"];
 
 #[test]
 fn a_bag_of_the_fixtures_frames_gives_pytorchs_outputs() {
-    let Some(shared) = shared() else { return };
+    let parity = Parity::read();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let bytes = fs::read(shared.join("fixtures/torch_opset17.safetensors")).unwrap();
-    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
-    let tensor = |name: &str| -> Vec<f32> {
-        let data = tensors.tensor(name).unwrap().data().to_vec();
-        data.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
-    };
-    let (tactile, joints) = (tensor("tactile_frames"), tensor("joint_frames"));
-    fs::copy(shared.join("fixtures/torch_opset17.onnx"), folder.join("model.onnx")).unwrap();
+    fs::copy(&parity.model, folder.join("model.onnx")).unwrap();
     let names = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
     write_params(folder, 16, &names, "");
     write_zero_calibration(folder, 16);
     let mut bag = Bag::create(&folder.join("session.mcap"));
-    for k in 0..320 {
-        let angles: Vec<f64> = joints[k * 4..(k + 1) * 4].iter().map(|&angle| f64::from(angle)).collect();
+    for (k, (taxels, joints)) in
+        parity.tactile_frames.chunks_exact(16).zip(parity.joint_frames.chunks_exact(4)).enumerate()
+    {
+        let angles: Vec<f64> = joints.iter().map(|&angle| f64::from(angle)).collect();
         bag.joints(at(k as i64 * 10), &names, &angles);
-        bag.taxels(at(k as i64 * 10), &tactile[k * 16..(k + 1) * 16]);
+        bag.taxels(at(k as i64 * 10), taxels);
     }
     bag.finish();
     let mut backends = vec!["builtin", "rten"];
@@ -83,11 +79,11 @@ fn a_bag_of_the_fixtures_frames_gives_pytorchs_outputs() {
             let output = format!("{backend}{batch}.mcap");
             replay(folder, &output, &["--calibration", "zero.yaml", "--backend", backend, "--batch", batch]).ok();
             let arrays: Vec<ContactArray> = decoded(&folder.join(&output), CONTACTS);
-            assert_eq!(arrays.len(), 320);
-            for (window, (force, base)) in tensor("force").iter().zip(tensor("force_base")).enumerate() {
+            assert_eq!(arrays.len(), parity.n_frames());
+            for (window, (force, base)) in parity.force.iter().zip(&parity.base).enumerate() {
                 let state = &arrays[window + 63].contacts[0];
                 assert_eq!(stamp_of(&arrays[window + 63].header), at((window as i64 + 63) * 10));
-                for (got, expected) in [(state.force, *force), (state.force_base, base)] {
+                for (got, expected) in [(state.force, *force), (state.force_base, *base)] {
                     let difference = GramForce::from(Newton(got)).0 - f64::from(expected);
                     assert!(difference.abs() < 1e-6, "{backend}, batch {batch}, window {window}: {difference} gF");
                 }

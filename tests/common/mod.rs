@@ -8,6 +8,7 @@ pub mod fake;
 pub mod graphs;
 pub mod layouts;
 pub mod onnx;
+pub mod parity;
 pub mod scored;
 pub mod skip;
 pub mod tpf;

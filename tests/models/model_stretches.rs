@@ -133,8 +133,7 @@ fn any_company_and_any_number_of_threads(path: &Path) {
 
 #[test]
 fn a_stretch_of_pytorchs_export_does_too() {
-    let Some(shared) = common::shared() else { return };
-    holds(&shared.join("fixtures/torch_opset17.onnx"));
+    holds(&common::parity::Parity::read().model);
 }
 
 /// Of five taxels and three joints.

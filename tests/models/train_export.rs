@@ -7,8 +7,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 
-use common::shared;
-use safetensors::SafeTensors;
+use common::parity::Parity;
 use serde_json::json;
 use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::fusion::{
@@ -224,18 +223,12 @@ fn onnx_finds_no_fault_with_the_files() {
 
 #[test]
 fn the_weights_of_a_pytorch_export_give_pytorchs_forces() {
-    let Some(shared) = shared() else { return };
-    let network = from_pytorch_export(&shared.join("fixtures/torch_opset17.onnx"));
-    let bytes = std::fs::read(shared.join("fixtures/torch_opset17.safetensors")).unwrap();
-    let tensors = SafeTensors::deserialize(&bytes).unwrap();
-    let values = |name: &str| -> Vec<f32> {
-        let data = tensors.tensor(name).unwrap().data();
-        data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
-    };
-    let (tactile, pose, force, base) = (values("tactile"), values("pose"), values("force"), values("force_base"));
+    let parity = Parity::read();
+    let network = from_pytorch_export(&parity.model);
+    let (tactile, pose, Parity { force, base, .. }) = (parity.tactile(), parity.pose(), &parity);
     let forces = network.predict(Windows { n: force.len(), tactile: &tactile, pose: &pose }).unwrap();
     // Forces of the fixture are about 1; PyTorch's own float32 is 1.5e-7 from its float64.
-    for (got, expected) in [(&forces.force, &force), (&forces.base, &base)] {
+    for (got, expected) in [(&forces.force, force), (&forces.base, base)] {
         let worst = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-6, "{worst}");
     }
@@ -245,11 +238,16 @@ fn the_weights_of_a_pytorch_export_give_pytorchs_forces() {
 fn from_pytorch_export(path: &Path) -> Network {
     use model::onnx::{Message, ModelProto};
     let model = ModelProto::decode(std::fs::read(path).unwrap().as_slice()).unwrap();
-    let weights = model.graph.unwrap().initializer;
+    let graph = model.graph.unwrap();
     let values = |name: &str| -> Vec<f32> {
-        let raw = weights.iter().find(|tensor| tensor.name == name).unwrap().raw_data.clone().unwrap();
+        let raw = graph.initializer.iter().find(|tensor| tensor.name == name).unwrap().raw_data.clone().unwrap();
         raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
     };
+    // The exporter numbers what it folds: the inputs of the nodes tell which weights are whose.
+    let inputs = |op: &str| -> Vec<Vec<String>> {
+        graph.node.iter().filter(|node| node.op_type == op).map(|node| node.input.clone()).collect()
+    };
+    let (first, embedding, recurrent) = (&inputs("Conv")[0], &inputs("MatMul")[0], inputs("LSTM"));
     let architecture = Architecture {
         kind: Kind::PoseAware,
         window: 64,
@@ -263,38 +261,39 @@ fn from_pytorch_export(path: &Path) -> Network {
     network.statistics.variance.fill(1.0 - 1e-5); // with the epsilon of the normalization: exactly no change
     let mut set = |name: &str, values: &[f32]| network.set_parameter(name, values).unwrap();
     for (ours, theirs) in [
-        ("tactile.conv0.weight", "onnx::Conv_373"),
-        ("tactile.conv0.bias", "onnx::Conv_374"),
-        ("base.0.weight", "b0.weight"),
-        ("base.0.bias", "b0.bias"),
-        ("base.1.weight", "b1.weight"),
-        ("base.1.bias", "b1.bias"),
+        ("tactile.conv0.weight", first[1].as_str()),
+        ("tactile.conv0.bias", first[2].as_str()),
+        ("base.0.weight", "base.0.weight"),
+        ("base.0.bias", "base.0.bias"),
+        ("base.1.weight", "base.2.weight"),
+        ("base.1.bias", "base.2.bias"),
         ("pose.norm.weight", "ln.weight"),
         ("pose.norm.bias", "ln.bias"),
-        ("pose.embed.bias", "enc.bias"),
-        ("residual.0.weight", "f0.weight"),
-        ("residual.0.bias", "f0.bias"),
-        ("residual.1.weight", "f1.weight"),
-        ("residual.1.bias", "f1.bias"),
+        ("pose.embed.bias", "embed.bias"),
+        ("residual.0.weight", "residual.0.weight"),
+        ("residual.0.bias", "residual.0.bias"),
+        ("residual.1.weight", "residual.2.weight"),
+        ("residual.1.bias", "residual.2.bias"),
     ] {
         set(ours, &values(theirs));
     }
     for idx in 1..=3 {
         for part in ["weight", "bias"] {
-            set(&format!("tactile.conv{idx}.{part}"), &values(&format!("c{idx}.{part}")));
+            set(&format!("tactile.conv{idx}.{part}"), &values(&format!("dilated.{}.{part}", idx - 1)));
         }
     }
-    let embed = values("onnx::MatMul_375"); // [8, 64], ours is [64, 8]
+    let embed = values(&embedding[1]); // [8, 64], ours is [64, 8]
     set("pose.embed.weight", &(0..512).map(|idx| embed[idx % 8 * 64 + idx / 8]).collect::<Vec<_>>());
     // ONNX orders gates input, output, forget, cell; PyTorch input, forget, cell, output.
     let by_torch_gates = |values: &[f32]| -> Vec<f32> {
         let gate = values.len() / 4;
         [0, 2, 3, 1].iter().flat_map(|idx| &values[idx * gate..(idx + 1) * gate]).copied().collect()
     };
-    for (layer, [bias, input, hidden]) in [[418, 419, 420], [461, 462, 463]].into_iter().enumerate() {
+    for (layer, inputs) in recurrent.iter().enumerate() {
+        let [_, input, hidden, bias, ..] = inputs.as_slice() else { panic!("{inputs:?}") };
         for (direction, name) in ["forward", "backward"].into_iter().enumerate() {
-            let part = |id: u32| -> Vec<f32> {
-                let both = values(&format!("onnx::LSTM_{id}"));
+            let part = |name: &str| -> Vec<f32> {
+                let both = values(name);
                 both[direction * both.len() / 2..(direction + 1) * both.len() / 2].to_vec()
             };
             let name = format!("pose.lstm{layer}.{name}");

@@ -1,6 +1,6 @@
 """The native half; `tactile_pose_fusion` wraps it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,6 +26,7 @@ class CalibrationError(TactilePoseFusionError):
 class _Watcher(Protocol):
     def note(self, text: str) -> None: ...
     def progress(self, done: int, total: int) -> None: ...
+    def step(self, text: str) -> None: ...
 
 class Column:
     @property
@@ -131,3 +132,16 @@ def simulate(
     overwrite: bool,
     watcher: _Watcher,
 ) -> int: ...
+def inspect(paths: Sequence[str], message_definitions: str | None, watcher: _Watcher) -> str: ...
+def init(
+    bags: Sequence[str],
+    output: str,
+    model: str | None,
+    answer: Callable[[str, list[str], int, str], int | None] | None,
+    message_definitions: str | None,
+    overwrite: bool,
+    watcher: _Watcher,
+) -> tuple[tuple[list[str], list[str], bool], list[str]]: ...
+def train(
+    bags: Sequence[str], output: str, parameters: Parameters, training: Mapping[str, Any], watcher: _Watcher
+) -> tuple[str, str | None]: ...

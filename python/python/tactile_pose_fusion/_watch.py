@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import warnings
@@ -32,8 +33,11 @@ def warn(lines: Iterable[str]) -> None:
 class Watcher:
     """What the native half tells while it works."""
 
-    def __init__(self, what: str, progress: Progress) -> None:
+    def __init__(
+        self, what: str, progress: Progress, on_validation: Callable[[dict[str, Any]], object] | None = None
+    ) -> None:
         self._what = what
+        self._on_validation = on_validation
         self._callback = progress if callable(progress) else None
         self._bar: Any = None
         self._tqdm = _tqdm() if progress is True and sys.stderr is not None and sys.stderr.isatty() else None
@@ -41,6 +45,10 @@ class Watcher:
 
     def note(self, text: str) -> None:
         warn([text])
+
+    def step(self, text: str) -> None:
+        if self._on_validation is not None:
+            self._on_validation(json.loads(text))
 
     def progress(self, done: int, total: int) -> None:
         if self._told == (done, total):

@@ -2,9 +2,9 @@
 
 use std::path::{Component, Path, PathBuf};
 
+use super::error::InitFileError;
+use super::plan::ModelFile;
 use crate::bag::shown;
-use crate::commands::{Failure, say};
-use crate::init::ModelFile;
 use crate::inspect::{BagReport, Likelihood};
 use crate::model;
 
@@ -12,7 +12,12 @@ use crate::model;
 const MAX_FILES: usize = 64;
 
 /// The model that is named; else the only one in the folder of the parameter file, or in `models` there, that fits.
-pub(super) fn of(named: Option<&Path>, folder: &Path, bags: &[BagReport]) -> Result<Option<ModelFile>, Failure> {
+pub(super) fn of(
+    named: Option<&Path>,
+    folder: &Path,
+    bags: &[BagReport],
+    notes: &mut Vec<String>,
+) -> Result<Option<ModelFile>, InitFileError> {
     if let Some(path) = named {
         return described(path, folder, String::new()).map(Some);
     }
@@ -26,12 +31,13 @@ pub(super) fn of(named: Option<&Path>, folder: &Path, bags: &[BagReport]) -> Res
         [] => Ok(None),
         [only] => {
             let why = "CHECK: the only model here that takes as many taxels".to_owned();
-            say(&format!("guessed: the model is {}, the only one here that takes as many taxels", only.display()));
+            notes
+                .push(format!("guessed: the model is {}, the only one here that takes as many taxels", only.display()));
             described(only, folder, why).map(Some)
         }
         several => {
             let names = several.iter().map(|path| shown(path)).collect::<Vec<_>>().join(", ");
-            say(&format!("no model was taken, because {} fit: {names}; give one by --model", several.len()));
+            notes.push(format!("no model was taken, because {} fit: {names}; give one by --model", several.len()));
             Ok(None)
         }
     }
@@ -50,7 +56,7 @@ fn onnx_files(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, Failure> {
+fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, InitFileError> {
     let contract = model::inspect(path)?.contract;
     Ok(ModelFile {
         path: relative(path, folder)?,
@@ -63,12 +69,13 @@ fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, Failu
 }
 
 /// A path as a file in `folder` has it.
-pub(super) fn relative(path: &Path, folder: &Path) -> Result<String, Failure> {
-    let full = |path: &Path| path.canonicalize().map_err(|error| Failure(format!("{}: {error}", path.display())));
+pub(super) fn relative(path: &Path, folder: &Path) -> Result<String, InitFileError> {
+    let refuse = |path: &Path, reason: String| InitFileError::Path { path: path.to_path_buf(), reason };
+    let full = |path: &Path| path.canonicalize().map_err(|error| refuse(path, error.to_string()));
     let (path, folder) = (full(path)?, full(folder)?);
     let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| Component::ParentDir);
     let relative: PathBuf = up.chain(path.components().skip(shared)).collect();
     let text = relative.to_str().map(str::to_owned);
-    text.ok_or_else(|| Failure(format!("{}: a parameter file can't hold this path: it is not UTF-8", path.display())))
+    text.ok_or_else(|| refuse(&path, "a parameter file can't hold this path: it is not UTF-8".to_owned()))
 }

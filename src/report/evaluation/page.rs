@@ -1,4 +1,4 @@
-//! `tpf eval --report`: everything that was found on one page that people can look at.
+//! Everything that was found on one page that people can look at.
 
 mod contacts;
 mod origin;
@@ -9,7 +9,7 @@ use crate::evaluate::Evaluated;
 use crate::page::{Page, Style};
 
 /// The page.
-pub(super) fn page(result: &Evaluated) -> Page {
+pub fn page(result: &Evaluated) -> Page {
     let judged = result.models.last().map_or("", |model| model.name.as_str());
     let mut page = Page::new(&format!("Evaluation of {judged}"), result.synthetic);
     scores::summary(&mut page, result);

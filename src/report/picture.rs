@@ -2,7 +2,6 @@
 
 use plotters::prelude::*;
 
-use super::super::Failure;
 use crate::eval::{ScoredFrames, Scoring};
 use crate::page::longest_step;
 
@@ -25,15 +24,27 @@ const GREEN: RGBColor = RGBColor(0, 158, 115);
 const GRAY: RGBColor = RGBColor(110, 110, 110);
 const LIGHT_GRAY: RGBColor = RGBColor(170, 170, 170);
 
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// No series has the name that was asked for.
+    #[error("there is nothing to draw")]
+    Empty,
+    /// The drawing library refuses.
+    #[error("picture: {0}")]
+    Draw(String),
+}
+
 /// An SVG of the stretch that shows most: light touches, and movement in the air that the model `by` takes for touch, or
 /// touches that it misses.
-pub(super) fn draw(series: &[(&str, ScoredFrames)], by: &str, glove: u8) -> Result<String, Failure> {
-    let Some((_, first)) = series.iter().find(|(name, _)| *name == by) else {
-        return Err(Failure("there is nothing to draw".to_owned()));
-    };
+///
+/// # Errors
+/// [`PictureError`] when no series has that name, or the drawing library refuses.
+pub fn draw(series: &[(&str, ScoredFrames)], by: &str, glove: u8) -> Result<String, PictureError> {
+    let (_, first) = series.iter().find(|(name, _)| *name == by).ok_or(PictureError::Empty)?;
     let mut svg = String::new();
     let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-    paint(&root, series, first, glove).map_err(|error| Failure(format!("picture: {error}")))?;
+    paint(&root, series, first, glove).map_err(|error| PictureError::Draw(error.to_string()))?;
     drop(root);
     Ok(svg)
 }

@@ -1,8 +1,8 @@
 //! What force reads, and what a pose reads that is none.
 
-use super::super::RegionResult;
 use super::super::text::{advice, left_in_air};
 use super::header;
+use crate::characterization::RegionResult;
 use crate::characterize::{ArtifactSize, LeftInAir, Spread};
 use crate::page::{Cell, Figure, Page, Style, Table};
 

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use super::super::super::checks;
 use super::super::pose_quality::words;
-use super::super::render::{improvement, measure_name, short_list, touch_by};
+use super::super::text::{improvement, measure_name, short_list, touch_by};
 use super::{slug, style};
 use crate::eval::{ForceCurve, Measure, Metric, PairedTest, ResultTable, Verdict};
 use crate::evaluate::{Evaluated, ModelScores};
 use crate::page::{Cell, Figure, Page, Section, Style, Table};
+use crate::report::checks;
 
 const BA_AT_MDF: f64 = 100.0 * crate::eval::MDF_BALANCED_ACCURACY;
 

@@ -1,14 +1,14 @@
-//! `tpf characterize --report`: everything that was found on one page that people can look at.
+//! Everything that was found on one page that people can look at.
 
 mod joints;
 mod load;
 mod rest;
 
-use super::Characterized;
+use crate::characterization::{Characterized, NamedTiming};
 use crate::page::{Cell, Page, Table};
 
 /// The page.
-pub(super) fn page(result: &Characterized) -> Page {
+pub fn page(result: &Characterized) -> Page {
     let mut page = Page::new("What a glove does when the hand moves", result.synthetic);
     sessions(&mut page, result);
     for region in &result.regions {
@@ -28,7 +28,7 @@ fn sessions(page: &mut Page, result: &Characterized) {
     let header = ["Session", "Glove", "User", "In the air by", "Tactile Hz", "Jitter ms", "Joints Hz", "Jitter ms"];
     let rows = result.sessions.iter().map(|session| {
         let data = if session.synthetic { " (synthetic)" } else { "" };
-        let timing = |sources: &[super::NamedTiming]| {
+        let timing = |sources: &[NamedTiming]| {
             let timing = sources.first().and_then(|source| source.timing);
             [Cell::maybe(timing.map(|timing| timing.rate_hz), 1), Cell::maybe(timing.map(|timing| timing.jitter_ms), 2)]
         };

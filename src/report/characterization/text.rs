@@ -4,14 +4,14 @@ use std::fmt::Write as _;
 
 use comfy_table::{Table, presets};
 
-use super::{Characterized, RegionResult, SessionSummary};
+use crate::characterization::{Characterized, RegionResult, SessionSummary};
 use crate::characterize::{ArtifactSize, ClassCurve, LeftInAir, RegionReport, Spread, Untold};
 
 /// Joints that the table shows: those that move most with the taxels, and all that are suggested.
 const N_JOINTS: usize = 8;
 
 /// All results, region by region.
-pub(super) fn text(result: &Characterized) -> String {
+pub fn text(result: &Characterized) -> String {
     let mut text = String::new();
     result.sessions.iter().for_each(|session| heading(&mut text, session));
     for missing in &result.missing {

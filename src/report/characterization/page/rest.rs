@@ -1,7 +1,7 @@
 //! What lags, and what the sensor does at rest.
 
-use super::super::RegionResult;
 use super::header;
+use crate::characterization::RegionResult;
 use crate::page::{Cell, Figure, Page, Style, Table};
 
 pub(super) fn lag(page: &mut Page, result: &RegionResult) {

@@ -17,7 +17,8 @@ const MAX_JOINTS: usize = 24;
 /// Correlation from which on a force goes with taxels.
 const FOLLOWS: f64 = 0.3;
 
-pub(super) fn text(bag: &BagReport) -> String {
+/// Topics, timing, and what can feed the fusion, as a person reads it at a terminal.
+pub fn text(bag: &BagReport) -> String {
     let mut text = format!("{}\n", printable(&bag.path));
     let stated = bag.n_messages_stated.filter(|&stated| stated != bag.n_messages);
     let of_stated = stated.map(|stated| format!(" of {}", count(stated))).unwrap_or_default();

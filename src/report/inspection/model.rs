@@ -10,7 +10,8 @@ use crate::units::GramForce;
 /// Longest metadata value that is shown whole.
 const MAX_VALUE: usize = 70;
 
-pub(super) fn text(model: &ModelInfo) -> String {
+/// The contract and the metadata, as a person reads them at a terminal.
+pub fn text(model: &ModelInfo) -> String {
     let contract = &model.contract;
     let mut text = format!("{}\n", printable(&model.path.to_string_lossy()));
     let mut line = |name: &str, value: &str| {

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::super::Failure;
-use crate::columns::{Cells, ColumnFile, Kind};
+use crate::columns::{Cells, ColumnFile, ColumnsError, Kind};
 use crate::eval::{GroupScore, Measure, Metric, ScoredFrames};
 use crate::evaluate::{Evaluated, Series, Session};
 
@@ -52,7 +51,10 @@ const FRAMES: [(&str, Kind); 18] = [
 ];
 
 /// Writes one row a model and group: every score that the JSON has.
-pub(super) fn write_scores(path: &Path, result: &Evaluated) -> Result<(), Failure> {
+///
+/// # Errors
+/// [`ColumnsError`] when the file can't be written.
+pub fn write_scores(path: &Path, result: &Evaluated) -> Result<(), ColumnsError> {
     let mut file = ColumnFile::create(path, &SCORES, &notes(result.synthetic))?;
     for model in &result.models {
         for (scores, is_free) in [(&model.by, false), (&model.free_movement, true)] {
@@ -92,23 +94,26 @@ pub(super) fn write_scores(path: &Path, result: &Evaluated) -> Result<(), Failur
             }
         }
     }
-    Ok(file.finish()?)
+    file.finish()
 }
 
 /// Frames on their way to a table, session by session.
-pub(super) struct FrameFile {
+pub struct FrameFile {
     path: PathBuf,
     file: Option<ColumnFile>,
 }
 
 impl FrameFile {
     /// A table that is made with its first session.
-    pub(super) fn new(path: &Path) -> Self {
+    pub fn new(path: &Path) -> Self {
         FrameFile { path: path.to_path_buf(), file: None }
     }
 
     /// Takes a session: every series of the table, and no pose that was made worse.
-    pub(super) fn handle_session(&mut self, series: &[Series], session: &Session) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// [`ColumnsError`] when the file can't be written.
+    pub fn handle_session(&mut self, series: &[Series], session: &Session) -> Result<(), ColumnsError> {
         if self.file.is_none() {
             self.file = Some(ColumnFile::create(&self.path, &FRAMES, &notes(session.summary.synthetic))?);
         }
@@ -122,8 +127,11 @@ impl FrameFile {
     }
 
     /// Gives the table its name.
-    pub(super) fn finish(self) -> Result<(), Failure> {
-        Ok(self.file.map_or(Ok(()), ColumnFile::finish)?)
+    ///
+    /// # Errors
+    /// [`ColumnsError`] when the file can't be written.
+    pub fn finish(self) -> Result<(), ColumnsError> {
+        self.file.map_or(Ok(()), ColumnFile::finish)
     }
 }
 

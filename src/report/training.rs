@@ -9,7 +9,7 @@ use crate::train::{Kind, Progress};
 use crate::training::{HeldOutScores, Report, Request};
 
 /// A look at the validation part, where a step has one.
-pub(super) fn of_step(progress: &Progress, kind: Kind) -> Option<String> {
+pub fn of_step(progress: &Progress, kind: Kind) -> Option<String> {
     let validation = progress.validation.as_ref()?;
     let loss = &progress.loss;
     let percent = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.2} %", 100.0 * share));
@@ -33,7 +33,7 @@ pub(super) fn of_step(progress: &Progress, kind: Kind) -> Option<String> {
 }
 
 /// What a person wants to know at the end.
-pub(super) fn of_report(report: &Report, request: &Request) -> String {
+pub fn of_report(report: &Report, request: &Request) -> String {
     let mut text = String::new();
     let synthetic = if report.is_synthetic() { " (synthetic data)" } else { "" };
     for (idx, run) in report.runs().iter().enumerate().filter(|_| report.runs().len() > 1) {
@@ -64,7 +64,7 @@ pub(super) fn of_report(report: &Report, request: &Request) -> String {
 }
 
 /// Scores of models on what each was trained without: mean and spread.
-pub(super) fn of_folds(scored: &HeldOutScores, request: &Request) -> String {
+pub fn of_folds(scored: &HeldOutScores, request: &Request) -> String {
     let what = scored.hold_out.what();
     let mut text = format!(
         "{}each {what} by the model that was trained without it, every frame of {} {what}s:\n",

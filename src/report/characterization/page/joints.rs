@@ -1,7 +1,7 @@
 //! Which joints move which taxels.
 
-use super::super::RegionResult;
 use super::header;
+use crate::characterization::RegionResult;
 use crate::page::{Cell, Figure, Heat, Page, Style, Table};
 
 /// Height of a row of the map and what is around it, px.

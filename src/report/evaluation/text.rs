@@ -5,13 +5,13 @@ use std::fmt::Write as _;
 
 use comfy_table::{Table, presets};
 
-use super::super::checks;
 use super::pose_quality;
 use crate::eval::{Distribution, GroupBy, Improvement, Measure, Metric, ResultTable, Score};
 use crate::evaluate::{Evaluated, ModelScores, Pairing};
+use crate::report::checks;
 
 /// The table, and what was gained.
-pub(in crate::commands) fn short_text(result: &Evaluated) -> String {
+pub fn short_text(result: &Evaluated) -> String {
     let mut text = String::new();
     heading(&mut text, result);
     improvements(&mut text, result);
@@ -59,7 +59,7 @@ pub(super) fn short_list(names: &[&str], n_all: usize) -> String {
 }
 
 /// The tables, and a few sentences around them.
-pub(super) fn text(result: &Evaluated, by: &[GroupBy]) -> String {
+pub fn text(result: &Evaluated, by: &[GroupBy]) -> String {
     let mut text = String::new();
     heading(&mut text, result);
     if result.free_movement_table.rows.iter().any(|row| row.cells.iter().any(Option::is_some)) {

@@ -1,0 +1,11 @@
+//! Results as people and other programs read them: text for a terminal, pages, pictures, tables, and checks for continuous
+//! integration.
+
+pub mod characterization;
+pub mod checks;
+pub mod comparison;
+pub mod evaluation;
+pub mod inspection;
+pub mod picture;
+#[cfg(feature = "train")]
+pub mod training;

@@ -1,0 +1,10 @@
+//! What [`evaluate`](crate::evaluate) found.
+
+mod page;
+mod pose_quality;
+mod tables;
+mod text;
+
+pub use page::page;
+pub use tables::{FrameFile, write_scores};
+pub use text::{short_text, text};
