@@ -100,9 +100,16 @@
 //!
 //! # Where things are
 //!
-//! The zero of the forces is decided in [`zero`]. The wire types are in [`msg`], bags in [`bag`], what a recording says in
-//! [`recording`] and [`sessions`], metrics in [`eval`], models in [`model`], training in `train` and, from bags to a model file, in `training`, the live node in `ros`.
-//! `commands` is the program `tpf`, a tenant of these (feature `cli`). ARCHITECTURE.md has the whole map and what may use what.
+//! - The zero of the forces is decided in [`zero`], for bags and for the live node.
+//! - A region's estimate is a [`fusion::Estimate`]; those of a frame are a [`fusion::Tick`].
+//! - `tpf replay` calls [`replay::run`], `tpf eval` [`evaluate::run`], `tpf train` `training::run`, `tpf run` `ros::run`.
+//!   `commands` is the program `tpf`, a tenant of the library (feature `cli`).
+//! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in [`model`],
+//!   metrics in [`eval`], and what a recording says in [`recording`] and [`sessions`].
+//! - The networks that are trained are in `train`; the way from bags to a model file is in `training`. The live node is in
+//!   `ros`.
+//!
+//! ARCHITECTURE.md has the whole map, what may use what, and more first questions with their answers.
 
 pub mod bag;
 pub mod calibrate;

@@ -100,7 +100,8 @@ fn every_page_is_in_the_summary_and_every_link_leads_somewhere() {
     let summary = fs::read_to_string(book().join("SUMMARY.md")).unwrap();
     let listed: BTreeSet<PathBuf> = links(&summary).into_iter().map(PathBuf::from).collect();
     assert_eq!(listed, pages());
-    let beside = ["README.md", "ARCHITECTURE.md", "SECURITY.md", "models/README.md"].map(|name| root().join(name));
+    let beside = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "models/README.md"];
+    let beside = beside.map(|name| root().join(name));
     for page in pages().into_iter().map(|page| book().join(page)).chain(beside) {
         let text = fs::read_to_string(&page).unwrap();
         for link in links(&text) {

@@ -221,10 +221,10 @@ impl Participant {
     }
 }
 
-/// QoS that a publisher offers. For each subscriber that joins a volatile topic, RustDDS 0.15.1 notes every message
-/// published before, one by one: after hours that is many megabytes per subscriber, and everything pauses meanwhile. A
-/// topic that offers its last messages to late subscribers avoids this, and a best effort subscriber is sent none of
-/// them. A reliable subscriber would be, so its topics stay volatile.
+/// QoS that a publisher offers. For each subscriber that joins a volatile topic, RustDDS 0.15.1 as released notes every
+/// message published before, one by one; the copy in third_party/rustdds notes one range. A topic that offers its last
+/// messages to late subscribers needs neither, and a best effort subscriber is sent none of them. A reliable subscriber
+/// would be, so its topics stay volatile.
 fn offered(qos: &QosProfile) -> QosProfile {
     match (qos.reliability, qos.durability) {
         (Reliability::BestEffort, Durability::Volatile) => qos.clone().durability(Durability::TransientLocal),
