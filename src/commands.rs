@@ -5,10 +5,12 @@ mod characterize;
 mod checks;
 #[cfg(feature = "ros")]
 mod collect;
+mod completions;
 mod demo;
 mod diff;
 mod eval;
 mod export;
+mod help;
 mod init;
 mod inspect;
 mod interrupt;
@@ -40,7 +42,6 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::bag;
-
 use crate::leave;
 use crate::model::first_run;
 
@@ -66,6 +67,7 @@ enum Command {
     Characterize(characterize::Args),
     #[cfg(feature = "ros")]
     Collect(collect::Args),
+    Completions(completions::Args),
     Diff(diff::Args),
     Eval(Box<eval::Args>),
     Export(Box<export::Args>),
@@ -125,6 +127,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Characterize(args) => characterize::run(&args),
         #[cfg(feature = "ros")]
         Command::Collect(args) => collect::run(&args),
+        Command::Completions(args) => completions::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Export(args) => export::run(&args),
@@ -154,8 +157,13 @@ pub fn main_with(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// The command line as clap knows it, with negative numbers as values and not as flags: their range is ours to tell.
+/// The command line as it is parsed and shown.
 fn command() -> clap::Command {
+    help::grouped(plain_command())
+}
+
+/// The command line as clap knows it, with negative numbers as values and not as flags: their range is ours to tell.
+fn plain_command() -> clap::Command {
     fn with_numbers(command: clap::Command) -> clap::Command {
         command
             .mut_args(|arg| match arg.get_action().takes_values() && !arg.is_positional() {

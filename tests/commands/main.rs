@@ -12,6 +12,7 @@ mod diff;
 mod eval_command;
 mod eval_report;
 mod export;
+mod help;
 mod init;
 mod inspect;
 mod output_faults;
