@@ -89,7 +89,7 @@ pub(super) struct Args {
     frames: Option<PathBuf>,
     #[command(flatten)]
     partial: PartialArgs,
-    /// Replace a report or a table that is already there
+    /// Replace a report, a table or a partial that is already there
     #[arg(long)]
     overwrite: bool,
     /// Bags that are read side by side; as many as there are cores unless set
@@ -137,7 +137,7 @@ impl Args {
 
 /// Scores, and gives everything that was found.
 fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
-    let bags = args.partial.bags(find_bags(&args.bags)?)?;
+    let bags = find_bags(&args.bags)?;
     scored(args, &bags, |cfg, request, each| {
         let mut result = evaluate::run_with(cfg, request, &Shown::bytes("eval"), each)?;
         result.command = evaluate::command(&partial::named(args), &partial::options());

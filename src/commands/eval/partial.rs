@@ -18,7 +18,7 @@ pub(super) struct PartialArgs {
     #[arg(long, value_name = "OUT.parquet", conflicts_with_all = ["report", "parquet", "gate", "by"])]
     pub(super) partial: Option<PathBuf>,
     /// Only every N-th bag of those that were found, from the I-th on, counted from 0: I = 0 .. N-1
-    #[arg(long, value_name = "I/N")]
+    #[arg(long, value_name = "I/N", requires = "partial")]
     pub(super) shard: Option<Shard>,
 }
 
@@ -39,17 +39,6 @@ const NOT_OF_SCORES: [&str; 14] = [
     "json",
     "overwrite",
 ];
-
-impl PartialArgs {
-    /// Of all bags, those that are scored here.
-    pub(super) fn bags(&self, all: Vec<PathBuf>) -> Result<Vec<PathBuf>, Failure> {
-        let Some(shard) = self.shard else { return Ok(all) };
-        match shard.bags(&all) {
-            none if none.is_empty() => Err(Failure(format!("--shard {shard} of {} bags holds none", all.len()))),
-            bags => Ok(bags),
-        }
-    }
-}
 
 /// Writes the statistics of the bags.
 pub(super) fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
