@@ -2,6 +2,7 @@
 
 mod cells;
 mod csv;
+mod read;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ use tempfile::NamedTempFile;
 
 pub use self::cells::{Cells, Kind};
 pub use self::csv::CsvFile;
+pub use self::read::TableReader;
 use crate::files;
 
 /// A table that can't be written.
@@ -31,6 +33,10 @@ pub enum ColumnsError {
     Parquet { path: PathBuf, error: ParquetError },
     #[error("{path}: column {column} is {expected:?} and got {got:?} of {rows} rows, expected {n_rows} rows")]
     Cells { path: PathBuf, column: String, expected: Kind, got: Kind, rows: usize, n_rows: usize },
+    #[error("{path}: is no whole Parquet file: {reason}")]
+    Damaged { path: PathBuf, reason: String },
+    #[error("{path}: its columns are {got}, expected {expected}")]
+    OtherColumns { path: PathBuf, expected: String, got: String },
 }
 
 /// A table on its way to the disk, group of rows by group of rows; under its name only once it is whole.
@@ -84,6 +90,11 @@ impl ColumnFile {
             column.close().map_err(in_file)?;
         }
         group.close().map(|_| ()).map_err(in_file)
+    }
+
+    /// Adds a note about the whole of the table, which only its end tells.
+    pub fn note(&mut self, key: &str, value: String) {
+        self.writer.append_key_value_metadata(KeyValue::new(key.to_owned(), value));
     }
 
     /// Bytes on the disk so far.
@@ -177,6 +188,49 @@ mod tests {
                 "{a/texts: [], b.vector: [5.0, 6.0], matrix: [[9.0, 10.0], [11.0, 12.0]]}",
             ]
         );
+    }
+
+    #[test]
+    fn what_is_read_back_as_cells_is_what_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let cells = [
+            ("text", Cells::Text(vec![Some("a".to_owned()), None, Some(String::new())])),
+            ("number", Cells::Number(vec![None, Some(0.1), Some(f64::NEG_INFINITY)])),
+            ("single", Cells::Single(vec![1.5, -0.0, 3.0])),
+            ("whole", Cells::Whole(vec![Some(i64::MIN), None, Some(3)])),
+            ("flag", Cells::Flag(vec![None, Some(true), Some(false)])),
+            ("stamp", Cells::Stamp(vec![Some(Stamp(7)), None, Some(Stamp(-1))])),
+            ("texts", Cells::Texts(vec![Some(vec!["x".to_owned(), "y".to_owned()]), None, Some(Vec::new())])),
+            ("numbers", Cells::Numbers(vec![Some(Vec::new()), Some(vec![1.0; 3000]), None])),
+            ("wholes", Cells::Wholes(vec![None, Some(vec![1]), Some(vec![2, 3])])),
+            ("vector", Cells::Vector { len: 2, values: (0..6).map(|value| value as f32).collect() }),
+            ("matrix", Cells::Matrix { n_rows: 2, n_columns: 3, values: (0..18).map(|value| value as f32).collect() }),
+        ];
+        let columns: Vec<(&str, Kind)> = cells.iter().map(|(name, cells)| (*name, cells.kind())).collect();
+        let written: Vec<Cells> = cells.iter().map(|(_, cells)| cells.clone()).collect();
+        let mut file = ColumnFile::create(&path, &columns, &[]).unwrap();
+        file.write(&written).unwrap();
+        file.write(&written).unwrap();
+        file.note("late", "yes".to_owned());
+        file.finish().unwrap();
+        let read = TableReader::open(&path).unwrap();
+        assert_eq!((read.n_groups(), read.note("late"), read.note("none")), (2, Some("yes"), None));
+        assert_eq!(read.columns().iter().map(|(name, kind)| (name.as_str(), *kind)).collect::<Vec<_>>(), columns);
+        assert_eq!(read.group(1).unwrap(), written);
+
+        let bytes = std::fs::read(&path).unwrap();
+        for cut in (0..bytes.len()).step_by(37) {
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            let told = TableReader::open(&path).map(|_| ()).unwrap_err().to_string();
+            assert!(told.contains("is no whole Parquet file"), "{told}");
+        }
+        for at in (0..bytes.len()).step_by(5) {
+            let mut changed = bytes.clone();
+            changed[at] ^= 0x55;
+            std::fs::write(&path, &changed).unwrap();
+            let _ = TableReader::open(&path).map(|read| (0..read.n_groups()).map(|idx| read.group(idx)).count());
+        }
     }
 
     #[test]

@@ -16,6 +16,7 @@ mod inspect;
 mod interrupt;
 #[cfg(feature = "ros")]
 mod live;
+mod merge;
 #[cfg(feature = "ros")]
 mod monitor;
 #[cfg(feature = "ros")]
@@ -38,6 +39,7 @@ use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -73,6 +75,7 @@ enum Command {
     Export(Box<export::Args>),
     Init(init::Args),
     Inspect(inspect::Args),
+    Merge(Box<merge::Args>),
     Simulate(simulate::Args),
     #[cfg(feature = "train")]
     Train(train::Args),
@@ -133,6 +136,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Export(args) => export::run(&args),
         Command::Init(args) => init::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Merge(args) => merge::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         #[cfg(feature = "train")]
         Command::Train(args) => train::run(&args),
@@ -175,8 +179,13 @@ fn plain_command() -> clap::Command {
     with_numbers(Cli::command())
 }
 
+/// The words that this process was called with, once they are parsed.
+static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+
 /// Parses a command line. What is asked of the command line itself, and usage errors, are printed; `Err` is the exit code.
 fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, u8> {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let _ = WORDS.set(args.clone()); // a process has one command line
     let parsed = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
     parsed.map_err(|error| {
         let _ = error.print(); // a closed stdout or stderr is nobody to tell

@@ -2,8 +2,10 @@
 
 mod error;
 mod held_out;
+mod partial;
 mod plan;
 mod results;
+mod scored;
 mod session;
 mod stretches;
 mod workers;
@@ -13,6 +15,7 @@ use std::path::{Path, PathBuf};
 
 pub use error::EvaluateError;
 pub use held_out::{all_folds, fold_path, folds_of};
+pub use partial::{Expected, MergeError, Partial, PartialBag, PartialOut, command, merge, run_partial};
 pub use plan::{Series, Session};
 pub use results::{Evaluated, Evidence, FailedBag, Latencies, ModelScores, Pairing, PoseQualityScores};
 pub use session::SessionSummary;
@@ -29,6 +32,7 @@ use crate::zero::Wanted;
 use held_out::{Fold, folds};
 use plan::Plan;
 use results::Gathered;
+use scored::{BagPart, Head};
 
 /// What is scored, and how.
 #[derive(Debug, Clone)]
@@ -111,70 +115,79 @@ pub fn run_with(
     observer: &dyn Observer,
     mut each: impl FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
 ) -> Result<Evaluated, EvaluateError> {
-    if request.held_out {
-        return run_held_out(cfg, request, observer, &mut each);
-    }
-    let (plan, cores) = Plan::new(cfg, request, observer)?;
-    let mut gathered = Gathered::new(&plan);
-    gather(&plan, cores, request, &mut gathered, &mut each)?;
-    check(observer)?;
-    gathered.finish(&plan)
+    let mut gathered = Gathered::default();
+    let head = parts(cfg, request, observer, &mut each, &mut |idx, part| gathered.handle(idx, part))?;
+    gathered.finish(&head)
 }
 
 type Each<'e> = dyn FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>> + 'e;
+type Take<'t> = dyn FnMut(usize, BagPart) -> Result<(), EvaluateError> + 't;
 
-/// Takes every bag of a request through a plan.
-fn gather(
-    plan: &Plan<'_>,
-    cores: Vec<Core>,
-    request: &Request<'_>,
-    gathered: &mut Gathered,
-    each: &mut Each<'_>,
-) -> Result<(), EvaluateError> {
-    workers::run(plan, cores, request.bags, request.jobs, |idx, session| {
-        match session {
-            Ok(session) => {
-                each(&plan.series, &session).map_err(EvaluateError::OfCaller)?;
-                gathered.handle_session(session)?;
-            }
-            Err(failure) => gathered.handle_failure(&request.bags[idx], &failure),
-        }
-        Ok(())
-    })
-}
-
-/// Scores each bag by the models that were trained without it. Rows have the names of the models that the folds belong to.
-fn run_held_out(
+/// Takes every bag of a request, and hands on what it gives, with its place among the bags. Gives what all have in common.
+fn parts(
     cfg: Config,
     request: &Request<'_>,
     observer: &dyn Observer,
     each: &mut Each<'_>,
-) -> Result<Evaluated, EvaluateError> {
+    take: &mut Take<'_>,
+) -> Result<Head, EvaluateError> {
+    if request.held_out {
+        return parts_held_out(cfg, request, observer, each, take);
+    }
+    let (plan, cores) = Plan::new(cfg, request, observer)?;
+    parts_of_plan(&plan, cores, request, each, take)?;
+    check(observer)?;
+    Ok(Head::of(&plan))
+}
+
+/// Takes every bag of a request through a plan.
+fn parts_of_plan(
+    plan: &Plan<'_>,
+    cores: Vec<Core>,
+    request: &Request<'_>,
+    each: &mut Each<'_>,
+    take: &mut Take<'_>,
+) -> Result<(), EvaluateError> {
+    workers::run(plan, cores, request.bags, request.jobs, |idx, session| {
+        let part = match session {
+            Ok(session) => {
+                each(&plan.series, &session).map_err(EvaluateError::OfCaller)?;
+                BagPart::scored(session, plan.judged())?
+            }
+            Err(failure) => BagPart::failed(&request.bags[idx], &failure),
+        };
+        take(idx, part)
+    })
+}
+
+/// Scores each bag by the models that were trained without it. Rows have the names of the models that the folds belong to.
+fn parts_held_out(
+    cfg: Config,
+    request: &Request<'_>,
+    observer: &dyn Observer,
+    each: &mut Each<'_>,
+    take: &mut Take<'_>,
+) -> Result<Head, EvaluateError> {
     let model = request.model.ok_or(EvaluateError::NoModel)?;
     let models: Vec<&Path> = request.compare.iter().map(PathBuf::as_path).chain([model]).collect();
     let folds = folds(request.bags, &models)?;
-    let mut all: Option<(Plan<'_>, Gathered)> = None;
-    for Fold { bags, models: of_fold } in &folds {
+    let mut head = None;
+    for Fold { bags, places, models: of_fold } in &folds {
         let Some((judged, compared)) = of_fold.split_last() else { continue };
         let of_fold = Request { bags, model: Some(judged), compare: compared, split: None, ..request.clone() };
         let (mut plan, cores) = Plan::new(cfg.clone(), &of_fold, observer)?;
         plan.name_held_out(&models);
-        let (first, mut gathered) = match all.take() {
-            Some((first, gathered)) => (Some(first), gathered),
-            None => (None, Gathered::new(&plan)),
-        };
-        gather(&plan, cores, &of_fold, &mut gathered, each)?;
+        parts_of_plan(&plan, cores, &of_fold, each, &mut |idx, part| take(places[idx], part))?;
         // The names are the same in all of them, and the files of the first are no more right than those of the last.
-        all = Some((first.unwrap_or(plan), gathered));
+        plan.forget_files(&models);
+        head.get_or_insert_with(|| Head::of(&plan));
         check(observer)?;
     }
-    let (mut plan, gathered) = all.ok_or(EvaluateError::NoModel)?;
-    plan.forget_files(&models);
-    gathered.finish(&plan)
+    head.ok_or(EvaluateError::NoModel)
 }
 
 /// What was scored of each session, in words.
-fn scored(split: Option<Split>) -> &'static str {
+fn what_is_scored(split: Option<Split>) -> &'static str {
     match split {
         None => "every frame",
         Some(_) => "the held-out test part",

@@ -21,11 +21,11 @@ use crate::model::ModelError;
 use crate::observer::Cancelled;
 use crate::protocol::Annotations;
 use crate::recording::{EstimateTrack, SampleError, Samples};
-use crate::sessions::SessionError;
+use crate::sessions::{SessionError, Shard};
 use crate::units::{GramForce, Stamp};
 
 pub use episode::{Episode, Layout};
-pub use lerobot::{Dataset, DatasetSpec};
+pub use lerobot::{Dataset, DatasetSpec, Joined, join};
 pub use request::{Request, Targets};
 pub use rows::{columns, rows};
 pub use run::run;
@@ -117,6 +117,20 @@ pub enum ExportError {
     DatasetExists { path: PathBuf },
     #[error("{path} is there already; give another name, or --overwrite")]
     TableExists { path: PathBuf },
+    #[error("{path}: {reason}")]
+    Shard { path: PathBuf, reason: String },
+    #[error("there is no shard to join; expected what `tpf export --lerobot DIR --shard I/N` wrote")]
+    NoShards,
+    #[error("shard {shard} is twice, in {first} and in {other}; leave one of them out")]
+    ShardTwice { shard: Shard, first: PathBuf, other: PathBuf },
+    #[error("{n} of {of} shards are missing: {names}; export them by `tpf export --lerobot DIR --shard`")]
+    MissingShards { n: usize, of: usize, names: String },
+    #[error(
+        "{first} and {other} were exported with different {what}, {ours} and {theirs}; join only shards of one export"
+    )]
+    MixedShards { first: PathBuf, other: PathBuf, what: String, ours: String, theirs: String },
+    #[error("none of {n} bags could be exported; the first: {first}")]
+    NoneExported { n: usize, first: String },
 }
 
 impl ExportError {

@@ -4,6 +4,7 @@
 mod error;
 mod labelled;
 mod modelled;
+mod shard;
 mod touches;
 
 use std::fs::File;
@@ -15,7 +16,7 @@ use sha2::{Digest, Sha256};
 pub use error::SessionError;
 pub use labelled::{Labelled, NeedsTruth};
 pub use modelled::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
-
+pub use shard::{Shard, ShardError};
 pub use touches::{KnownForces, RegionTouches, force_gains};
 
 use crate::bag::{BagError, BagReader, Recordings, recordings_at, shown};

@@ -12,7 +12,7 @@ mod recorded;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use crate::bag::Rest;
 pub use artifact::{ArtifactCollector, ArtifactTimes, TimedArtifact};
@@ -100,7 +100,7 @@ impl Donning {
 }
 
 /// Where a baseline came from, for summaries and files.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "from")]
 pub enum ZeroFrom {
     /// A calibration file.

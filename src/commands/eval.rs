@@ -1,14 +1,15 @@
 //! `tpf eval`: what a model, or the estimates in a bag, are worth against the true force.
 
+mod deliver;
 mod gates;
+mod partial;
 mod pose_quality;
 
 use std::num::NonZero;
 use std::path::PathBuf;
 
-use clap::ValueEnum;
-
-use self::gates::GateFile;
+pub(super) use self::deliver::{ByArg, Delivery};
+use self::partial::PartialArgs;
 use self::pose_quality::PoseQualityArgs;
 use super::checks::CheckArgs;
 use super::progress::Shown;
@@ -16,13 +17,11 @@ use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
 use super::split::SplitArgs;
 use super::zero::ZeroArgs;
-use super::{Failure, Outcome, interrupt, print, say};
-use crate::eval::GroupBy;
-use crate::evaluate::{self, Evaluated, JudgeTouch, Request};
-use crate::files;
+use super::{Failure, Outcome, interrupt};
+use crate::config::Config;
+use crate::evaluate::{self, Evaluated, JudgeTouch, Request, Series, Session};
 use crate::fusion::TouchLevels;
-use crate::report::checks;
-use crate::report::evaluation::{self, FrameFile};
+use crate::report::evaluation::FrameFile;
 
 /// Scores force and contact against the true force: per session, user, glove and substage, in the shape of the paper.
 #[derive(Debug, clap::Args)]
@@ -84,7 +83,9 @@ pub(super) struct Args {
     /// Also write every scored frame as Parquet: truth, estimate, base, contact, and what was asked for
     #[arg(long, value_name = "OUT.parquet")]
     frames: Option<PathBuf>,
-    /// Replace a report or a table that is already there
+    #[command(flatten)]
+    partial: PartialArgs,
+    /// Replace a report, a table or a partial that is already there
     #[arg(long)]
     overwrite: bool,
     /// Bags that are read side by side; as many as there are cores unless set
@@ -104,69 +105,53 @@ fn touch(text: &str) -> Result<JudgeTouch, String> {
     Ok(JudgeTouch::Levels(TouchLevels::from_on(on)))
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum ByArg {
-    User,
-    Session,
-    Stage,
-    Substage,
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    interrupt::listen();
+    let delivery = args.delivery();
+    delivery.check(&[&args.frames, &args.partial.partial])?;
+    if let Some(path) = &args.partial.partial {
+        return partial::run(args, path);
+    }
+    delivery.deliver(evaluate(args)?)
 }
 
-impl From<ByArg> for GroupBy {
-    fn from(by: ByArg) -> Self {
-        match by {
-            ByArg::User => GroupBy::User,
-            ByArg::Session => GroupBy::Session,
-            ByArg::Stage => GroupBy::Stage,
-            ByArg::Substage => GroupBy::Substage,
+impl Args {
+    fn delivery(&self) -> Delivery<'_> {
+        Delivery {
+            command: "tpf eval",
+            gate: self.gate.as_deref(),
+            update_refs: self.update_refs,
+            checks: &self.checks,
+            report: self.report.as_deref(),
+            parquet: self.parquet.as_deref(),
+            overwrite: self.overwrite,
+            by: &self.by,
+            json: self.json,
         }
     }
 }
 
-pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
-    interrupt::listen();
-    if args.gate.is_none() && args.checks.are_wanted() {
-        return Err(Failure("--junit and --jsonl write how gates went; give --gate GATES.yaml".to_owned()));
-    }
-    let outputs = [&args.report, &args.parquet, &args.frames];
-    if let Some(path) = outputs.into_iter().flatten().find(|path| path.exists() && !args.overwrite) {
-        return Err(Failure(format!("{} is there already; give another name, or --overwrite", path.display())));
-    }
-    let gates = args.gate.as_deref().map(GateFile::read).transpose()?;
-    let mut result = evaluate(args)?;
-    if let Some(gates) = &gates {
-        result.checks = gates.judge(&result, args.update_refs)?;
-        args.checks.write("tpf eval", &result.checks)?;
-    }
-    result.sessions.iter().flat_map(|session| &session.warnings).for_each(|warning| say(warning));
-    result.failed.iter().for_each(|failed| say(&format!("not scored: {}", failed.error)));
-    if let Some(path) = &args.report {
-        let written = files::replace(path, evaluation::page(&result).html().as_bytes());
-        written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
-        say(&format!("report: {}", path.display()));
-    }
-    if let Some(path) = &args.parquet {
-        evaluation::write_scores(path, &result)?;
-    }
-    print(&if args.json {
-        serde_json::to_string_pretty(&result)? + "\n"
-    } else {
-        evaluation::text(&result, &args.by.iter().map(|by| GroupBy::from(*by)).collect::<Vec<_>>())
-    })?;
-    let lost = !result.failed.is_empty() || result.sessions.iter().any(|session| !session.losses.is_empty());
-    Ok(match (checks::are_met(&result.checks), lost) {
-        (false, _) => Outcome::NotMet,
-        (true, true) => Outcome::InputLost,
-        (true, false) => Outcome::Done,
+/// Scores, and gives everything that was found.
+fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
+    let bags = find_bags(&args.bags)?;
+    scored(args, &bags, |cfg, request, each| {
+        let mut result = evaluate::run_with(cfg, request, &Shown::bytes("eval"), each)?;
+        result.command = evaluate::command(&partial::named(args), &partial::options());
+        Ok(result)
     })
 }
 
-/// Scores, and gives everything that was found.
-fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
+type Each<'e> = dyn FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>> + 'e;
+
+/// Asks for the scores of bags in the way that the command line says, and writes their frames where it says so.
+fn scored<T>(
+    args: &Args,
+    bags: &[PathBuf],
+    score: impl FnOnce(Config, &Request<'_>, &mut Each<'_>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
     let split = if args.whole { None } else { Some(args.split.split(0.0)?) };
-    let bags = find_bags(&args.bags)?;
-    let everything = Request::new(&bags);
+    let everything = Request::new(bags);
     let request = Request {
         model: args.model.as_deref(),
         compare: &args.compare,
@@ -182,7 +167,7 @@ fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
         ..everything
     };
     let mut frames = args.frames.as_deref().map(FrameFile::new);
-    let result = evaluate::run_with(cfg, &request, &Shown::bytes("eval"), |series, session| {
+    let result = score(cfg, &request, &mut |series, session| {
         let written = frames.iter_mut().try_for_each(|frames| frames.handle_session(series, session));
         written.map_err(|error| error.to_string().into())
     })?;

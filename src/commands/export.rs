@@ -8,6 +8,7 @@ use super::setup::{ModelArgs, ParamArgs};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::export::{self, Request, Targets};
+use crate::sessions::Shard;
 
 /// Writes force, contact, artifact, taxels and joint angles for those who learn from them: as a LeRobot dataset at its
 /// own rate, or as a table of all frames.
@@ -47,6 +48,9 @@ pub(super) struct Args {
     /// Topic of the true force for the tables, instead of the one in the parameters
     #[arg(long, value_name = "TOPIC")]
     truth: Option<String>,
+    /// Only every N-th bag of those that were found, from the I-th on, counted from 0 (I = 0 .. N-1), for `tpf merge --lerobot`
+    #[arg(long, value_name = "I/N", requires = "lerobot", conflicts_with_all = ["parquet", "csv"])]
+    shard: Option<Shard>,
     /// Replace a table that is already there; a dataset is never replaced
     #[arg(long)]
     overwrite: bool,
@@ -69,6 +73,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         backend: args.models.choice(),
         zero: args.zero.wanted(),
         needs_truth: args.truth.is_some(),
+        shard: args.shard,
         ..Request::new(&bags, targets)
     };
     let summary = export::run(&cfg, &request, &Shown::steps("export"))?;

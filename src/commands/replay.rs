@@ -1,14 +1,18 @@
 //! `tpf replay`: a recorded bag in, newtons and contact out.
 
+mod each;
+
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::progress::Shown;
 use super::setup::{ModelArgs, ParamArgs};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::bag::BagError;
-use crate::replay::{self, Options, Recording, ReplayError};
+use crate::config::Config;
+use crate::replay::{self, Options, Recording, ReplayError, Replayed};
+use crate::sessions::Shard;
 
 /// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
 #[derive(Debug, clap::Args)]
@@ -18,7 +22,7 @@ pub(super) struct Args {
     bags: Vec<PathBuf>,
     #[command(flatten)]
     params: ParamArgs,
-    /// Bag to write: NAME.mcap for a file, any other name for a bag folder
+    /// Bag to write: NAME.mcap for a file, any other name for a bag folder; with --each the folder of the bags
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
@@ -34,6 +38,12 @@ pub(super) struct Args {
     /// Copy everything in the input into the output, untouched
     #[arg(long)]
     merge: bool,
+    /// Take every bag, also those in folders, as a recording of its own, and write each to NAME.mcap in OUT
+    #[arg(long)]
+    each: bool,
+    /// Only every N-th of these bags, from the I-th on, counted from 0: I = 0 .. N-1
+    #[arg(long, value_name = "I/N", requires = "each")]
+    shard: Option<Shard>,
     /// Replace an output that is already there
     #[arg(long)]
     overwrite: bool,
@@ -43,28 +53,46 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    if args.each {
+        return each::run(args);
+    }
     let mut cfg = args.params.load()?;
     args.models.apply(&mut cfg)?;
     interrupt::listen();
-    let mut options = Options {
-        overwrite: args.overwrite,
-        merge: args.merge,
-        batch: args.batch,
-        drop_unused_joints: args.models.replaces(),
-        ..Options::new(&args.output)
-    };
-    options.jobs = args.jobs.unwrap_or(options.jobs);
-    let recording = Recording { bags: &args.bags, zero: args.zero.wanted() };
-    let replayed = replay::run(cfg, recording, &options, &Shown::bytes("replay")).map_err(|error| match error {
-        ReplayError::Bag(BagError::Exists { path }) => {
-            Failure(format!("{}: is there already; choose another name, or give --overwrite", path.display()))
-        }
-        error => error.into(),
+    let replayed = replay(args, cfg, &args.bags, &args.output).map_err(|ended| match ended {
+        Ended::Failed(failure) | Ended::Cancelled(failure) => failure,
     })?;
     replayed.warnings().iter().for_each(|warning| say(warning));
     let summary = replayed.summary();
     print(&if args.json { serde_json::to_string_pretty(&summary)? + "\n" } else { summary.to_string() })?;
     Ok(if replayed.is_complete() { Outcome::Done } else { Outcome::InputLost })
+}
+
+/// Why there is no replay of a recording.
+enum Ended {
+    Failed(Failure),
+    Cancelled(Failure),
+}
+
+/// Replays one recording.
+fn replay(args: &Args, cfg: Config, bags: &[PathBuf], output: &Path) -> Result<Replayed, Ended> {
+    let mut options = Options {
+        overwrite: args.overwrite,
+        merge: args.merge,
+        batch: args.batch,
+        drop_unused_joints: args.models.replaces(),
+        ..Options::new(output)
+    };
+    options.jobs = args.jobs.unwrap_or(options.jobs);
+    let recording = Recording { bags, zero: args.zero.wanted() };
+    replay::run(cfg, recording, &options, &Shown::bytes("replay")).map_err(|error| match error {
+        ReplayError::Bag(BagError::Exists { path }) => Ended::Failed(Failure(format!(
+            "{}: is there already; choose another name, or give --overwrite",
+            path.display()
+        ))),
+        ReplayError::Cancelled(error) => Ended::Cancelled(error.into()),
+        error => Ended::Failed(error.into()),
+    })
 }
 
 fn batch(text: &str) -> Result<usize, String> {

@@ -167,10 +167,10 @@ impl Touches {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DetectionTally {
     slack_ns: i64,
-    counts: Detection,
-    onset_ms: Vec<f64>,
-    offset_ms: Vec<f64>,
-    air_ns: i64,
+    pub(super) counts: Detection,
+    pub(super) onset_ms: Vec<f64>,
+    pub(super) offset_ms: Vec<f64>,
+    pub(super) air_ns: i64,
 }
 
 impl DetectionTally {
@@ -214,6 +214,23 @@ impl DetectionTally {
         counts.n_detected += detected.all.len() as u64;
         counts.n_true_too_short += truth.n_too_short;
         self.air_ns = self.air_ns.saturating_add(truth.air_ns);
+    }
+
+    /// Adds the touches of another tally, as if its sessions had come here.
+    pub(super) fn merge(&mut self, other: &DetectionTally) {
+        let (counts, theirs) = (&mut self.counts, &other.counts);
+        counts.n_true += theirs.n_true;
+        counts.n_true_too_short += theirs.n_true_too_short;
+        counts.n_detected += theirs.n_detected;
+        counts.n_missed += theirs.n_missed;
+        counts.n_merged += theirs.n_merged;
+        counts.n_split += theirs.n_split;
+        counts.n_onset_unseen += theirs.n_onset_unseen;
+        counts.n_offset_unseen += theirs.n_offset_unseen;
+        counts.air.n += theirs.air.n;
+        self.onset_ms.extend_from_slice(&other.onset_ms);
+        self.offset_ms.extend_from_slice(&other.offset_ms);
+        self.air_ns = self.air_ns.saturating_add(other.air_ns);
     }
 
     /// Detected onset minus true onset, ms, in the order of the touches.

@@ -55,18 +55,18 @@ pub struct Evaluation {
     /// Those of free movement.
     pub free_movement: Tallies,
     /// Whether the touch of some frame was judged by its probability.
-    by_touch: bool,
-    scoring: Scoring,
-    by_glove: BTreeMap<String, ContactTallies>,
+    pub(super) by_touch: bool,
+    pub(super) scoring: Scoring,
+    pub(super) by_glove: BTreeMap<String, ContactTallies>,
 }
 
 #[derive(Debug, Clone)]
-struct ContactTallies {
-    detection: DetectionTally,
-    preservation: PreservationTally,
-    pose_age: PoseAgeTally,
-    in_air: InAirTally,
-    held: HeldTally,
+pub(super) struct ContactTallies {
+    pub(super) detection: DetectionTally,
+    pub(super) preservation: PreservationTally,
+    pub(super) pose_age: PoseAgeTally,
+    pub(super) in_air: InAirTally,
+    pub(super) held: HeldTally,
 }
 
 /// Contacts of one glove: how they were detected, and what the correction did to them.
@@ -147,14 +147,39 @@ impl Evaluation {
             }
         }
         let Some(origin) = frames.origins.first() else { return Ok(()) };
-        let tallies = self.by_glove.entry(origin.glove.clone()).or_insert_with(|| ContactTallies {
+        let scoring = self.scoring;
+        self.contacts_of(&origin.glove).handle_session(frames, &scoring)
+    }
+
+    /// What is gathered of the contacts of a glove.
+    pub(super) fn contacts_of(&mut self, glove: &str) -> &mut ContactTallies {
+        self.by_glove.entry(glove.to_owned()).or_insert_with(|| ContactTallies {
             detection: DetectionTally::new(CONTACT_SLACK),
             preservation: PreservationTally::new(CONTACT_SLACK, TOLERATED_DELAY),
             pose_age: PoseAgeTally::default(),
             in_air: InAirTally::new(CONTACT_SLACK, Touching::default().max_gap),
             held: HeldTally::default(),
-        });
-        tallies.handle_session(frames, &self.scoring)
+        })
+    }
+
+    /// Adds what another evaluation gathered. Sums are added in the order of these calls: the same order gives the same
+    /// bits.
+    ///
+    /// # Errors
+    /// [`MetricError::Scoring`] when it was scored by other rules.
+    pub fn merge(&mut self, other: &Evaluation) -> Result<(), MetricError> {
+        self.all.merge(&other.all)?;
+        self.free_movement.merge(&other.free_movement)?;
+        self.by_touch |= other.by_touch;
+        for (glove, theirs) in &other.by_glove {
+            let ours = self.contacts_of(glove);
+            ours.detection.merge(&theirs.detection);
+            ours.preservation.merge(&theirs.preservation);
+            ours.pose_age.merge(&theirs.pose_age);
+            ours.in_air.merge(&theirs.in_air);
+            ours.held.merge(&theirs.held);
+        }
+        Ok(())
     }
 
     /// Whether touch was judged by the probability that the model gives, and not by its force.

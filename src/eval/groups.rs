@@ -123,6 +123,19 @@ impl Tallies {
         self.by_origin.entry(origin).or_insert_with(|| Tally::new(scoring))
     }
 
+    /// The tallies by where their frames come from.
+    pub(super) fn by_origin(&self) -> &BTreeMap<Origin, Tally> {
+        &self.by_origin
+    }
+
+    /// Adds the frames of other tallies, as if they had been added here.
+    ///
+    /// # Errors
+    /// [`MetricError::Scoring`] when they were scored by other rules.
+    pub fn merge(&mut self, other: &Tallies) -> Result<(), MetricError> {
+        other.by_origin.iter().try_for_each(|(origin, tally)| self.at(origin.clone()).merge(tally))
+    }
+
     /// The tallies put together.
     ///
     /// # Errors

@@ -56,23 +56,23 @@ impl HeldTouches {
 /// Gathers [`HeldTouches`], session by session.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct HeldTally {
-    bins: [Sums; EDGES_GF.len()],
+    pub(super) bins: [Sums; EDGES_GF.len()],
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Sums {
-    n: u64,
-    at_1_s: Part,
-    later: Part,
+pub(super) struct Sums {
+    pub(super) n: u64,
+    pub(super) at_1_s: Part,
+    pub(super) later: Part,
 }
 
 /// Frames of a part of the held touches.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Part {
-    n: u64,
-    n_found: u64,
-    truth_gf: f64,
-    estimate_gf: f64,
+pub(super) struct Part {
+    pub(super) n: u64,
+    pub(super) n_found: u64,
+    pub(super) truth_gf: f64,
+    pub(super) estimate_gf: f64,
 }
 
 impl HeldTally {
@@ -109,6 +109,15 @@ impl HeldTally {
         }
     }
 
+    /// Adds the touches of another tally, as if its sessions had come here.
+    pub(super) fn merge(&mut self, other: &HeldTally) {
+        for (ours, theirs) in self.bins.iter_mut().zip(&other.bins) {
+            ours.n += theirs.n;
+            ours.at_1_s.merge(&theirs.at_1_s);
+            ours.later.merge(&theirs.later);
+        }
+    }
+
     /// Held touches by force, those that there are.
     pub(super) fn report(&self) -> Vec<HeldTouches> {
         let of = |(bin, sums): (usize, &Sums)| HeldTouches {
@@ -126,6 +135,13 @@ impl HeldTally {
 }
 
 impl Part {
+    fn merge(&mut self, other: &Part) {
+        self.n += other.n;
+        self.n_found += other.n_found;
+        self.truth_gf += other.truth_gf;
+        self.estimate_gf += other.estimate_gf;
+    }
+
     fn found(&self) -> Metric {
         Metric::ratio(self.n_found, self.n, Undefined::NoTouch)
     }

@@ -44,16 +44,16 @@ pub struct InAirReport {
 pub struct InAirTally {
     slack_ns: i64,
     max_gap_ns: i64,
-    by_pose: BTreeMap<String, Sums>,
+    pub(super) by_pose: BTreeMap<String, Sums>,
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
-struct Sums {
-    air_ns: i64,
-    n_without_estimate: u64,
-    n_false_touches: u64,
+pub(super) struct Sums {
+    pub(super) air_ns: i64,
+    pub(super) n_without_estimate: u64,
+    pub(super) n_false_touches: u64,
     /// gF; single precision, because there may be millions.
-    sizes: Vec<f32>,
+    pub(super) sizes: Vec<f32>,
 }
 
 impl InAirTally {
@@ -93,15 +93,17 @@ impl InAirTally {
         }
     }
 
+    /// Adds the frames of another tally, as if its sessions had come here.
+    pub(super) fn merge(&mut self, other: &InAirTally) {
+        for (pose, sums) in &other.by_pose {
+            self.by_pose.entry(pose.clone()).or_default().merge(sums);
+        }
+    }
+
     /// What was found; `None` when no frame was in the air.
     pub fn report(&self) -> Option<InAirReport> {
         let mut all = Sums::default();
-        for sums in self.by_pose.values() {
-            all.air_ns += sums.air_ns;
-            all.n_without_estimate += sums.n_without_estimate;
-            all.n_false_touches += sums.n_false_touches;
-            all.sizes.extend_from_slice(&sums.sizes);
-        }
+        self.by_pose.values().for_each(|sums| all.merge(sums));
         let by_pose = self.by_pose.iter().map(|(pose, sums)| (pose.clone(), sums.in_air())).collect();
         (!self.by_pose.is_empty()).then(|| InAirReport { total: all.in_air(), by_pose })
     }
@@ -115,6 +117,13 @@ struct Rest {
 }
 
 impl Sums {
+    fn merge(&mut self, other: &Sums) {
+        self.air_ns = self.air_ns.saturating_add(other.air_ns);
+        self.n_without_estimate += other.n_without_estimate;
+        self.n_false_touches += other.n_false_touches;
+        self.sizes.extend_from_slice(&other.sizes);
+    }
+
     fn in_air(&self) -> InAir {
         let minutes = self.air_ns as f64 / 60e9;
         let sizes: Vec<f64> = self.sizes.iter().map(|size| f64::from(*size)).collect();

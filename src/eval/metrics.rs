@@ -138,14 +138,14 @@ pub struct Score {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tally {
     scoring: Scoring,
-    n_without_truth: u64,
-    touch: Class,
-    no_touch: Class,
-    bins: BTreeMap<u32, Class>,
-    beyond_bins: u64,
-    truth_mean: f64,
-    truth_m2: f64,
-    squared_error: f64,
+    pub(super) n_without_truth: u64,
+    pub(super) touch: Class,
+    pub(super) no_touch: Class,
+    pub(super) bins: BTreeMap<u32, Class>,
+    pub(super) beyond_bins: u64,
+    pub(super) truth_mean: f64,
+    pub(super) truth_m2: f64,
+    pub(super) squared_error: f64,
 }
 
 impl Tally {

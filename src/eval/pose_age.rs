@@ -52,14 +52,14 @@ pub struct PoseAgeBin {
 pub struct PoseAgeTally {
     bounds_ns: Vec<i64>,
     /// Fresh, one a bound, past the last bound, unknown.
-    sums: Vec<Sums>,
+    pub(super) sums: Vec<Sums>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Sums {
-    n: u64,
-    abs_error: f64,
-    error: f64,
+pub(super) struct Sums {
+    pub(super) n: u64,
+    pub(super) abs_error: f64,
+    pub(super) error: f64,
 }
 
 impl Default for PoseAgeTally {
@@ -111,6 +111,15 @@ impl PoseAgeTally {
             }
         }
         Ok(())
+    }
+
+    /// Adds the frames of another tally of the same bounds, as if its sessions had come here.
+    pub(super) fn merge(&mut self, other: &PoseAgeTally) {
+        for (ours, theirs) in self.sums.iter_mut().zip(&other.sums) {
+            ours.n += theirs.n;
+            ours.abs_error += theirs.abs_error;
+            ours.error += theirs.error;
+        }
     }
 
     fn range_of(&self, age: Option<i64>) -> usize {

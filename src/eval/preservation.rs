@@ -45,10 +45,10 @@ pub struct TouchFate {
 pub struct PreservationTally {
     slack_ns: i64,
     tolerated_ms: f64,
-    counts: Preservation,
-    delay_ms: Vec<f64>,
-    base_ns: i64,
-    lost_ns: i64,
+    pub(super) counts: Preservation,
+    pub(super) delay_ms: Vec<f64>,
+    pub(super) base_ns: i64,
+    pub(super) lost_ns: i64,
 }
 
 impl PreservationTally {
@@ -112,6 +112,21 @@ impl PreservationTally {
                 Fate::InNeither
             }
         }
+    }
+
+    /// Adds the touches of another tally, as if its sessions had come here.
+    pub(super) fn merge(&mut self, other: &PreservationTally) {
+        let (counts, theirs) = (&mut self.counts, &other.counts);
+        counts.n_true += theirs.n_true;
+        counts.n_kept += theirs.n_kept;
+        counts.n_delayed += theirs.n_delayed;
+        counts.n_delay_unseen += theirs.n_delay_unseen;
+        counts.n_removed += theirs.n_removed;
+        counts.n_gained += theirs.n_gained;
+        counts.n_in_neither += theirs.n_in_neither;
+        self.delay_ms.extend_from_slice(&other.delay_ms);
+        self.base_ns = self.base_ns.saturating_add(other.base_ns);
+        self.lost_ns = self.lost_ns.saturating_add(other.lost_ns);
     }
 
     /// What was found in the sessions so far.

@@ -17,7 +17,7 @@ pub const BIN_WIDTH: GramForce = GramForce(10.0);
 pub const MDF_BALANCED_ACCURACY: f64 = 0.9;
 
 /// Bins kept of one tally: 20 kgF at the default width, twenty times what the protocol presses.
-const MAX_BINS: u32 = 2000;
+pub(super) const MAX_BINS: u32 = 2000;
 
 /// What a frame without an estimate says about touch. It never enters MAE and R2, and is counted either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

@@ -73,7 +73,7 @@ pub struct StageSpan<'a> {
 }
 
 /// A chronological split, in shares of time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Split {
     by: SplitBy,
     validation: f64,

@@ -1,6 +1,6 @@
 //! Dynamic taring: a load cell drifts, and wherever the hand is known to be in the air its reading is the drift itself.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::scoring::Scoring;
 use crate::units::{GramForce, Stamp};
@@ -168,7 +168,7 @@ impl TareCurve {
 }
 
 /// How well the tared truth keeps what the touch threshold was chosen by: that zero load stays below it.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ZeroLoadCheck {
     /// Finite zero-load samples.
     pub n_samples: u64,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::bag::BagError;
+use crate::columns::ColumnsError;
 use crate::eval::MetricError;
 use crate::glove::SeveralModels;
 use crate::model::ModelError;
@@ -23,6 +24,10 @@ pub enum EvaluateError {
     Session(#[from] SessionError),
     #[error(transparent)]
     Metric(#[from] MetricError),
+    #[error(transparent)]
+    Columns(#[from] ColumnsError),
+    #[error("{path}: {error}")]
+    File { path: PathBuf, error: std::io::Error },
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     #[error("worse joint angles are tried on a model that takes pose; give one by --model")]

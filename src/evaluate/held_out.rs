@@ -15,6 +15,8 @@ const WITHOUT: &str = ".without-";
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Fold {
     pub(super) bags: Vec<PathBuf>,
+    /// Where each stands among all bags.
+    pub(super) places: Vec<usize>,
     /// Baselines first.
     pub(super) models: Vec<PathBuf>,
 }
@@ -43,7 +45,7 @@ fn fold_named(model: &Path, group: &str) -> PathBuf {
 pub(super) fn folds(bags: &[PathBuf], models: &[&Path]) -> Result<Vec<Fold>, EvaluateError> {
     let by_model = models.iter().map(|model| by_session(model)).collect::<Result<Vec<_>, _>>()?;
     let mut folds: Vec<Fold> = Vec::new();
-    for bag in bags {
+    for (place, bag) in bags.iter().enumerate() {
         let name = session_name(bag);
         let of_model = |(sessions, model): (&BTreeMap<String, PathBuf>, &&Path)| {
             let missing = || EvaluateError::InNoFold { bag: name.clone(), model: all_folds(model) };
@@ -51,8 +53,11 @@ pub(super) fn folds(bags: &[PathBuf], models: &[&Path]) -> Result<Vec<Fold>, Eva
         };
         let models: Vec<PathBuf> = by_model.iter().zip(models).map(of_model).collect::<Result<_, _>>()?;
         match folds.iter_mut().find(|fold| fold.models == models) {
-            Some(fold) => fold.bags.push(bag.clone()),
-            None => folds.push(Fold { bags: vec![bag.clone()], models }),
+            Some(fold) => {
+                fold.bags.push(bag.clone());
+                fold.places.push(place);
+            }
+            None => folds.push(Fold { bags: vec![bag.clone()], places: vec![place], models }),
         }
     }
     Ok(folds)

@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
+use serde::{Deserialize, Serialize};
+
 use super::held_out::all_folds;
 use super::session::SessionSummary;
-use super::{EvaluateError, JudgeTouch, Request, scored};
+use super::{EvaluateError, JudgeTouch, Request, what_is_scored};
 use crate::bag::shown;
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
@@ -42,7 +44,7 @@ pub(super) struct PlannedCore {
 }
 
 /// Estimates of one model or recording, corrected or not: one row of the table.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Series {
     /// What it is called.
     pub name: String,
@@ -52,13 +54,13 @@ pub struct Series {
     pub quality: Option<PoseQuality>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum SeriesSource {
     Core(usize),
     Recorded,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Which {
     Corrected,
     Base,
@@ -281,7 +283,7 @@ impl<'a> Plan<'a> {
             frames.push(of_regions);
         }
         if summary.frames_scored == 0 {
-            let what = scored(self.split);
+            let what = what_is_scored(self.split);
             summary.warnings.push(format!("{}: {what} holds no frame with an estimate", bag.display()));
         }
         let session = Session { summary, frames };

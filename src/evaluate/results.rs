@@ -1,14 +1,14 @@
 //! What comes out of all sessions.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use serde::Serialize;
 
-use super::plan::{Plan, Series, SeriesSource, Session, Which};
+use super::plan::{Series, SeriesSource, Which};
+use super::scored::{BagPart, Head, ScoredBag};
 use super::session::SessionSummary;
 use super::stretches::{Stretch, Stretches};
-use super::{EvaluateError, scored};
+use super::{EvaluateError, what_is_scored};
 use crate::eval::{
     Check, ContactReport, Evaluation, ForceCurve, GroupBy, GroupScore, Improvement, MetricError, PairedTest,
     ResultTable, Score, Scoring, Split, group_scores, paired_by_user,
@@ -168,46 +168,48 @@ impl ModelScores {
     }
 }
 
-/// What is gathered session by session.
+/// What is gathered bag by bag, in the order of the bags: sums of numbers depend on it.
+#[derive(Default)]
 pub(super) struct Gathered {
     /// `[series]`
     evaluations: Vec<Evaluation>,
     sessions: Vec<SessionSummary>,
     failed: Vec<FailedBag>,
-    judged: Option<usize>,
     stretches: Stretches,
+    /// Bags whose turn has not come.
+    early: BTreeMap<usize, BagPart>,
+    turn: usize,
 }
 
 impl Gathered {
-    /// Nothing yet.
-    pub(super) fn new(plan: &Plan<'_>) -> Self {
-        let evaluations = plan.series.iter().map(|_| Evaluation::new(Scoring::default())).collect();
-        let (judged, stretches) = (plan.judged(), Stretches::default());
-        Gathered { evaluations, sessions: Vec::new(), failed: Vec::new(), judged, stretches }
-    }
-
-    /// Takes a session.
-    pub(super) fn handle_session(&mut self, session: Session) -> Result<(), EvaluateError> {
-        let Session { summary, frames } = session;
-        for (evaluation, of_regions) in self.evaluations.iter_mut().zip(&frames) {
-            for frames in of_regions {
-                evaluation.handle_session(frames).map_err(|error| EvaluateError::in_bag(&summary.bag, &error))?;
+    /// Takes a bag, of which `idx` tells the turn.
+    pub(super) fn handle(&mut self, idx: usize, part: BagPart) -> Result<(), EvaluateError> {
+        self.early.insert(idx, part);
+        while let Some(part) = self.early.remove(&self.turn) {
+            self.turn += 1;
+            let BagPart { bag, outcome, .. } = part;
+            match outcome {
+                Ok(scored) => self.handle_scored(scored)?,
+                Err(error) => self.failed.push(FailedBag { bag, error }),
             }
         }
-        let judged = self.judged.and_then(|judged| frames.get(judged));
-        judged.into_iter().flatten().for_each(|frames| self.stretches.handle_session(frames));
+        Ok(())
+    }
+
+    fn handle_scored(&mut self, scored: ScoredBag) -> Result<(), EvaluateError> {
+        let ScoredBag { summary, evaluations, stretches } = scored;
+        let new = || Evaluation::new(Scoring::default());
+        self.evaluations.resize_with(evaluations.len().max(self.evaluations.len()), new);
+        self.evaluations.iter_mut().zip(&evaluations).try_for_each(|(ours, of_bag)| ours.merge(of_bag))?;
+        stretches.into_iter().for_each(|found| self.stretches.handle(found));
         self.sessions.push(summary);
         Ok(())
     }
 
-    /// Takes a bag that could not be scored.
-    pub(super) fn handle_failure(&mut self, bag: &Path, failure: &EvaluateError) {
-        self.failed.push(FailedBag { bag: bag.display().to_string(), error: failure.to_string() });
-    }
-
     /// Everything that was found.
-    pub(super) fn finish(self, plan: &Plan<'_>) -> Result<Evaluated, EvaluateError> {
-        let Gathered { evaluations, sessions, failed, stretches, .. } = self;
+    pub(super) fn finish(self, head: &Head) -> Result<Evaluated, EvaluateError> {
+        let Gathered { mut evaluations, sessions, failed, stretches, .. } = self;
+        evaluations.resize_with(head.series.len(), || Evaluation::new(Scoring::default()));
         if let (true, [first, rest @ ..]) = (sessions.is_empty(), failed.as_slice()) {
             let first = first.error.clone();
             return Err(match rest.len() {
@@ -215,7 +217,7 @@ impl Gathered {
                 n => EvaluateError::AllFailed { n: n + 1, first },
             });
         }
-        let all: Vec<(&Series, Evaluation)> = plan.series.iter().zip(evaluations).collect();
+        let all: Vec<(&Series, Evaluation)> = head.series.iter().zip(evaluations).collect();
         let (degraded, series): (Vec<_>, Vec<_>) = all.into_iter().partition(|(one, _)| one.quality.is_some());
         let mut models = Vec::new();
         let mut evidence = Evidence { stretches: stretches.finish(), latencies: Vec::new() };
@@ -227,7 +229,7 @@ impl Gathered {
                 offset: detection.offsets_ms().to_vec(),
             }));
             let core = match one.source {
-                SeriesSource::Core(idx) => plan.cores.get(idx),
+                SeriesSource::Core(idx) => head.models.get(idx),
                 SeriesSource::Recorded => None,
             };
             models.push(ModelScores {
@@ -248,13 +250,13 @@ impl Gathered {
             tool_version: env!("CARGO_PKG_VERSION"),
             command: std::env::args().collect(),
             scoring: Scoring::default(),
-            scored: scored(plan.split),
-            split: plan.split,
+            scored: what_is_scored(head.split),
+            split: head.split,
             models,
             improvements: table.improvements(),
             table,
             free_movement_table: free,
-            paired: pairings(&series, plan.n_compared)?,
+            paired: pairings(&series, head.n_compared)?,
             sessions,
             failed,
             pose_quality: pose_quality(&degraded)?,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::eval::{Timing, ZeroLoadCheck};
@@ -11,7 +11,7 @@ use crate::sessions::{Labelled, SessionError, fingerprint, session_name};
 use crate::zero::ZeroFrom;
 
 /// What results say of a session.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SessionSummary {
     /// Its bag, without the folder it lies in.
     pub name: String,
@@ -30,7 +30,7 @@ pub struct SessionSummary {
     /// Of them, those without a true force.
     pub frames_without_truth: usize,
     /// What it lacks, and what can't be said for want of it.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
     /// How well the tared truth keeps below the touch threshold where nothing touches; absent without truth.
     #[serde(skip_serializing_if = "Option::is_none")]

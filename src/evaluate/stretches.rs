@@ -39,6 +39,25 @@ pub struct Stretch {
     pub contact: Vec<bool>,
 }
 
+/// Those of one session and region.
+#[derive(Debug, Clone)]
+pub(super) struct BestAndWorst {
+    pub(super) best: Stretch,
+    pub(super) median: Stretch,
+    pub(super) worst: Stretch,
+}
+
+impl BestAndWorst {
+    /// Of the frames of a session; `None` where no stretch is whole and holds touches.
+    pub(super) fn of(frames: &ScoredFrames) -> Option<Self> {
+        let mut found = candidates(frames);
+        found.sort_by(|a, b| a.mae_gf.total_cmp(&b.mae_gf));
+        let last = found.len().checked_sub(1)?;
+        let (best, median) = (found[0].clone(), found[last / 2].clone());
+        Some(BestAndWorst { best, median, worst: found.swap_remove(last) })
+    }
+}
+
 /// Looks for them, session by session: of each it keeps the best, the median and the worst.
 #[derive(Debug, Default)]
 pub(super) struct Stretches {
@@ -48,13 +67,10 @@ pub(super) struct Stretches {
 }
 
 impl Stretches {
-    /// Takes the frames of a session.
-    pub(super) fn handle_session(&mut self, frames: &ScoredFrames) {
-        let mut found = candidates(frames);
-        found.sort_by(|a, b| a.mae_gf.total_cmp(&b.mae_gf));
-        let Some(last) = found.len().checked_sub(1) else { return };
-        self.medians.push(found[last / 2].clone());
-        let (best, worst) = (found[0].clone(), found.swap_remove(last));
+    /// Takes those of a session and region.
+    pub(super) fn handle(&mut self, found: BestAndWorst) {
+        let BestAndWorst { best, median, worst } = found;
+        self.medians.push(median);
         if self.best.as_ref().is_none_or(|known| best.mae_gf < known.mae_gf) {
             self.best = Some(best);
         }
@@ -157,9 +173,9 @@ mod tests {
     #[test]
     fn the_best_the_middle_and_the_worst_are_found_among_all_sessions() {
         let mut stretches = Stretches::default();
-        stretches.handle_session(&session("a", &[5.0, 1.0, 9.0]));
-        stretches.handle_session(&session("b", &[6.0, 30.0, 2.0]));
-        stretches.handle_session(&session("c", &[20.0, 21.0, 22.0]));
+        for (name, errors) in [("a", [5.0, 1.0, 9.0]), ("b", [6.0, 30.0, 2.0]), ("c", [20.0, 21.0, 22.0])] {
+            BestAndWorst::of(&session(name, &errors)).into_iter().for_each(|found| stretches.handle(found));
+        }
         let found = stretches.finish();
         let told: Vec<_> = found.iter().map(|one| (one.kind, one.session.as_str(), one.mae_gf, one.from_s)).collect();
         assert_eq!(told, [("Best", "a", 1.0, 20.0), ("Median", "b", 6.0, 0.0), ("Worst", "b", 30.0, 20.0)]);

@@ -3,9 +3,15 @@
 //! The layout is that of `lerobot` 0.4.4 and 0.6.1 (`src/lerobot/datasets`): `meta/info.json`, `meta/stats.json`,
 //! `meta/tasks.parquet`, `meta/episodes/chunk-000/file-000.parquet`, and frames in `data/chunk-000/file-000.parquet`.
 
+mod shard;
+
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+
+pub use self::shard::{Joined, join};
+pub(super) use self::shard::{ShardBag, ShardNotes};
 
 use super::card::card;
 use super::stats::{QUANTILES, Stats};
@@ -16,11 +22,14 @@ use crate::files::{self, NewFolder};
 /// Size of a file of frames from which on the next episode begins another one; LeRobot's.
 const FILE_MB: usize = 100;
 
+/// What LeRobot counts frames with: the last columns of every table.
+const N_COUNTING: usize = 5;
+
 /// Files of a chunk; LeRobot's.
 const CHUNK_FILES: usize = 1000;
 
 /// What holds for a dataset as a whole.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DatasetSpec {
     /// Frames a second.
     pub fps: u32,
@@ -108,6 +117,25 @@ impl Dataset {
         Ok(())
     }
 
+    /// Refuses an episode of a shard whose features are not those of the episodes before.
+    fn refuse_other_features(&self, episode: &Episode, of: &Path) -> Result<(), ExportError> {
+        let ours = self.schema.iter().take(self.schema.len().saturating_sub(N_COUNTING));
+        let theirs = episode.features.iter().map(|feature| (feature.name.clone(), description(feature)));
+        if self.schema.is_empty() || ours.cloned().eq(theirs) {
+            return Ok(());
+        }
+        let reason = "its features are not those of the other shards".to_owned();
+        Err(ExportError::Shard { path: of.to_path_buf(), reason })
+    }
+
+    /// Writes what makes the dataset a shard of a larger one.
+    ///
+    /// # Errors
+    /// [`ExportError`] when the disk refuses.
+    pub(super) fn note_shard(&self, notes: &ShardNotes) -> Result<(), ExportError> {
+        self.write_json(shard::FILE, &serde_json::to_value(notes)?)
+    }
+
     /// Gives the dataset its name.
     ///
     /// # Errors
@@ -129,7 +157,7 @@ impl Dataset {
     }
 
     /// What LeRobot counts frames with. Times are those of the episode; stamps are in `stamp_ns`.
-    fn counting_features(&self, n: usize) -> [Feature; 5] {
+    fn counting_features(&self, n: usize) -> [Feature; N_COUNTING] {
         let fps = f64::from(self.spec.fps);
         let whole = |of: &dyn Fn(usize) -> usize| Cells::Whole((0..n).map(|idx| i64::try_from(of(idx)).ok()).collect());
         let (episode, before) = (self.episodes.len(), self.n_frames);
@@ -145,9 +173,9 @@ impl Dataset {
 
     /// Where a file of the numbered ones goes.
     fn in_folder(&self, kind: &str, file: usize) -> Result<PathBuf, ExportError> {
-        let chunk = self.folder.path().join(kind).join(format!("chunk-{:03}", file / CHUNK_FILES));
-        std::fs::create_dir_all(&chunk).map_err(io(&self.out))?;
-        Ok(chunk.join(format!("file-{:03}.parquet", file % CHUNK_FILES)))
+        let path = numbered(&self.folder.path().join(kind), file);
+        std::fs::create_dir_all(path.parent().unwrap_or(self.folder.path())).map_err(io(&self.out))?;
+        Ok(path)
     }
 
     /// A data frame of pandas whose index is the task, which is how LeRobot looks it up.
@@ -245,6 +273,12 @@ impl Dataset {
         std::fs::create_dir_all(&meta).map_err(io(&self.out))?;
         Ok(meta.join(name))
     }
+}
+
+/// A file of the numbered ones in a folder of chunks.
+fn numbered(folder: &Path, file: usize) -> PathBuf {
+    let chunk = folder.join(format!("chunk-{:03}", file / CHUNK_FILES));
+    chunk.join(format!("file-{:03}.parquet", file % CHUNK_FILES))
 }
 
 /// Type and shape of a feature, as `info.json` has them.

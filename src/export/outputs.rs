@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::lerobot::ShardNotes;
 use super::loaded::Loaded;
 use super::summary::BagSummary;
 use super::{Dataset, DatasetSpec, Episode, ExportError, Layout, Request, Targets, columns, rows};
@@ -36,6 +37,11 @@ impl<'a> Outputs<'a> {
 
     fn has_tables(&self) -> bool {
         self.request.targets.parquet.is_some() || self.request.targets.csv.is_some()
+    }
+
+    /// Whether some bag has decided what frames hold.
+    pub(super) fn has_layout(&self) -> bool {
+        self.layout.is_some()
     }
 
     /// What a bag adds, all of it before any is written.
@@ -91,10 +97,12 @@ impl<'a> Outputs<'a> {
         Ok(())
     }
 
-    /// Gives every output its name.
-    pub(super) fn finish(self) -> Result<(), ExportError> {
+    /// Gives every output its name; `shard` makes the dataset a part of a larger one.
+    pub(super) fn finish(self, shard: Option<&ShardNotes>) -> Result<(), ExportError> {
         self.parquet.map_or(Ok(()), ColumnFile::finish)?;
         self.csv.map_or(Ok(()), CsvFile::finish)?;
-        self.dataset.map_or(Ok(()), Dataset::finish)
+        let Some(dataset) = self.dataset else { return Ok(()) };
+        shard.map_or(Ok(()), |notes| dataset.note_shard(notes))?;
+        dataset.finish()
     }
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::ExportError;
 use crate::model::BackendChoice;
+use crate::sessions::Shard;
 use crate::zero::Wanted;
 
 /// What is exported, and how.
@@ -27,6 +28,9 @@ pub struct Request<'a> {
     pub zero: Wanted<'a>,
     /// Whether a bag without the true force of the parameters is at fault.
     pub needs_truth: bool,
+    /// Which share of the bags is exported, to a dataset that [`join`](super::join) takes; `None` for all of them. All bags
+    /// are needed: the first that can be exported decides the layout of every shard.
+    pub shard: Option<Shard>,
 }
 
 impl<'a> Request<'a> {
@@ -43,6 +47,7 @@ impl<'a> Request<'a> {
             backend: None,
             zero: Wanted::Any,
             needs_truth: false,
+            shard: None,
         }
     }
 }

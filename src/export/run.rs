@@ -1,6 +1,7 @@
 //! Bags in, a dataset or tables out.
 
 use super::ExportError;
+use super::lerobot::{ShardBag, ShardNotes};
 use super::loaded::Loader;
 use super::outputs::Outputs;
 use super::request::Request;
@@ -8,8 +9,10 @@ use super::summary::{Failed, Summary};
 use crate::bag::shown;
 use crate::config::Config;
 use crate::observer::{Observer, check};
+use crate::sessions::Shard;
 
-/// Exports bags. Those that can't be exported are in [`Summary::failed`], as long as one can.
+/// Exports bags, or a share of them. Those that can't be exported are in [`Summary::failed`], as long as one can; in a share
+/// they may be all of them.
 ///
 /// # Errors
 /// [`ExportError`] when an output can't be written, no bag can be exported, or the observer cancels; outputs are absent
@@ -18,14 +21,28 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
     request.targets.check()?;
     let mut outputs = Outputs::create(request, cfg)?;
     let mut loader = Loader::new(request, cfg, observer);
+    let shard = request.shard.unwrap_or(Shard::WHOLE);
+    let mut notes = request.shard.map(|shard| ShardNotes::new(shard, request.bags.len(), cfg, request)).transpose()?;
     let (mut summary, mut first_error) = (Summary::default(), None);
     for (bag_idx, bag) in request.bags.iter().enumerate() {
         observer.progress(bag_idx as u64, request.bags.len() as u64);
+        let is_own = bag_idx % shard.of() == shard.index();
+        if !is_own && outputs.has_layout() {
+            continue;
+        }
         let made = loader.load(bag).and_then(|loaded| {
             let made = outputs.make(&loaded).map_err(|error| ExportError::in_bag(bag, &error))?;
             Ok((made, loaded))
         });
         check(observer)?;
+        if !is_own {
+            continue; // what it is good for is its layout
+        }
+        if let Some(notes) = &mut notes {
+            let synthetic = made.as_ref().is_ok_and(|(_, loaded)| loaded.synthetic);
+            let error = made.as_ref().err().map(ToString::to_string);
+            notes.bags.push(ShardBag { bag: shown(bag), synthetic, error });
+        }
         match made {
             Ok((made, loaded)) => summary.bags.push(outputs.write(bag, made, loaded)?),
             Err(error) => {
@@ -34,11 +51,11 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
             }
         }
     }
-    if let (true, Some(error)) = (summary.bags.is_empty(), first_error) {
+    if let (true, Some(error), None) = (summary.bags.is_empty(), first_error, &notes) {
         summary.failed.iter().skip(1).for_each(|failed| observer.note(&format!("not exported: {}", failed.error)));
         return Err(error);
     }
-    outputs.finish()?;
+    outputs.finish(notes.as_ref())?;
     summary.outputs = request.targets.paths().map(shown).collect();
     Ok(summary)
 }

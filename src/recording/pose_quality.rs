@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::fusion::{JointSample, JointSource};
 use crate::random::Noise;
 use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// How much worse joint angles are made. The default leaves them as they are.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct PoseQuality {
     /// Standard deviation of white Gaussian noise that is added to every angle, degrees.
     pub noise_deg: f64,

@@ -10,6 +10,7 @@ mod demo;
 mod devices;
 mod diff;
 mod eval_command;
+mod eval_merge;
 mod eval_report;
 mod export;
 mod help;
@@ -20,6 +21,7 @@ mod replay;
 mod replay_failures;
 mod replay_jobs;
 mod replay_memory;
+mod shards;
 mod simulate;
 #[cfg(feature = "train")]
 mod train_command;

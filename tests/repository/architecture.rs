@@ -55,6 +55,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
         "evaluate",
         &[
             "bag",
+            "columns",
             "config",
             "eval",
             "fusion",

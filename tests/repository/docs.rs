@@ -67,8 +67,10 @@ fn commands(text: &str) -> Vec<(String, String)> {
     found
 }
 
-/// Words of a shell line without variables, quotes taken off.
+/// Words of a shell line without variables but those of array jobs, quotes taken off.
 fn words(line: &str) -> Vec<String> {
+    let line = line.replace("$SLURM_ARRAY_TASK_ID", "0").replace("$SLURM_ARRAY_TASK_COUNT", "3");
+    let line = line.split(" > ").next().unwrap_or_default();
     let mut words = vec![String::new()];
     let mut quote = None;
     for letter in line.chars() {
@@ -203,6 +205,37 @@ fn what_the_readme_does_with_a_bag_runs_as_it_is_written() {
     assert!(lines.len() >= 3, "{lines:?}");
     run("README.md", &lines, folder.path());
     assert!(folder.path().join("forces.csv").exists());
+}
+
+#[test]
+fn the_array_of_many_bags_gives_what_one_process_gives() {
+    let folder = workplace();
+    let prepare = [
+        "tpf simulate --glove 1 --users 2 --sessions 1 --minutes 1.7 --seed 5 -o bags",
+        "cp params/glove1.yaml glove.yaml && sed -i 's|../models/|models/|' glove.yaml",
+        "cp models/glove1_pose_aware.onnx model.onnx && mkdir partials",
+    ];
+    run("preparation", &prepare, folder.path());
+    let page = "how-to/many-bags.md";
+    let shown = commands(&fs::read_to_string(book().join(page)).unwrap());
+    let workers = lines_of(&shown, "worker");
+    let workers: Vec<&str> = workers.into_iter().filter(|line| line.starts_with("tpf ")).collect();
+    assert_eq!(workers.len(), 3, "{workers:?}");
+    for index in [1, 0] {
+        let line = |line: &&str| format!("SLURM_ARRAY_TASK_ID={index} SLURM_ARRAY_TASK_COUNT=2; {line}");
+        let lines: Vec<String> = workers.iter().map(line).collect();
+        run(page, &lines.iter().map(String::as_str).collect::<Vec<_>>(), folder.path());
+    }
+    run(page, &lines_of(&shown, "merge"), folder.path());
+    let whole = [
+        "tpf eval bags --params-file glove.yaml --model model.onnx --whole --json > whole.json",
+        "cmp whole.json scores.json",
+        "tpf export bags --params-file glove.yaml --fps 30 --lerobot whole",
+        "diff -r whole dataset",
+        "tpf replay bags/glove1_user02_session1 --params-file glove.yaml -o one.mcap",
+        "cmp one.mcap forces/glove1_user02_session1.mcap",
+    ];
+    run("one process", &whole, folder.path());
 }
 
 #[test]

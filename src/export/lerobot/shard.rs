@@ -1,0 +1,232 @@
+//! Shards of a dataset, written by several processes, joined to the one that a single process writes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::{Dataset, DatasetSpec, N_COUNTING, io};
+use crate::columns::{Cells, TableReader};
+use crate::config::Config;
+use crate::export::{Episode, ExportError, Failed, Feature, Request};
+use crate::observer::{Observer, check};
+use crate::sessions::Shard;
+
+/// The file that makes a dataset a shard, below its folder.
+pub(super) const FILE: &str = "tpf_shard.json";
+
+/// What a shard tells of itself.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct ShardNotes {
+    pub(crate) version: String,
+    pub(crate) shard: Shard,
+    /// In all shards.
+    pub(crate) n_bags: usize,
+    /// Whatever else episodes depend on besides the bags.
+    pub(crate) made_by: BTreeMap<String, String>,
+    pub(super) spec: DatasetSpec,
+    /// In the order of the shard.
+    pub(crate) bags: Vec<ShardBag>,
+}
+
+/// A bag of a shard.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct ShardBag {
+    pub(crate) bag: String,
+    pub(crate) synthetic: bool,
+    /// Why it has no episode.
+    pub(crate) error: Option<String>,
+}
+
+/// What became of the bags of shards that were joined.
+#[derive(Debug, Serialize)]
+pub struct Joined {
+    /// The dataset.
+    pub output: String,
+    /// Bags that are in it, in its order.
+    pub bags: Vec<String>,
+    /// Bags that are not.
+    pub failed: Vec<Failed>,
+}
+
+impl ShardNotes {
+    /// Of a share of so many bags that are exported like this.
+    ///
+    /// # Errors
+    /// [`ExportError`] when a file that is named can't be read.
+    pub(crate) fn new(shard: Shard, n_bags: usize, cfg: &Config, request: &Request<'_>) -> Result<Self, ExportError> {
+        let sha256 = |bytes: &[u8]| Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        let of_file = |path: &Path| Ok::<_, ExportError>(sha256(&std::fs::read(path).map_err(io(path))?));
+        let mut same = cfg.clone();
+        let mut models = Vec::new();
+        for model in &mut same.models {
+            let path = std::mem::take(&mut model.spec.path); // machines may have the same file in other places
+            models.push(if request.model.is_none() && path.is_file() { of_file(&path)? } else { "none".to_owned() });
+        }
+        let zero = match request.zero {
+            crate::zero::Wanted::File(path) => of_file(path)?,
+            other => format!("{other:?}"),
+        };
+        let made_by = [
+            ("parameters", sha256(format!("{same:?}").as_bytes())),
+            ("models", models.join(", ")),
+            ("model", request.model.map(of_file).transpose()?.unwrap_or_else(|| "not given".to_owned())),
+            ("backend", format!("{:?}", request.backend)),
+            ("zero", zero),
+            ("--fps", request.fps.to_string()),
+            ("--tactile-window-ms", request.tactile_window_ms.to_string()),
+            ("--task", request.task.to_owned()),
+        ];
+        Ok(ShardNotes {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            shard,
+            n_bags,
+            made_by: made_by.map(|(name, value)| (name.to_owned(), value)).into(),
+            spec: DatasetSpec { fps: request.fps, task: request.task.to_owned(), robot_type: cfg.glove.clone() },
+            bags: Vec::new(),
+        })
+    }
+}
+
+/// Joins the shards of a dataset, in any order: the result is, byte for byte, that of one export of all bags.
+///
+/// # Errors
+/// [`ExportError`] when one is no shard of this version, they are not of the same export, one is missing or twice, or `out`
+/// can't be written; there is then no dataset.
+pub fn join(out: &Path, shards: &[PathBuf], observer: &dyn Observer) -> Result<Joined, ExportError> {
+    let mut found: BTreeMap<usize, Source> = BTreeMap::new();
+    for path in shards {
+        let source = Source::open(path)?;
+        if let Some((_, first)) = found.first_key_value() {
+            first.refuse_mixture(&source)?;
+        }
+        let shard = source.notes.shard;
+        if let Some(other) = found.insert(shard.index(), source) {
+            let other = other.folder;
+            return Err(ExportError::ShardTwice { shard, first: other, other: path.clone() });
+        }
+    }
+    let Some(notes) = found.first_key_value().map(|(_, first)| first.notes.clone()) else {
+        return Err(ExportError::NoShards);
+    };
+    let of = notes.shard.of();
+    if found.len() < of {
+        let missing = (0..of).filter(|index| !found.contains_key(index)).take(6);
+        let names: Vec<String> = missing.map(|index| format!("{index}/{of}")).collect();
+        return Err(ExportError::MissingShards { n: of - found.len(), of, names: names.join(", ") });
+    }
+    let mut dataset = Dataset::create(out, notes.spec)?;
+    let mut joined = Joined { output: out.display().to_string(), bags: Vec::new(), failed: Vec::new() };
+    for place in 0..notes.n_bags {
+        check(observer)?;
+        observer.progress(place as u64, notes.n_bags as u64);
+        let Some(source) = found.get_mut(&(place % of)) else { return Err(ExportError::NoShards) };
+        let bag = source.notes.bags[place / of].clone();
+        match bag.error {
+            Some(error) => joined.failed.push(Failed { bag: bag.bag, error }),
+            None => {
+                let episode = source.next_episode(bag.synthetic)?;
+                dataset.refuse_other_features(&episode, &source.folder)?;
+                dataset.handle_episode(episode)?;
+                joined.bags.push(bag.bag);
+            }
+        }
+    }
+    match (joined.bags.is_empty(), joined.failed.first()) {
+        (true, Some(first)) => Err(ExportError::NoneExported { n: joined.failed.len(), first: first.error.clone() }),
+        _ => {
+            dataset.finish()?;
+            Ok(joined)
+        }
+    }
+}
+
+/// A shard that is read.
+struct Source {
+    folder: PathBuf,
+    notes: ShardNotes,
+    /// Names of the elements of each feature.
+    names: BTreeMap<String, Option<Vec<String>>>,
+    table: Option<TableReader>,
+    n_files: usize,
+    group: usize,
+}
+
+impl Source {
+    fn open(folder: &Path) -> Result<Self, ExportError> {
+        let refuse = |reason: String| ExportError::Shard { path: folder.to_path_buf(), reason };
+        let path = folder.join("meta").join(FILE);
+        let text = match std::fs::read_to_string(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Err(refuse(
+                    "is no shard; expected what `tpf export --lerobot DIR --shard I/N` wrote".to_owned(),
+                ));
+            }
+            text => text.map_err(io(&path))?,
+        };
+        let notes: ShardNotes = serde_json::from_str(&text).map_err(|error| refuse(format!("{FILE}: {error}")))?;
+        let expected = notes.shard.n_of(notes.n_bags);
+        if notes.bags.len() != expected {
+            return Err(refuse(format!("its notes tell of {} bags, expected {expected}", notes.bags.len())));
+        }
+        let path = folder.join("meta/info.json");
+        let text = std::fs::read_to_string(&path).map_err(io(&path))?;
+        let info: Value = serde_json::from_str(&text).map_err(|error| refuse(format!("info.json: {error}")))?;
+        let features = info["features"].as_object().ok_or_else(|| refuse("info.json: no features".to_owned()))?;
+        let names = |feature: &Value| serde_json::from_value(feature["names"].clone()).ok().flatten();
+        let names = features.iter().map(|(name, feature)| (name.clone(), names(feature))).collect();
+        Ok(Source { folder: folder.to_path_buf(), notes, names, table: None, n_files: 0, group: 0 })
+    }
+
+    /// Refuses a shard that is not of the same export.
+    fn refuse_mixture(&self, other: &Source) -> Result<(), ExportError> {
+        let (a, b) = (&self.notes, &other.notes);
+        let mixed = |what: &str, ours: String, theirs: String| {
+            let (first, other) = (self.folder.clone(), other.folder.clone());
+            Err(ExportError::MixedShards { first, other, what: what.to_owned(), ours, theirs })
+        };
+        if a.version != b.version {
+            return mixed("versions", a.version.clone(), b.version.clone());
+        }
+        if (a.shard.of(), a.n_bags) != (b.shard.of(), b.n_bags) {
+            let told = |notes: &ShardNotes| format!("{} of {} bags", notes.shard, notes.n_bags);
+            return mixed("shards", told(a), told(b));
+        }
+        let value = |notes: &ShardNotes, name: &String| notes.made_by.get(name).cloned().unwrap_or_default();
+        match a.made_by.keys().find(|name| a.made_by.get(*name) != b.made_by.get(*name)) {
+            Some(name) => mixed(name, value(a, name), value(b, name)),
+            None => Ok(()),
+        }
+    }
+
+    /// The next of its episodes.
+    fn next_episode(&mut self, synthetic: bool) -> Result<Episode, ExportError> {
+        let table = loop {
+            match self.table.take().filter(|table| self.group < table.n_groups()) {
+                Some(table) => break table,
+                None => {
+                    let path = super::numbered(&self.folder.join("data"), self.n_files);
+                    self.table = Some(TableReader::open(&path)?);
+                    (self.n_files, self.group) = (self.n_files + 1, 0);
+                }
+            }
+        };
+        let mut cells = table.group(self.group)?;
+        let mut columns: Vec<String> = table.columns().iter().map(|(name, _)| name.clone()).collect();
+        self.group += 1;
+        self.table = Some(table);
+        let n_own = columns.len().checked_sub(N_COUNTING).ok_or_else(|| ExportError::Shard {
+            path: self.folder.clone(),
+            reason: "its table lacks the columns of a dataset".to_owned(),
+        })?;
+        columns.truncate(n_own);
+        cells.truncate(n_own);
+        let n_frames = cells.first().map_or(0, Cells::n_rows);
+        let feature =
+            |(name, cells): (String, Cells)| Feature { names: self.names.get(&name).cloned().flatten(), name, cells };
+        let features = columns.into_iter().zip(cells).map(feature).collect();
+        Ok(Episode { n_frames, synthetic, skipped_s: 0.0, known: Vec::new(), features })
+    }
+}
