@@ -9,6 +9,8 @@ mod demo;
 mod diff;
 mod eval;
 mod export;
+mod force;
+mod in_air;
 mod init;
 mod inspect;
 mod interrupt;

@@ -5,12 +5,13 @@ mod text;
 
 use std::path::PathBuf;
 
+use super::in_air::InAirArgs;
 use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::characterization::{self, Characterized, InAir, NamedTiming, RegionResult, Request, SessionSummary};
+use crate::characterization::{self, Characterized, NamedTiming, RegionResult, Request, SessionSummary};
 use crate::files;
 
 /// Characterizes a glove from recordings: joints that move its taxels, artifact size, hysteresis, drift, noise, clocks.
@@ -26,9 +27,8 @@ pub(super) struct Args {
     truth: Option<String>,
     #[command(flatten)]
     zero: ZeroArgs,
-    /// When nothing touches the glove, in seconds from the first taxels of each bag, or `all`; instead of annotations
-    #[arg(long, value_name = "FROM..TO|all", allow_hyphen_values = true)]
-    in_air: Option<InAir>,
+    #[command(flatten)]
+    in_air: InAirArgs,
     /// Suggest joints as long as each adds this share to what is explained of the artifact
     #[arg(long, value_name = "SHARE", default_value_t = characterization::MIN_GAIN, value_parser = share)]
     min_gain: f64,
@@ -51,7 +51,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
     let bags = find_bags(&args.bags)?;
     let request = Request {
-        in_air: args.in_air,
+        in_air: args.in_air.told(),
         zero: args.zero.wanted(),
         min_gain: args.min_gain,
         needs_truth: args.truth.is_some(),

@@ -16,6 +16,7 @@ use self::pose_quality::PoseQualityArgs;
 pub(super) use self::render::short_text;
 use self::tables::FrameFile;
 use super::checks::{self, CheckArgs};
+use super::in_air::InAirArgs;
 use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
@@ -65,6 +66,8 @@ pub(super) struct Args {
     known_touches: Option<u16>,
     #[command(flatten)]
     zero: ZeroArgs,
+    #[command(flatten)]
+    in_air: InAirArgs,
     /// Also print the scores of each of these groups
     #[arg(long, value_enum, value_delimiter = ',')]
     by: Vec<ByArg>,
@@ -176,6 +179,7 @@ fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
         backend: args.backend.choice(),
         split,
         zero: args.zero.wanted(),
+        in_air: args.in_air.told(),
         needs_truth: args.truth.is_some(),
         pose_levels: args.pose_quality.levels()?,
         held_out: args.held_out,

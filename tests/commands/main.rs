@@ -22,3 +22,5 @@ mod replay_memory;
 mod simulate;
 #[cfg(feature = "train")]
 mod train_command;
+#[cfg(feature = "train")]
+mod unannotated;
