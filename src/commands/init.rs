@@ -1,5 +1,7 @@
-//! `tpf init`: a complete parameter file from what is in bags.
+//! `tpf init`: a complete parameter file from what is in bags, or comes on the topics of a live graph.
 
+#[cfg(feature = "ros")]
+mod live;
 mod model_file;
 mod person;
 
@@ -15,11 +17,12 @@ use crate::init::{Ask, BestGuess, Document, document};
 use crate::inspect::BagReport;
 use person::{NoOne, Person};
 
-/// Writes a parameter file from what is in bags: topics, types, fields, rates, taxels, joints, patches, each with its reason.
+/// Writes a parameter file from what is in bags, or on the topics of a live graph: topics, types, fields, rates, taxels, joints, patches, each with its reason.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// MCAP or .db3 files or bag folders of one glove
-    #[arg(required = true, value_name = "BAG")]
+    #[cfg_attr(feature = "ros", arg(required_unless_present = "live", value_name = "BAG"))]
+    #[cfg_attr(not(feature = "ros"), arg(required = true, value_name = "BAG"))]
     bags: Vec<PathBuf>,
     /// Parameter file to write
     #[arg(short, long, value_name = "FILE", default_value = "glove.yaml")]
@@ -36,6 +39,9 @@ pub(super) struct Args {
     /// Replace a file that is already there
     #[arg(long)]
     overwrite: bool,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    live: live::LiveArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -44,10 +50,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         return Err(is_there(output));
     }
     interrupt::listen();
-    let mut bags = Vec::new();
-    for path in recordings(&args.bags) {
-        bags.push(BagReport::read(&path, args.message_definitions.as_deref(), &Shown::bytes("inspect"))?);
-    }
+    let Looked { bags, told: heard } = args.look()?;
     let mut outcome = Outcome::Done;
     for loss in bags.iter().flat_map(|bag| &bag.losses) {
         say(&format!("input lost: {}", printable(loss)));
@@ -68,11 +71,39 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let path = model_file::relative(definitions, folder)?;
         made.text += &format!("\n    message_definitions: {}\n", crate::inspect::yaml_text(&path));
     }
+    if !heard.is_empty() {
+        made.text +=
+            "\n# Heard on the live graph; the node's own QoS, best effort and volatile, goes with all of these:\n";
+        heard.iter().for_each(|line| made.text += &format!("# {line}\n"));
+    }
     refuse_what_would_not_load(&made, output)?;
     made.guesses.iter().for_each(|guess| say(&format!("guessed: {}", printable(guess))));
     write(output, made.text.as_bytes(), args.overwrite)?;
     print(&told(&made, args, model.is_some()))?;
     Ok(outcome)
+}
+
+/// What was looked at.
+struct Looked {
+    bags: Vec<BagReport>,
+    /// What came on a live graph, a line a topic.
+    told: Vec<String>,
+}
+
+impl Args {
+    /// Looks at bags, or at a live graph.
+    fn look(&self) -> Result<Looked, Failure> {
+        let read = |path: &Path| BagReport::read(path, self.message_definitions.as_deref(), &Shown::bytes("inspect"));
+        #[cfg(feature = "ros")]
+        if self.live.live {
+            let recorded = live::record(&self.live, self.message_definitions.as_deref())?;
+            let mut bag = read(&recorded.bag())?;
+            bag.path = format!("the topics of a live graph, for {} s", self.live.seconds);
+            return Ok(Looked { bags: vec![bag], told: recorded.told });
+        }
+        let bags = recordings(&self.bags).iter().map(|path| read(path)).collect::<Result<_, _>>()?;
+        Ok(Looked { bags, told: Vec::new() })
+    }
 }
 
 /// Each path, or the recordings in it where it is a folder of several files.
@@ -115,8 +146,13 @@ fn is_there(output: &Path) -> Failure {
 fn told(made: &Document, args: &Args, has_model: bool) -> String {
     let output = args.output.display();
     let mut text = format!("{output}: patches {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
-    let bag = args.bags.first().map_or_else(String::new, |bag| bag.display().to_string());
+    let bag = args.bags.first().map_or_else(|| "BAG".to_owned(), |bag| bag.display().to_string());
     text += &match (has_model, made.has_truth) {
+        (true, _) if args.bags.is_empty() => {
+            format!(
+                "next: tpf calibrate --live --params-file {output} -o zero.yaml, then tpf run --params-file {output} --calibration zero.yaml\n"
+            )
+        }
         (true, _) => format!("next: tpf replay {bag} --params-file {output} -o forces.mcap\n"),
         (false, true) => {
             let region = if made.regions.len() > 1 { format!(" --region {}", made.regions[0]) } else { String::new() };
