@@ -37,7 +37,7 @@ fn press(frame: i64) -> f64 {
 /// A session of 40 s at 100 Hz, whose force sensor reads 3 N at rest and drifts.
 fn write_session(path: &Path, annotated: bool) {
     let mut bag = Bag::create(path);
-    let mut annotate = |bag: &mut Bag, ms: i64, stage: u8, substage: &str| {
+    let annotate = |bag: &mut Bag, ms: i64, stage: u8, substage: &str| {
         let header = Header { stamp: at(ms).into(), frame_id: String::new() };
         let zero_load = stage == 1;
         bag.send("/stage", at(ms), &Stage { header, stage, substage: substage.into(), zero_load, ..Stage::default() });
