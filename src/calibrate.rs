@@ -10,7 +10,7 @@ use crate::glove::{Models, known};
 use crate::model::ModelError;
 use crate::observer::{Cancelled, Observer, check};
 use crate::recording::input_topics;
-use crate::sessions::{KnownForces, RegionTouches, SessionError, force_gains};
+use crate::sessions::{InAir, KnownForces, RegionTouches, SessionError, annotated, force_gains};
 use crate::zero::{self, LoadCheck, Wanted, ZeroError, ZeroFrom};
 
 /// What a calibration is taken from.
@@ -20,6 +20,8 @@ pub struct Request<'a> {
     pub bags: &'a [PathBuf],
     /// The first seconds, in which nothing touches the glove, instead of annotated zero-load stretches.
     pub first_s: Option<f64>,
+    /// What tells when nothing touches the glove, in place of the annotations of the recording.
+    pub in_air: Option<&'a InAir>,
     /// Touches of a known force, which fit what forces are multiplied by; `None` for no such gain.
     pub known_forces: Option<KnownForces>,
 }
@@ -27,7 +29,7 @@ pub struct Request<'a> {
 impl<'a> Request<'a> {
     /// The annotated zero-load stretches of a recording, and no gain.
     pub fn new(bags: &'a [PathBuf]) -> Self {
-        Request { bags, first_s: None, known_forces: None }
+        Request { bags, first_s: None, in_air: None, known_forces: None }
     }
 }
 
@@ -74,6 +76,7 @@ pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> R
     models.notes(&cfg).iter().for_each(|note| observer.note(note));
     let known_models = known(&cfg, &models.infos);
     let wanted = request.first_s.map_or(Wanted::Any, Wanted::First);
+    let cfg = annotated(&cfg, request.bags, request.in_air, observer)?;
     let mut zero = zero::find(wanted, &cfg, request.bags, &known_models)?;
     zero.notes.iter().for_each(|note| observer.note(note));
     let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;

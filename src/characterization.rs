@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-pub use self::load::InAir;
 pub use self::scan::NamedTiming;
+pub use crate::sessions::InAir;
 
 use self::load::Loader;
 use self::scan::{Scan, common_joints};
@@ -22,7 +22,7 @@ use crate::config::Config;
 use crate::fusion::SetupError;
 use crate::observer::{Cancelled, Observer, check};
 use crate::recording::RecordingError;
-use crate::sessions::session_name;
+use crate::sessions::{SessionError, session_name};
 use crate::zero::Wanted;
 
 /// A joint is suggested as long as it adds this share to what is explained of the artifact.
@@ -36,7 +36,7 @@ pub struct Request<'a> {
     /// Where the zero of the taxels is from.
     pub zero: Wanted<'a>,
     /// When nothing touches the glove; `None` for what the annotations say.
-    pub in_air: Option<InAir>,
+    pub in_air: Option<&'a InAir>,
     /// Least share that a suggested joint adds to what is explained of the artifact, in `[0, 1)`.
     pub min_gain: f64,
     /// Whether a bag without the true force of the parameters is at fault.
@@ -62,6 +62,8 @@ pub enum CharacterizeError {
     Recording(#[from] RecordingError),
     #[error(transparent)]
     Setup(#[from] SetupError),
+    #[error(transparent)]
+    Session(#[from] SessionError),
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     #[error("{bag}: {reason}")]
@@ -140,11 +142,6 @@ pub struct RegionResult {
 pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Characterized, CharacterizeError> {
     let bags = request.bags;
     let scans = bags.iter().map(|bag| Scan::of(bag, cfg, observer)).collect::<Result<Vec<_>, _>>()?;
-    if let Some(in_air) = request.in_air {
-        for scan in &scans {
-            in_air.check(scan)?.iter().for_each(|note| observer.note(note));
-        }
-    }
     let (found, joints_left_out) = common_joints(cfg, &scans);
     let (joints, sources): (Vec<String>, Vec<usize>) = found.into_iter().unzip();
     let loader = Loader { cfg, joints: &joints, request, observer };

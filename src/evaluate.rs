@@ -27,7 +27,7 @@ use crate::fusion::TouchLevels;
 use crate::model::BackendChoice;
 use crate::observer::{Observer, check};
 use crate::recording::PoseQuality;
-use crate::sessions::Core;
+use crate::sessions::{Core, InAir};
 use crate::zero::Wanted;
 use held_out::{Fold, folds};
 use plan::Plan;
@@ -49,6 +49,8 @@ pub struct Request<'a> {
     pub split: Option<Split>,
     /// Where the zero of the forces is from.
     pub zero: Wanted<'a>,
+    /// What tells when nothing touches the glove; `None` for the annotations of the bags.
+    pub in_air: Option<&'a InAir>,
     /// Whether a bag without the true force of the parameters is at fault, or only without scores.
     pub needs_truth: bool,
     /// How joint angles are made worse, one after the other.
@@ -87,6 +89,7 @@ impl<'a> Request<'a> {
             backend: None,
             split: None,
             zero: Wanted::Any,
+            in_air: None,
             needs_truth: false,
             pose_levels: Vec::new(),
             known_touches: None,

@@ -37,6 +37,7 @@ pub fn input_topics(cfg: &Config) -> InputTopics {
         joint_sources: cfg.fusion.joint_sources.clone(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
+        told: cfg.told_stages.clone(),
         message_definitions: cfg.live.message_definitions.clone(),
     }
 }
@@ -100,6 +101,9 @@ pub fn read<E: From<RecordingError>>(
     listener: Listener<'_, E>,
 ) -> Result<(), E> {
     let Listener { on_tick, on_other, is_wanted, pose, between } = listener;
+    for stage in inputs.told().unwrap_or_default() {
+        labels.annotations.handle(stage.clone().into());
+    }
     loop {
         between(reader.bytes_read())?;
         let Some(record) = reader.next_record().map_err(RecordingError::from)? else { break };

@@ -20,5 +20,6 @@ pub use tools::{Delivery, Heard, HeardTopic, Listener, Listening, NotPlayed, Pla
 pub use wire::clock::system_now;
 pub use wire::entities::{InputName, Names};
 pub use wire::error::NodeError;
+pub use wire::graph::Endpoint;
 pub use wire::middleware::TopicType;
 pub use wire::{args, environment, remap, security};

@@ -2,6 +2,7 @@
 //! estimates of models or of the recording itself.
 
 mod error;
+mod in_air;
 mod labelled;
 mod modelled;
 mod shard;
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 pub use error::SessionError;
+pub use in_air::{InAir, MARGIN, annotated, without_annotations};
 pub use labelled::{Labelled, NeedsTruth};
 pub use modelled::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
 pub use shard::{Shard, ShardError};

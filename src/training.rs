@@ -24,6 +24,7 @@ use crate::config::Config;
 use crate::eval::{Part, Split, SplitBy};
 use crate::files;
 use crate::observer::{self, Observer};
+use crate::sessions::InAir;
 use crate::train::{
     Checkpoint, Dataset, GraphForm, Kind, LossConfig, ModelCard, Progress, Schedule, TrainConfig, Trainer,
     calibrate_touch, onnx_model,
@@ -55,6 +56,8 @@ pub struct Request {
     pub lambdas: Vec<f32>,
     /// Frames from one training window to the next.
     pub stride: usize,
+    /// What tells when nothing touches the glove; `None` for the annotations of the recordings.
+    pub in_air: Option<InAir>,
     /// What is kept apart from training.
     pub split: Split,
     /// Threads; they change how long it takes and not what comes out.
@@ -85,6 +88,7 @@ impl Request {
             epochs: None,
             lambdas: Vec::new(),
             stride: 1,
+            in_air: None,
             split: Split::new(SplitBy::Stage, VALIDATION_SHARE, TEST_SHARE).expect("these shares are less than all"),
             threads: std::thread::available_parallelism().map_or(1, NonZero::get),
             form: GraphForm::Fast,

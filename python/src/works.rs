@@ -207,7 +207,7 @@ pub(crate) fn calibrate(
         (false, false) => Some(KnownForces::Told(told_touches(&regions, told)?)),
     };
     let first_s = calibrate_first_s.map(|seconds| positive("calibrate_first_s", seconds)).transpose()?;
-    let request = calibrating::Request { bags: &bags, first_s, known_forces };
+    let request = calibrating::Request { first_s, known_forces, ..calibrating::Request::new(&bags) };
     let Calibrated { calibration, from, touches } =
         work::run::<_, CalibrateError>(watcher, |observer| calibrating::run(cfg, &request, observer))?;
     calibration.save(&output).map_err(|error| raise(&error))?;
@@ -259,6 +259,7 @@ pub(crate) fn characterize(
     let zero = zero(&calibration, calibrate_first_s)?;
     let found = work::run(watcher, |observer| {
         let bags = find_bags(&bags, observer)?;
+        let in_air = in_air.as_ref();
         let request = characterization::Request { zero, in_air, min_gain, needs_truth: truth.is_some(), bags: &bags };
         characterization::run(&cfg, &request, observer)
     })?;

@@ -66,7 +66,7 @@ impl Rest {
 /// # Errors
 /// [`BaselineError`] when the bag can't be read.
 pub fn annotated_rest(reader: &mut BagReader, inputs: &mut Inputs) -> Result<Vec<Rest>, BaselineError> {
-    let mut annotated = Annotated::default();
+    let mut annotated = Annotated::of_told(inputs);
     while let Some(message) = reader.next_message()? {
         for part in inputs.parts(message.channel)? {
             if let Input::Stage(stage) = inputs.decode(&message, part) {
@@ -85,6 +85,15 @@ struct Annotated {
 }
 
 impl Annotated {
+    /// Those that were told beside the bag, if any were.
+    fn of_told(inputs: &Inputs) -> Self {
+        let mut annotated = Annotated::default();
+        for stage in inputs.told().unwrap_or_default() {
+            annotated.handle(stage.header.stamp.into(), stage.zero_load);
+        }
+        annotated
+    }
+
     fn handle(&mut self, stamp: Stamp, at_rest: bool) {
         match (self.since, at_rest) {
             (None, true) => self.since = Some(stamp),
@@ -132,14 +141,19 @@ pub fn collect_baselines(
         .collect();
     // The annotation in force, and the one before it for samples that arrive after the change but are older.
     let mut annotation: Option<(Stamp, bool)> = None;
-    let mut annotated = Annotated::default();
+    let mut annotated = Annotated::of_told(inputs);
+    // What was told is known for every sample, in whatever order they arrive.
+    let told = inputs.told().is_some().then(|| Annotated::of_told(inputs).finish());
     while let Some(message) = reader.next_message()? {
         for part in inputs.parts(message.channel)? {
             match inputs.decode(&message, part) {
                 Input::Event(Event::Tactile(block)) => {
                     let collector = &mut sources[block.source.0];
                     collector.take(&block, |stamp, first| match zero_load {
-                        ZeroLoad::Annotated => annotation.is_some_and(|(since, at_rest)| at_rest && stamp >= since),
+                        ZeroLoad::Annotated => match &told {
+                            Some(rest) => Rest::any_holds(rest, stamp),
+                            None => annotation.is_some_and(|(since, at_rest)| at_rest && stamp >= since),
+                        },
                         ZeroLoad::First(seconds) => stamp.nanos_since(first) as f64 <= seconds * 1e9,
                     });
                 }

@@ -36,6 +36,8 @@ pub struct InputTopics {
     pub needed: BTreeSet<String>,
     /// Name of the topic with stage annotations, which a bag may lack.
     pub stage: String,
+    /// Annotations that were told beside the bag, in place of those on that topic.
+    pub told: Option<Arc<[Stage]>>,
     /// Folder with the definitions of types that a bag doesn't define.
     pub message_definitions: Option<PathBuf>,
 }
@@ -216,9 +218,14 @@ impl Inputs {
         names.chain(truth.iter().map(|topic| &topic.name)).chain([stage]).cloned().collect()
     }
 
-    /// Whether some channel carries stage annotations.
+    /// Annotations that were told beside the bag; no message is one then.
+    pub fn told(&self) -> Option<&[Stage]> {
+        self.topics.told.as_deref()
+    }
+
+    /// Whether some channel carries stage annotations, or they were told beside the bag.
     pub fn has_annotations(&self) -> bool {
-        self.roles.values().flatten().any(|role| matches!(role, Role::Stage))
+        self.topics.told.is_some() || self.roles.values().flatten().any(|role| matches!(role, Role::Stage))
     }
 
     /// What came on each topic that feeds the core.
@@ -295,7 +302,8 @@ impl Inputs {
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
             roles.push(Role::Truth(source, binding));
         }
-        if roles.is_empty() && channel.topic == self.topics.stage && is_stage(channel) {
+        let is_told = self.topics.told.is_some();
+        if roles.is_empty() && !is_told && channel.topic == self.topics.stage && is_stage(channel) {
             roles.push(Role::Stage);
         }
         self.roles.insert(channel.id, roles);

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::str::FromStr;
 use std::time::Duration;
 
 use super::scan::Scan;
@@ -15,7 +14,7 @@ use crate::fusion::{FrameClock, FusionConfig, RegionConfig};
 use crate::glove::known;
 use crate::observer::{Observer, check};
 use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, TruthTrack, aligned, input_topics, read};
-use crate::sessions::session_name;
+use crate::sessions::{annotated, session_name, without_annotations};
 use crate::units::{NANOS_PER_SEC, Stamp};
 use crate::zero;
 
@@ -25,60 +24,6 @@ const DEFAULT_RATE_HZ: f64 = 100.0;
 const RATE_TOLERANCE: f64 = 0.05;
 /// How long a frame waits for its joints. Nothing is published here, so that even a clock that is far off can be seen.
 const JOINT_SLACK: Duration = Duration::from_secs(1);
-
-/// When nothing touches the glove.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum InAir {
-    /// All of it.
-    All,
-    /// From and up to, s from the first taxels.
-    Span(f64, f64),
-}
-
-impl FromStr for InAir {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "all" {
-            return Ok(InAir::All);
-        }
-        let expected = || format!("expected FROM..TO in seconds, such as 5..35, or all; got {text:?}");
-        let (from, to) = text.split_once("..").ok_or_else(expected)?;
-        let seconds =
-            |text: &str| text.trim().parse::<f64>().ok().filter(|s| (0.0..1e6).contains(s)).ok_or_else(expected);
-        let (from, to) = (seconds(from)?, seconds(to)?);
-        if from < to { Ok(InAir::Span(from, to)) } else { Err(format!("{from} s must be before {to} s")) }
-    }
-}
-
-impl InAir {
-    /// What to say of a recording that ends within the stretch.
-    ///
-    /// # Errors
-    /// One line where it ends before the stretch begins.
-    pub(super) fn check(self, scan: &Scan) -> Result<Option<String>, CharacterizeError> {
-        let InAir::Span(from, to) = self else { return Ok(None) };
-        let length = scan.end.nanos_since(scan.start) as f64 / NANOS_PER_SEC as f64;
-        let bag = &scan.bag;
-        if from >= length {
-            let reason = format!(
-                "--in-air {from}..{to} lies behind the end of the recording, which is {length:.1} s long; name a stretch of it in which nothing touches the glove"
-            );
-            return Err(CharacterizeError::InBag { bag: bag.clone(), reason });
-        }
-        Ok((to > length + 0.1)
-            .then(|| format!("{bag}: is {length:.1} s long, so --in-air {from}..{to} counts up to its end")))
-    }
-}
-
-impl std::fmt::Display for InAir {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            InAir::All => f.write_str("all of it"),
-            InAir::Span(from, to) => write!(f, "{from} to {to} s"),
-        }
-    }
-}
 
 /// Reads bags with the same joints.
 pub(super) struct Loader<'c> {
@@ -115,16 +60,17 @@ impl Loader<'_> {
     /// Reads one bag.
     pub(super) fn load(&self, bag: &Path, scan: &Scan) -> Result<Loaded, CharacterizeError> {
         let in_bag = |error: &dyn std::fmt::Display| CharacterizeError::in_bag(bag, error);
-        if self.request.in_air.is_none() && !scan.has_annotations {
-            return Err(in_bag(&self.without_annotations()));
-        }
         let (bags, mut missing) = ([bag.to_path_buf()], Vec::new());
+        let cfg = annotated(self.cfg, &bags, self.request.in_air, self.observer)?;
+        if self.request.in_air.is_none() && !scan.has_annotations {
+            return Err(in_bag(&without_annotations(&cfg.stage_topic)));
+        }
         let mut reader = BagReader::open(&bags)?;
         let truths = self.truths(&mut reader, bag, &mut missing)?;
-        let mut topics = input_topics(self.cfg);
+        let mut topics = input_topics(&cfg);
         topics.truth = truths.iter().map(|truth| self.cfg.truth[*truth].clone()).collect();
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| in_bag(&error))?;
-        let zero = zero::find(self.request.zero, self.cfg, &bags, &known(self.cfg, &[]));
+        let zero = zero::find(self.request.zero, &cfg, &bags, &known(&cfg, &[]));
         let zero = zero.map_err(|error| in_bag(&error))?;
         zero.notes.iter().for_each(|note| self.observer.note(note));
         let (mut collectors, mut cores) = (Vec::new(), Vec::new());
@@ -152,20 +98,20 @@ impl Loader<'_> {
             CharacterizeError::Recording(error) => in_bag(&error),
             error => error,
         })?;
-        if self.request.in_air.is_none() && labels.annotations.is_empty() {
-            return Err(in_bag(&self.without_annotations()));
+        if labels.annotations.is_empty() {
+            return Err(in_bag(&without_annotations(&cfg.stage_topic)));
         }
         let mut regions = Vec::new();
         let mut doubts: BTreeSet<String> = inputs.angle_doubts().into_iter().collect();
         for (region_idx, rows) in collectors.into_iter().enumerate() {
             let rows = rows.finish();
-            let (Some(first), Some(last)) = (rows.stamp.first(), rows.stamp.last()) else {
+            let Some(last) = rows.stamp.last() else {
                 let region = &self.cfg.fusion.regions[region_idx].name;
                 return Err(in_bag(&format!(
                     "region {region}: no frame has both taxels and joints; check with tpf inspect that their stamps are of one clock"
                 )));
             };
-            let air = self.air_time(&labels, scan.start.min(*first), last.offset(1));
+            let air = AirTime { stretches: recording::zero_load(&labels.annotations, last.offset(1)) };
             let of_region = self.cfg.truth_of_region[region_idx];
             let track = truths.iter().position(|truth| Some(*truth) == of_region).map(|idx| &labels.truth[idx]);
             let tared = track.and_then(|track| match track.tare(&air.stretches) {
@@ -184,18 +130,11 @@ impl Loader<'_> {
         Ok(Loaded {
             regions,
             notes: labels.notes,
-            in_air: self.request.in_air.map_or("annotations".to_owned(), |in_air| in_air.to_string()),
+            in_air: self.request.in_air.map_or("annotations".to_owned(), ToString::to_string),
             zero: zero.from.to_string(),
             missing,
             losses: reader.losses().iter().map(|loss| format!("{}: {loss}", bag.display())).collect(),
         })
-    }
-
-    fn without_annotations(&self) -> String {
-        format!(
-            "no stage annotations on {}, so that nothing says when the hand is in the air; give --in-air FROM..TO or --in-air all, or record that topic",
-            self.cfg.stage_topic
-        )
     }
 
     /// The force sensors that a bag has; says which it lacks.
@@ -233,18 +172,6 @@ impl Loader<'_> {
         let follows_source = self.cfg.fusion.tactile_sources[region.source.0].frame_clock == FrameClock::Tactile;
         let measured = scan.tactile[region.source.0].timing.map(|timing| timing.rate_hz).filter(|_| follows_source);
         measured.filter(|hz| (hz / expected - 1.0).abs() > RATE_TOLERANCE).unwrap_or(expected)
-    }
-
-    /// When nothing touches the glove, from `start` up to `end`.
-    fn air_time(&self, labels: &Labels, start: Stamp, end: Stamp) -> AirTime {
-        let at = |seconds: f64| start.offset((seconds * NANOS_PER_SEC as f64) as i64);
-        AirTime {
-            stretches: match self.request.in_air {
-                None => recording::zero_load(&labels.annotations, end),
-                Some(InAir::All) => vec![ZeroLoad { from: start, to: end }],
-                Some(InAir::Span(from, to)) => vec![ZeroLoad { from: at(from), to: at(to) }],
-            },
-        }
     }
 
     /// Puts rows and labels together.
@@ -301,18 +228,4 @@ fn instructed(labels: &Labels, stamps: &[Stamp]) -> (Vec<Option<usize>>, Vec<Str
 /// Frames of a window: so many that every gap that the core fills lies within one, and no more.
 fn window(cfg: &Config, rate_hz: f64) -> usize {
     (cfg.fusion.timing.max_gap.as_secs_f64() * rate_hz).ceil() as usize + 2
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_stretch_in_the_air_is_seconds_or_all() {
-        assert_eq!("all".parse(), Ok(InAir::All));
-        assert_eq!("5..35.5".parse(), Ok(InAir::Span(5.0, 35.5)));
-        for wrong in ["", "5", "5..", "35..5", "-1..5", "a..b", "0..nan"] {
-            assert!(wrong.parse::<InAir>().is_err(), "{wrong}");
-        }
-    }
 }

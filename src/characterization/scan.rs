@@ -25,9 +25,6 @@ pub(super) struct Scan {
     shares: BTreeMap<String, (f64, usize)>,
     pub(super) tactile: Vec<NamedTiming>,
     pub(super) joints: Vec<NamedTiming>,
-    /// Stamps of the first and the last taxels.
-    pub(super) start: Stamp,
-    pub(super) end: Stamp,
     pub(super) has_annotations: bool,
 }
 
@@ -86,8 +83,6 @@ impl Scan {
         };
         Ok(Scan {
             bag: bag.display().to_string(),
-            start: tactile.iter().filter_map(|stamps| stamps.first()).min().copied().unwrap_or_default(),
-            end: tactile.iter().flatten().max().copied().unwrap_or_default(),
             tactile: cfg
                 .fusion
                 .tactile_sources

@@ -7,6 +7,8 @@ mod press;
 
 use std::path::PathBuf;
 
+use super::force::number;
+use super::in_air::InAirArgs;
 use super::progress::Said;
 use super::setup::{ModelArgs, ParamArgs, shown};
 use super::{Failure, Outcome, print};
@@ -16,7 +18,6 @@ use crate::config::Config;
 use crate::fusion::ForceGain;
 use crate::recording::ToldTouch;
 use crate::sessions::{KnownForces, RegionTouches};
-use crate::units::{GramForce, Newton};
 
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]
@@ -35,6 +36,8 @@ pub(super) struct Args {
     /// Take the first seconds, in which nothing may touch the glove, instead of annotated zero-load stretches
     #[arg(long, value_name = "SECONDS", value_parser = super::zero::seconds)]
     calibrate_first: Option<f64>,
+    #[command(flatten)]
+    in_air: InAirArgs,
     /// Also fit the factor of the forces in this donning to touches of the load cell, in the bag or live: at least three, of
     /// 30 gF or more, each held for 0.1 s
     #[arg(long, conflicts_with = "touch")]
@@ -65,25 +68,12 @@ fn touch(text: &str) -> Result<AskedTouch, String> {
     };
     let (force, span) = rest.split_once('@').ok_or_else(expected)?;
     let (from, to) = span.split_once('-').ok_or_else(expected)?;
-    match (self::force(force), number(from), number(to)) {
+    match (super::force::force(force), number(from), number(to)) {
         (Some(force), Some(from_s), Some(to_s)) if force.0 > 0.0 && from_s < to_s => {
             Ok(AskedTouch { region, told: ToldTouch { force, from_s, to_s } })
         }
         _ => Err(expected()),
     }
-}
-
-/// A force as people write it, in gF or N.
-fn force(text: &str) -> Option<Newton> {
-    match (text.strip_suffix("gF"), text.strip_suffix('N')) {
-        (Some(force), _) => number(force).map(|force| GramForce(force).into()),
-        (None, Some(force)) => number(force).map(Newton),
-        (None, None) => None,
-    }
-}
-
-fn number(text: &str) -> Option<f64> {
-    text.trim().parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0)
 }
 
 /// Where the forces of touches are known from, if they are asked for.
@@ -113,7 +103,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         return live::run(args, cfg);
     }
     let known_forces = known_forces(args, &cfg)?;
-    let request = Request { bags: &args.bags, first_s: args.calibrate_first, known_forces };
+    let request = Request { bags: &args.bags, first_s: args.calibrate_first, in_air: args.in_air.told(), known_forces };
     let Calibrated { calibration, from, touches } = calibrate::run(cfg.clone(), &request, &Said)?;
     calibration.save(&args.output)?;
     let mut text = format!("{}: zero from {}\n", shown(&args.output), from);

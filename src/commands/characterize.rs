@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use super::in_air::InAirArgs;
 use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
-use crate::characterization::{InAir, MIN_GAIN, Request, run as characterize};
+use crate::characterization::{MIN_GAIN, Request, run as characterize};
 use crate::files;
 use crate::report::characterization;
 
@@ -24,9 +25,8 @@ pub(super) struct Args {
     truth: Option<String>,
     #[command(flatten)]
     zero: ZeroArgs,
-    /// When nothing touches the glove, in seconds from the first taxels of each bag, or `all`; instead of annotations
-    #[arg(long, value_name = "FROM..TO|all", allow_hyphen_values = true)]
-    in_air: Option<InAir>,
+    #[command(flatten)]
+    in_air: InAirArgs,
     /// Suggest joints as long as each adds this share to what is explained of the artifact
     #[arg(long, value_name = "SHARE", default_value_t = MIN_GAIN, value_parser = share)]
     min_gain: f64,
@@ -49,7 +49,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
     let bags = find_bags(&args.bags)?;
     let request = Request {
-        in_air: args.in_air,
+        in_air: args.in_air.told(),
         zero: args.zero.wanted(),
         min_gain: args.min_gain,
         needs_truth: args.truth.is_some(),

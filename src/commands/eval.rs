@@ -12,6 +12,7 @@ pub(super) use self::deliver::{ByArg, Delivery};
 use self::partial::PartialArgs;
 use self::pose_quality::PoseQualityArgs;
 use super::checks::CheckArgs;
+use super::in_air::InAirArgs;
 use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::{BackendArgs, ParamArgs};
@@ -61,6 +62,8 @@ pub(super) struct Args {
     known_touches: Option<u16>,
     #[command(flatten)]
     zero: ZeroArgs,
+    #[command(flatten)]
+    in_air: InAirArgs,
     /// Also print the scores of each of these groups
     #[arg(long, value_enum, value_delimiter = ',')]
     by: Vec<ByArg>,
@@ -158,6 +161,7 @@ fn scored<T>(
         backend: args.backend.choice(),
         split,
         zero: args.zero.wanted(),
+        in_air: args.in_air.told(),
         needs_truth: args.truth.is_some(),
         pose_levels: args.pose_quality.levels()?,
         held_out: args.held_out,

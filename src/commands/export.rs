@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::in_air::InAirArgs;
 use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::{ModelArgs, ParamArgs};
@@ -45,6 +46,8 @@ pub(super) struct Args {
     models: ModelArgs,
     #[command(flatten)]
     zero: ZeroArgs,
+    #[command(flatten)]
+    in_air: InAirArgs,
     /// Topic of the true force for the tables, instead of the one in the parameters
     #[arg(long, value_name = "TOPIC")]
     truth: Option<String>,
@@ -72,6 +75,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         model: args.models.path(),
         backend: args.models.choice(),
         zero: args.zero.wanted(),
+        in_air: args.in_air.told(),
         needs_truth: args.truth.is_some(),
         shard: args.shard,
         ..Request::new(&bags, targets)

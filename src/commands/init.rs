@@ -1,9 +1,11 @@
-//! `tpf init`: a complete parameter file from what is in bags.
+//! `tpf init`: a complete parameter file from what is in bags, or comes on the topics of a live graph.
 
+#[cfg(feature = "ros")]
+mod live;
 mod person;
 
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::progress::Shown;
 use super::{Failure, Outcome, interrupt, print, say};
@@ -12,11 +14,12 @@ use crate::init::{self, Ask, BestGuess, Request, Written};
 use crate::inspect::{self, BagReport};
 use person::{NoOne, Person};
 
-/// Writes a parameter file from what is in bags: topics, types, fields, rates, taxels, joints, patches, each with its reason.
+/// Writes a parameter file from what is in bags, or on the topics of a live graph: topics, types, fields, rates, taxels, joints, patches, each with its reason.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// MCAP or .db3 files or bag folders of one glove
-    #[arg(required = true, value_name = "BAG")]
+    #[cfg_attr(feature = "ros", arg(required_unless_present = "live", value_name = "BAG"))]
+    #[cfg_attr(not(feature = "ros"), arg(required = true, value_name = "BAG"))]
     bags: Vec<PathBuf>,
     /// Parameter file to write
     #[arg(short, long, value_name = "FILE", default_value = "glove.yaml")]
@@ -33,6 +36,9 @@ pub(super) struct Args {
     /// Replace a file that is already there
     #[arg(long)]
     overwrite: bool,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    live: live::LiveArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -40,14 +46,12 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         output: &args.output,
         model: args.model.as_deref(),
         message_definitions: args.message_definitions.as_deref(),
+        remarks: &[],
         overwrite: args.overwrite,
     };
     request.check()?;
     interrupt::listen();
-    let mut bags = Vec::new();
-    for path in inspect::all_recordings(&args.bags) {
-        bags.push(BagReport::read(&path, args.message_definitions.as_deref(), &Shown::bytes("inspect"))?);
-    }
+    let Looked { bags, told: remarks } = args.look()?;
     let mut outcome = Outcome::Done;
     for loss in bags.iter().flat_map(|bag| &bag.losses) {
         say(&format!("input lost: {}", printable(loss)));
@@ -61,10 +65,36 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         (false, true) => &mut person,
         (false, false) => &mut no_one,
     };
-    let written = init::write(&bags, &request, ask)?;
+    let written = init::write(&bags, &Request { remarks: &remarks, ..request }, ask)?;
     written.notes.iter().for_each(|note| say(note));
     print(&told(&written, args))?;
     Ok(outcome)
+}
+
+/// What was looked at.
+struct Looked {
+    bags: Vec<BagReport>,
+    /// What came on a live graph, a line a topic, for the end of the file.
+    told: Vec<String>,
+}
+
+impl Args {
+    /// Looks at bags, or at a live graph.
+    fn look(&self) -> Result<Looked, Failure> {
+        let read = |path: &Path| BagReport::read(path, self.message_definitions.as_deref(), &Shown::bytes("inspect"));
+        #[cfg(feature = "ros")]
+        if self.live.live {
+            let recorded = live::record(&self.live, self.message_definitions.as_deref())?;
+            let mut bag = read(&recorded.bag())?;
+            bag.path = format!("the topics of a live graph, for {} s", self.live.seconds);
+            let heading =
+                "Heard on the live graph; the node's own QoS, best effort and volatile, goes with all of these:";
+            let told = std::iter::once(heading.to_owned()).chain(recorded.told).collect();
+            return Ok(Looked { bags: vec![bag], told });
+        }
+        let bags = inspect::all_recordings(&self.bags).iter().map(|path| read(path)).collect::<Result<_, _>>()?;
+        Ok(Looked { bags, told: Vec::new() })
+    }
 }
 
 /// What was written, and what to do with it.
@@ -72,8 +102,13 @@ fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
     let output = args.output.display();
     let mut text = format!("{output}: patches {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
-    let bag = args.bags.first().map_or_else(String::new, |bag| bag.display().to_string());
+    let bag = args.bags.first().map_or_else(|| "BAG".to_owned(), |bag| bag.display().to_string());
     text += &match (written.has_model, made.has_truth) {
+        (true, _) if args.bags.is_empty() => {
+            format!(
+                "next: tpf calibrate --live --params-file {output} -o zero.yaml, then tpf run --params-file {output} --calibration zero.yaml\n"
+            )
+        }
         (true, _) => format!("next: tpf replay {bag} --params-file {output} -o forces.mcap\n"),
         (false, true) => {
             let region = if made.regions.len() > 1 { format!(" --region {}", made.regions[0]) } else { String::new() };

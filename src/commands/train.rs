@@ -6,6 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::ValueEnum;
 
+use super::in_air::InAirArgs;
 use super::progress::{Progress as Bar, Said};
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
@@ -24,6 +25,8 @@ pub(super) struct Args {
     bags: Vec<PathBuf>,
     #[command(flatten)]
     params: ParamArgs,
+    #[command(flatten)]
+    in_air: InAirArgs,
     /// Which region of the parameters to train for, where they have several
     #[arg(long, value_name = "NAME")]
     region: Option<String>,
@@ -208,6 +211,7 @@ impl Args {
             epochs: self.run.epochs,
             lambdas: self.loss.sweep_lambda.clone(),
             stride: self.run.stride,
+            in_air: self.in_air.told().cloned(),
             split: self.split.split(self.validation_share)?,
             threads: self.run.threads.map_or(of_kind.threads, NonZero::get),
             form: if self.plain_graph { GraphForm::Plain } else { GraphForm::Fast },

@@ -10,6 +10,7 @@ mod source;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 pub use live::LiveConfig;
@@ -22,6 +23,7 @@ use super::param_file::{Origin, ParamTree};
 use super::text::list;
 use crate::fusion::{Following, ForceUnit, FusionConfig, Receipts, Timing};
 use crate::model::{BackendChoice, ModelSpec, TensorNames};
+use crate::msg::Stage;
 use crate::msg::binding::{JointFields, TaxelFields, Topic, TruthFields};
 use crate::units::{GramForce, Newton, from_millis};
 
@@ -53,7 +55,7 @@ impl TruthSource {
         let reading = if self.inverted { -reading } else { reading };
         match self.unit {
             ForceUnit::GramForce => GramForce(reading),
-            ForceUnit::Newton => Newton(reading).into(),
+            other => other.to_newton(reading).into(),
         }
     }
 }
@@ -104,6 +106,8 @@ pub struct Config {
     pub user: Option<String>,
     /// Absolute name of the topic with a recording's annotations.
     pub stage_topic: String,
+    /// Annotations of the recording at hand that were told beside it, in place of those on its stage topic.
+    pub told_stages: Option<Arc<[Stage]>>,
     /// Whether time is that of `/clock`.
     pub use_sim_time: bool,
     /// What only the live node follows.
@@ -180,6 +184,7 @@ impl Config {
             glove: reader.non_empty("glove")?,
             user: reader.non_empty("user")?,
             stage_topic: reader.topic("stage_topic")?,
+            told_stages: None,
             use_sim_time: reader.bool("use_sim_time")?,
             live: live::live(&reader)?,
             of_others: of_others.into_iter().map(str::to_owned).collect(),

@@ -16,7 +16,9 @@ use crate::glove::{Models, drop_unused_joints, replace_model};
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
 use crate::recording::{EstimateTrack, PoseQuality};
-use crate::sessions::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models};
+use crate::sessions::{
+    Core, InAir, Labelled, Modelled, NeedsTruth, annotated, hold_estimates, read_estimates, run_models,
+};
 use crate::zero::Wanted;
 
 /// What is done with every session.
@@ -30,6 +32,7 @@ pub(super) struct Plan<'a> {
     pub(super) n_compared: usize,
     pub(super) split: Option<Split>,
     zero: Wanted<'a>,
+    in_air: Option<&'a InAir>,
     pub(super) observer: &'a dyn Observer,
     needs_truth: NeedsTruth,
     known_touches: Option<usize>,
@@ -151,7 +154,7 @@ impl<'a> Plan<'a> {
         }
         let needs_truth = if request.needs_truth { NeedsTruth::All } else { NeedsTruth::None };
         let n_compared = request.compare.len();
-        let (split, zero) = (request.split, request.zero);
+        let (split, zero, in_air) = (request.split, request.zero, request.in_air);
         let known_touches = request.known_touches;
         let plan = Plan {
             cfg,
@@ -161,6 +164,7 @@ impl<'a> Plan<'a> {
             n_compared,
             split,
             zero,
+            in_air,
             observer,
             needs_truth,
             known_touches,
@@ -207,7 +211,8 @@ impl<'a> Plan<'a> {
         cores: Vec<Core>,
         done: &AtomicU64,
     ) -> Result<(Session, Vec<Core>), EvaluateError> {
-        let mut labelled = Labelled::read(bag, &self.cfg, self.split, self.needs_truth, self.observer)?;
+        let cfg = annotated(&self.cfg, &[bag.to_path_buf()], self.in_air, self.observer)?;
+        let mut labelled = Labelled::read(bag, &cfg, self.split, self.needs_truth, self.observer)?;
         if let Some(n) = self.known_touches {
             labelled = labelled.with_known_touches(bag, n)?;
         }

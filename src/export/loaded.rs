@@ -10,7 +10,9 @@ use crate::glove::{Models, drop_unused_joints, replace_model};
 use crate::msg::EstimateTopics;
 use crate::observer::{Observer, check};
 use crate::recording::{EstimateTrack, PoseQuality, Samples, input_topics};
-use crate::sessions::{Core, Labelled, Modelled, NeedsTruth, hold_estimates, read_estimates, run_models, session_name};
+use crate::sessions::{
+    Core, Labelled, Modelled, NeedsTruth, annotated, hold_estimates, read_estimates, run_models, session_name,
+};
 use crate::units::GramForce;
 use crate::zero::ZeroFrom;
 
@@ -53,7 +55,8 @@ impl<'a> Loader<'a> {
     /// Everything of a bag.
     pub(super) fn load(&mut self, bag: &Path) -> Result<Loaded, ExportError> {
         let needs_truth = if self.request.needs_truth { NeedsTruth::All } else { NeedsTruth::Tared };
-        let labelled = Labelled::read(bag, self.cfg, None, needs_truth, self.observer)?;
+        let cfg = annotated(self.cfg, &[bag.to_path_buf()], self.request.in_air, self.observer)?;
+        let labelled = Labelled::read(bag, &cfg, None, needs_truth, self.observer)?;
         let in_bag = |error: ExportError| match error.to_string() {
             text if text.starts_with(&bag.display().to_string()) => error,
             _ => ExportError::in_bag(bag, &error),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::ExportError;
 use crate::model::BackendChoice;
-use crate::sessions::Shard;
+use crate::sessions::{InAir, Shard};
 use crate::zero::Wanted;
 
 /// What is exported, and how.
@@ -26,6 +26,8 @@ pub struct Request<'a> {
     pub backend: Option<BackendChoice>,
     /// Where the zero of the forces is from.
     pub zero: Wanted<'a>,
+    /// What tells when nothing touches the glove; `None` for the annotations of the bags.
+    pub in_air: Option<&'a InAir>,
     /// Whether a bag without the true force of the parameters is at fault.
     pub needs_truth: bool,
     /// Which share of the bags is exported, to a dataset that [`join`](super::join) takes; `None` for all of them. All bags
@@ -46,6 +48,7 @@ impl<'a> Request<'a> {
             model: None,
             backend: None,
             zero: Wanted::Any,
+            in_air: None,
             needs_truth: false,
             shard: None,
         }

@@ -8,21 +8,28 @@ use serde::Serialize;
 use super::artifact::ArtifactModel;
 use crate::units::{GramForce, Newton};
 
-/// The unit of a model's forces.
+/// The unit of the forces of a model or a force sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ForceUnit {
     /// Grams-force, as in the paper.
     GramForce,
     /// Newtons.
     Newton,
+    /// Kilograms-force, which force sensors send.
+    KilogramForce,
+    /// Millinewtons, which force sensors send.
+    Millinewton,
 }
 
 impl ForceUnit {
-    /// A model's raw output as newtons.
-    pub fn to_newton(self, raw: f32) -> Newton {
+    /// A model's output or a sensor's reading as newtons.
+    pub fn to_newton(self, raw: impl Into<f64>) -> Newton {
+        let raw = raw.into();
         match self {
-            ForceUnit::GramForce => GramForce(f64::from(raw)).into(),
-            ForceUnit::Newton => Newton(f64::from(raw)),
+            ForceUnit::GramForce => GramForce(raw).into(),
+            ForceUnit::Newton => Newton(raw),
+            ForceUnit::KilogramForce => GramForce(1e3 * raw).into(),
+            ForceUnit::Millinewton => Newton(1e-3 * raw),
         }
     }
 }

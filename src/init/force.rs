@@ -110,11 +110,11 @@ fn source(one: &ForceCandidate, chosen: Option<String>, bags: &[BagReport]) -> T
 fn unit(one: &ForceCandidate, field: &str, largest: f64) -> (&'static str, String) {
     let name = format!("{}/{field}", one.topic).to_ascii_lowercase();
     let says = |words: &[&str]| name.split(|c: char| !c.is_ascii_alphanumeric()).any(|word| words.contains(&word));
-    if says(&["kgf", "kg", "mn"]) {
-        return (
-            "\"N\"",
-            "CHECK: its name says kgf or mN, which parameters don't have: publish it in N or gF".to_owned(),
-        );
+    if says(&["kgf", "kg", "kilogram", "kilograms"]) {
+        return ("kgf", "its name says kilogram-force".to_owned());
+    }
+    if says(&["mn", "millinewton", "millinewtons"]) {
+        return ("mN", "its name says mN".to_owned());
     }
     if says(&["gf", "grams", "gram", "g"]) {
         return ("gF", "its name says gram-force".to_owned());

@@ -20,6 +20,8 @@ pub struct Request<'a> {
     pub model: Option<&'a Path>,
     /// Folder with the `.msg` files of types that the bags don't define.
     pub message_definitions: Option<&'a Path>,
+    /// Comments for the end of the file, a line each.
+    pub remarks: &'a [String],
     /// Whether to replace a file that is already there.
     pub overwrite: bool,
 }
@@ -27,7 +29,7 @@ pub struct Request<'a> {
 impl<'a> Request<'a> {
     /// A new file, for no model in particular.
     pub fn new(output: &'a Path) -> Self {
-        Request { output, model: None, message_definitions: None, overwrite: false }
+        Request { output, model: None, message_definitions: None, remarks: &[], overwrite: false }
     }
 
     /// Checks that nothing is in the way of the file: before bags are read, not after.
@@ -70,6 +72,10 @@ pub fn write(bags: &[BagReport], request: &Request<'_>, ask: &mut dyn Ask) -> Re
     if let Some(definitions) = request.message_definitions {
         let path = relative(definitions, folder)?;
         made.text += &format!("\n    message_definitions: {}\n", yaml_text(&path));
+    }
+    if !request.remarks.is_empty() {
+        made.text += "\n";
+        request.remarks.iter().for_each(|line| made.text += &format!("# {line}\n"));
     }
     refuse_what_would_not_load(&made, request.output)?;
     notes.extend(made.guesses.iter().map(|guess| format!("guessed: {}", printable(guess))));

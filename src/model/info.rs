@@ -202,6 +202,8 @@ pub fn unit_name(unit: ForceUnit) -> &'static str {
     match unit {
         ForceUnit::GramForce => "gF",
         ForceUnit::Newton => "N",
+        ForceUnit::KilogramForce => "kgf",
+        ForceUnit::Millinewton => "mN",
     }
 }
 

@@ -100,8 +100,13 @@ impl TruthTrack {
 const MOST_PRESSED_GF: f64 = 30_000.0;
 /// Tared forces within which nobody presses all the time, gF: 0.3 N.
 const LEAST_PRESSED_GF: f64 = 30.0;
-/// Drift and noise of a load cell, gF, by its unit in the parameters: in gF a cell that sends N seems to have little.
-const DRIFT_GF: [(ForceUnit, f64); 2] = [(ForceUnit::Newton, 15.0), (ForceUnit::GramForce, 0.5)];
+/// Drift and noise of a load cell, gF, by its unit in the parameters: in gF or mN a cell that sends N seems to have little.
+const DRIFT_GF: [(ForceUnit, f64); 4] = [
+    (ForceUnit::Newton, 15.0),
+    (ForceUnit::KilogramForce, 15.0),
+    (ForceUnit::GramForce, 0.5),
+    (ForceUnit::Millinewton, 0.05),
+];
 /// Share of readings at either end that may be anything.
 const OUTLIERS: f64 = 0.002;
 /// Fewer readings are no recording.
@@ -134,7 +139,11 @@ impl TruthTrack {
                 "truth {name}: the force reaches {:.0} N, which no hand presses; set truth.{name}.unit to gF if that is what it sends, or have its driver send N",
                 most / GramForce::from(Newton(1.0)).0
             )),
-            ForceUnit::GramForce if most > drift && most < LEAST_PRESSED_GF => doubts.push(format!(
+            ForceUnit::KilogramForce if most > MOST_PRESSED_GF => doubts.push(format!(
+                "truth {name}: the force reaches {:.0} kgf, which no hand presses; set truth.{name}.unit to gF or N if that is what it sends",
+                1e-3 * most
+            )),
+            ForceUnit::GramForce | ForceUnit::Millinewton if most > drift && most < LEAST_PRESSED_GF => doubts.push(format!(
                 "truth {name}: the force never leaves {low:.2} to {high:.2} gF: that looks like N; set truth.{name}.unit to N"
             )),
             _ => {}
@@ -196,6 +205,10 @@ mod tests {
         assert!(doubts(ForceUnit::Newton, true, 6.0)[0].ends_with("set truth.cell.sign to 1"));
         assert!(doubts(ForceUnit::GramForce, false, 6.0)[0].ends_with("set truth.cell.unit to N"));
         assert!(doubts(ForceUnit::Newton, false, 600.0)[0].contains("set truth.cell.unit to gF"));
+        assert_eq!(doubts(ForceUnit::KilogramForce, false, 0.6), none);
+        assert_eq!(doubts(ForceUnit::Millinewton, false, 6000.0), none);
+        assert!(doubts(ForceUnit::KilogramForce, false, 600.0)[0].contains("set truth.cell.unit to gF or N"));
+        assert!(doubts(ForceUnit::Millinewton, false, 6.0)[0].ends_with("set truth.cell.unit to N"));
         let both = doubts(ForceUnit::GramForce, false, -6.0);
         assert!(both.len() == 2 && both[0].contains("sign to -1") && both[1].contains("unit to N"), "{both:?}");
     }

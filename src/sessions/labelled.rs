@@ -1,12 +1,14 @@
 //! What a session says besides taxels and joint angles: the true force, tared, and what was asked for when.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::SessionError;
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
 use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, ZeroLoadCheck};
 use crate::fusion::{ContactThresholds, ForceGain, GainError};
+use crate::msg::Stage;
 use crate::observer::{Observer, check};
 use crate::protocol::Annotations;
 use crate::recording::{
@@ -41,6 +43,8 @@ struct Truth {
 pub struct Labelled {
     notes: Notes,
     annotations: Annotations,
+    /// Annotations that were told beside the bag.
+    told: Option<Arc<[Stage]>>,
     cuts: Option<Cuts>,
     /// `[force sensors]`; `None` where the bag lacks its topic.
     truth: Vec<Option<Truth>>,
@@ -112,10 +116,10 @@ impl Labelled {
                 tracks.clear();
             } else if !tracks.is_empty() {
                 return Err(in_bag(&format!(
-                    "{lack}; the true force is tared on stretches that they mark as free of load: record that topic, or set stage_topic"
+                    "{lack}; the true force is tared on stretches that they mark as free of load: give --in-air FROM..TO or --zero-load-below FORCE, record that topic, or set stage_topic"
                 )));
             }
-            missing.push(format!("{lack}, so what was estimated in the air isn't known"));
+            missing.push(format!("{lack}, so what was estimated in the air isn't known: give --in-air FROM..TO or --zero-load-below FORCE"));
         }
         let end = tracks.iter().filter_map(|track| Some(track.span()?.1)).max().unwrap_or(last);
         let cuts = split.filter(|_| !annotations.is_empty());
@@ -129,7 +133,7 @@ impl Labelled {
             truth[idx] = Some(Truth { track, tare });
         }
         let heads = vec![None; truth.len()];
-        Ok(Labelled { notes, annotations, cuts, truth, missing, heads })
+        Ok(Labelled { notes, annotations, told: cfg.told_stages.clone(), cuts, truth, missing, heads })
     }
 
     /// The same where the first `n` touches of each force sensor are known to the glove's wearer: what follows them is scored.
@@ -267,6 +271,11 @@ impl Labelled {
     /// What the protocol asked for.
     pub fn annotations(&self) -> &Annotations {
         &self.annotations
+    }
+
+    /// Annotations that were told beside the bag.
+    pub(super) fn told(&self) -> Option<Arc<[Stage]>> {
+        self.told.clone()
     }
 
     /// What it lacks, and what can't be said for want of it.

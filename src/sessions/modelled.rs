@@ -54,11 +54,13 @@ pub struct Modelled {
 pub fn run_models(
     bag: &Path,
     labelled: &Labelled,
-    cores: Vec<Core>,
+    mut cores: Vec<Core>,
     zero: Wanted<'_>,
     done: &AtomicU64,
     observer: &dyn Observer,
 ) -> Result<Modelled, SessionError> {
+    // When nothing touches the glove is known of the session, not of the models.
+    cores.iter_mut().for_each(|core| core.cfg.told_stages = labelled.told());
     let Some(first) = cores.first() else {
         let (columns, counters, losses) = (Vec::new(), Vec::new(), Vec::new());
         return Ok(Modelled { columns, cores, counters, zero: None, verdict: Ok(None), losses });

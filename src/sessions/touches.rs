@@ -108,7 +108,7 @@ fn of_sensor(
     }
     if rest.is_empty() {
         return Err(format!(
-            "nothing says when its force sensor was free of load: no stage annotations on {}; give --calibrate-first SECONDS",
+            "nothing says when its force sensor was free of load: no stage annotations on {}; give --in-air FROM..TO, --zero-load-below FORCE or --calibrate-first SECONDS",
             cfg.stage_topic
         ));
     }

@@ -39,7 +39,7 @@ impl Data {
         observer: &dyn Observer,
     ) -> Result<Self, TrainingError> {
         let kind = request.train.kind;
-        let mut loader = Loader::new(cfg, WINDOW, request.split)?;
+        let mut loader = Loader::new(cfg, WINDOW, request.split, request.in_air.as_ref())?;
         let n_passes = if kind == Kind::Adaptive { 2 } else { 1 };
         let total = (n_passes * bags.len()) as u64;
         let (mut artifact, mut ranges) = (None, Vec::new());

@@ -82,7 +82,12 @@ pub fn hold_out(
         let names: Vec<String> = left_out.iter().map(|idx| sessions[*idx].name.clone()).collect();
         train_without(cfg, &kept, &fold, &names, observer, on_step)?;
     }
-    let scoring = evaluate::Request { model: Some(&request.output), held_out: true, ..evaluate::Request::new(bags) };
+    let scoring = evaluate::Request {
+        model: Some(&request.output),
+        held_out: true,
+        in_air: request.in_air.as_ref(),
+        ..evaluate::Request::new(bags)
+    };
     let scored = evaluate::run(cfg.clone(), &scoring, observer)?;
     let by = if hold_out == HoldOut::Users { GroupBy::User } else { GroupBy::Session };
     let scores = scored.models.last().and_then(|model| model.by.get(by.name())).cloned().unwrap_or_default();

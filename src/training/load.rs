@@ -10,7 +10,7 @@ use crate::eval::Split;
 use crate::fusion::{ArtifactModel, Following, FusionConfig};
 use crate::observer::{self, Observer};
 use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, aligned, input_topics, read};
-use crate::sessions::{SessionError, session_name};
+use crate::sessions::{InAir, SessionError, annotated, session_name};
 use crate::train::{Session, SessionFrames};
 use crate::units::Stamp;
 use crate::zero::{self, KnownModels, Wanted};
@@ -30,6 +30,7 @@ pub(super) struct Loader<'c> {
     split: Split,
     rate_hz: f64,
     artifact: Option<Arc<ArtifactModel>>,
+    in_air: Option<&'c InAir>,
 }
 
 /// A session, and what was noted about it.
@@ -42,14 +43,19 @@ pub(super) struct LoadedSession {
 
 impl<'c> Loader<'c> {
     /// A loader of the only region of a configuration; the network's kind decides whether its joints are read.
-    pub(super) fn new(cfg: &'c Config, window: usize, split: Split) -> Result<Self, TrainingError> {
+    pub(super) fn new(
+        cfg: &'c Config,
+        window: usize,
+        split: Split,
+        in_air: Option<&'c InAir>,
+    ) -> Result<Self, TrainingError> {
         let region_idx = 0;
         let region = &cfg.fusion.regions[region_idx];
         let Some(truth_idx) = cfg.truth_of_region[region_idx] else {
             return Err(TrainingError::NoTruth { region: region.name.clone() });
         };
         let rate_hz = cfg.models[region.model].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
-        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None })
+        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air })
     }
 
     /// The same, of taxels that this artifact was taken out of, followed as while the glove is worn.
@@ -65,7 +71,8 @@ impl<'c> Loader<'c> {
     /// Reads one bag.
     pub(super) fn load(&self, bag: &Path, observer: &dyn Observer) -> Result<LoadedSession, TrainingError> {
         let bags = [bag.to_path_buf()];
-        let mut topics = input_topics(self.cfg);
+        let cfg = annotated(self.cfg, &bags, self.in_air, observer)?;
+        let mut topics = input_topics(&cfg);
         topics.truth = vec![self.cfg.truth[self.truth_idx].clone()];
         let mut reader = BagReader::open(&bags)?;
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| TrainingError::at(bag, &error))?;
@@ -73,7 +80,7 @@ impl<'c> Loader<'c> {
             return Err(TrainingError::at(
                 bag,
                 &format!(
-                    "no stage annotations on {}; training needs to know where nothing touches the glove: record that topic, or set stage_topic",
+                    "no stage annotations on {}; training needs to know where nothing touches the glove: give --in-air FROM..TO or --zero-load-below FORCE, record that topic, or set stage_topic",
                     self.cfg.stage_topic
                 ),
             ));
@@ -82,7 +89,7 @@ impl<'c> Loader<'c> {
             artifacts: self.cfg.models.iter().map(|_| self.artifact.clone().map(|of| (of, self.rate_hz))).collect(),
             ..KnownModels::default()
         };
-        let zero = zero::find(Wanted::Any, self.cfg, &bags, &known).map_err(|error| TrainingError::at(bag, &error))?;
+        let zero = zero::find(Wanted::Any, &cfg, &bags, &known).map_err(|error| TrainingError::at(bag, &error))?;
         zero.notes.iter().for_each(|note| observer.note(note));
         // What is trained on is followed, whatever the parameters of a node say.
         let fusion = FusionConfig { following: Following::On, ..self.cfg.fusion.clone() };

@@ -25,3 +25,5 @@ mod shards;
 mod simulate;
 #[cfg(feature = "train")]
 mod train_command;
+#[cfg(feature = "train")]
+mod unannotated;

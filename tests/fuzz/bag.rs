@@ -41,6 +41,7 @@ fn topics() -> InputTopics {
         joint_sources: cfg.fusion.joint_sources.clone(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
+        told: None,
         message_definitions: None,
     }
 }

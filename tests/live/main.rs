@@ -13,6 +13,8 @@ mod node_collect;
 #[cfg(feature = "ros")]
 mod node_faults;
 #[cfg(feature = "ros")]
+mod node_init;
+#[cfg(feature = "ros")]
 mod node_interfaces;
 #[cfg(feature = "ros")]
 mod node_play;

@@ -47,7 +47,7 @@ fn press(text: &str) -> Result<Press, String> {
         Some((region, rest)) => (Some(region.to_owned()), rest),
         None => (None, text),
     };
-    match super::force(rest) {
+    match crate::commands::force::force(rest) {
         Some(force) if force.0 > 0.0 => Ok(Press { region, force, text: rest.to_owned() }),
         _ => Err(format!("expected a force, such as 200gF or thumb:2N, got {text:?}")),
     }

@@ -164,6 +164,8 @@ pub(super) fn truth(reader: &Reader<'_>, name: &str) -> Result<(TruthSource, Top
         inverted: reader.int(&key("sign"))? < 0,
         unit: match reader.text(&key("unit"))?.as_str() {
             "gF" => ForceUnit::GramForce,
+            "kgf" => ForceUnit::KilogramForce,
+            "mN" => ForceUnit::Millinewton,
             _ => ForceUnit::Newton,
         },
     };

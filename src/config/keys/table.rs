@@ -182,7 +182,8 @@ pub static KEYS: &[ParamKey] = &[
         Str("header.stamp"),
         "Path of the stamp, or receipt: the time at which the message arrived",
     ),
-    ParamKey::new("truth.<source>.unit", Kind::Str, Str("N"), "Unit of the force").range(OneOf(&["N", "gF"])),
+    ParamKey::new("truth.<source>.unit", Kind::Str, Str("N"), "Unit of the force")
+        .range(OneOf(&["N", "gF", "kgf", "mN"])),
     ParamKey::new("truth.<source>.sign", Kind::Int, Int(1), "-1 if a lower reading means more pressure")
         .range(ParamRange::Ints(&[1, -1])),
     ParamKey::new("truth.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")

@@ -16,6 +16,7 @@ use crate::ros::node::Watched;
 use crate::ros::wire::entities::Graph;
 use crate::ros::wire::environment::Environment;
 use crate::ros::wire::error::NodeError;
+use crate::ros::wire::graph::Endpoint;
 use crate::ros::wire::middleware::{Publisher, Subscription, TopicType};
 use crate::ros::wire::qos::{self, reliable_qos};
 use crate::ros::wire::remap::{self, NameKind, Remap};
@@ -95,6 +96,11 @@ impl Listening {
     /// Notes for the user about the graph.
     pub fn note(&self) -> Option<String> {
         self.graph.note()
+    }
+
+    /// Publishers of other nodes that have been discovered by now; `None` if the middleware doesn't report them.
+    pub fn publishers(&self) -> Option<Vec<Endpoint>> {
+        self.graph.neighbours().map(|neighbours| neighbours.publishers())
     }
 
     /// Subscribes to a topic by its absolute name before remapping.

@@ -1,7 +1,7 @@
 //! Explains why no messages arrive on a topic, from the entities discovered in the graph. Pure.
 
 use ros2_client::QosProfile;
-use ros2_client::qos::{Durability, Reliability};
+use ros2_client::qos::{Durability, History, Reliability};
 
 /// A publisher or subscription of another node.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +14,22 @@ pub struct Endpoint {
     pub type_hash: Option<String>,
     /// QoS that it offers or requests.
     pub qos: QosProfile,
+}
+
+impl Endpoint {
+    /// The QoS that it offers or requests, in words: `reliable, volatile, keep last 10`.
+    pub fn qos_in_words(&self) -> String {
+        let reliability = match self.qos.reliability {
+            Reliability::Reliable { .. } => "reliable",
+            Reliability::BestEffort => "best effort",
+        };
+        let durability = if self.qos.durability == Durability::Volatile { "volatile" } else { "transient local" };
+        let history = match self.qos.history {
+            History::KeepLast { depth } => format!("keep last {depth}"),
+            History::KeepAll => "keep all".to_owned(),
+        };
+        format!("{reliability}, {durability}, {history}")
+    }
 }
 
 /// A subscription of this node.
