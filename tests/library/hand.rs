@@ -202,7 +202,7 @@ fn fields(
         joints: JOINTS.map(str::to_owned).to_vec(),
     };
     let names = NamesFrom::Hand(Box::new(hand));
-    JointFields { stamp: Some(StampFrom::Receipt), positions: positions.to_owned(), names }
+    JointFields { stamp: Some(StampFrom::Receipt), positions: positions.to_owned(), names, only: None }
 }
 
 #[test]

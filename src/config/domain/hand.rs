@@ -1,7 +1,7 @@
 //! Joint angles that are computed from the points of a hand.
 
 use super::super::error::ConfigError;
-use super::fields::{field_or, millis_to_ns, optional_field, stamp};
+use super::fields::{field_or, millis_to_ns, only, optional_field, stamp};
 use super::reader::Reader;
 use crate::fusion::JointSource;
 use crate::hand::{JOINTS, Layout, NamedLayout, Side};
@@ -64,9 +64,10 @@ pub(super) fn of_hand(
         joints,
     };
     let fields = JointFields {
-        stamp: Some(stamp(reader, &key("stamp"))?),
+        stamp: Some(stamp(reader, &key)?),
         positions: field_or(reader, &key("field"), known.map(|(positions, _)| positions))?,
         names: NamesFrom::Hand(Box::new(hand)),
+        only: only(reader, &key)?,
     };
     let source = JointSource {
         name: name.to_owned(),
