@@ -2,6 +2,7 @@
 //! message alike.
 
 mod clock;
+mod frames;
 mod hand;
 mod joints;
 mod samples;
@@ -10,7 +11,7 @@ mod stamp;
 mod taxels;
 mod truth;
 
-pub use hand::{HandFields, hand_paths};
+pub use hand::{HandFields, hand_paths, hand_stamp};
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use stamp::{Since, StampFrom, StampUnit};
