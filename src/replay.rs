@@ -131,7 +131,7 @@ pub fn run(
         wall_s: started.elapsed().as_secs_f64(),
         jobs: options.jobs.get(),
         busy,
-        topics: inputs.counters().clone(),
+        topics: inputs.counters(),
         estimates_sha256,
         losses,
         doubts: inputs.angle_doubts(),
@@ -179,7 +179,7 @@ pub fn for_each_with(
     core.end()?.ticks().for_each(&mut each);
     let Core { fusion, inputs, .. } = core;
     let losses: Vec<String> = reading.reader.losses().iter().map(ToString::to_string).collect();
-    let mut warnings = summary::warnings(&losses, inputs.counters(), &fusion);
+    let mut warnings = summary::warnings(&losses, &inputs.counters(), &fusion);
     warnings.extend(inputs.angle_doubts());
     Ok(Seen { zero: zero.from, warnings, core: fusion })
 }

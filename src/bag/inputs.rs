@@ -1,11 +1,14 @@
 //! Which topics of a bag feed the core, and how their messages become events.
 
+mod counts;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use serde::Serialize;
+pub use counts::TopicCounters;
+use counts::{MessageParts, Share, count, counted};
 
 use super::error::one_line;
 use super::write::{RECEIPTS_KEY, RECEIPTS_LIVE};
@@ -62,17 +65,6 @@ pub enum Input<'a> {
     None,
 }
 
-/// What came on a topic that feeds the core.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct TopicCounters {
-    /// Messages that were read, as everything that the parameters say is in them.
-    pub read: u64,
-    /// Messages that weren't, by reason.
-    pub unreadable: BTreeMap<&'static str, u64>,
-    /// What was wrong with the first of those.
-    pub first_error: Option<String>,
-}
-
 /// Why a bag can't feed the core. Each text is one line that names the topic.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
@@ -87,6 +79,10 @@ pub enum InputError {
     Binding { topic: String, error: Box<BindingError> },
     #[error("topic {topic}: none of its {messages} messages could be read: {first}")]
     NothingRead { topic: String, messages: u64, first: String },
+    #[error(
+        "topic {topic}: none of its {messages} messages is for a source of {what} on it; the first: {first}; correct what its parameters ask for"
+    )]
+    NothingForSource { topic: String, what: &'static str, messages: u64, first: String },
     #[error("topic {topic} has no messages in this bag; its source in the parameters needs some")]
     NoMessages { topic: String },
     #[error(
@@ -104,13 +100,15 @@ pub struct Inputs {
     /// Where types that the bag doesn't define are looked for.
     definitions: Definitions,
     /// By channel id, in the order in which the parts of a message are handled; none where it means nothing here.
-    roles: BTreeMap<usize, Vec<Role>>,
+    roles: BTreeMap<usize, (String, Vec<Role>)>,
     counters: BTreeMap<String, TopicCounters>,
     joint_names: BTreeSet<String>,
     /// One a joint source, of the joints that are needed.
     angles: Vec<AngleWatch>,
-    /// Whether the message whose parts are being decoded is counted already.
-    is_counted: bool,
+    /// What was found in the parts of the message that is being decoded.
+    message: MessageParts,
+    /// By source: messages that were for it, and the others.
+    shares: BTreeMap<(&'static str, usize), Share>,
 }
 
 #[derive(Debug)]
@@ -146,7 +144,8 @@ impl Inputs {
             roles: BTreeMap::new(),
             counters: BTreeMap::new(),
             joint_names: BTreeSet::new(),
-            is_counted: false,
+            message: MessageParts::default(),
+            shares: BTreeMap::new(),
         };
         for channel in reader.channels() {
             inputs.bind(channel)?;
@@ -163,20 +162,20 @@ impl Inputs {
         if !self.roles.contains_key(&channel.id) {
             self.bind(channel)?;
         }
-        Ok(0..self.roles.get(&channel.id).map_or(0, Vec::len))
+        Ok(0..self.roles.get(&channel.id).map_or(0, |(_, roles)| roles.len()))
     }
 
     /// What a part of a message is to the core. One that can't be read is no error: it is counted, a message once.
     pub fn decode<'a>(&'a mut self, message: &BagMessage<'a>, part: usize) -> Input<'a> {
         let (channel, received) = (message.channel, message.log_time);
-        let Some(roles) = self.roles.get_mut(&channel.id) else { return Input::None };
+        let Some((_, roles)) = self.roles.get_mut(&channel.id) else { return Input::None };
         let n_roles = roles.len();
         let Some(role) = roles.get_mut(part) else { return Input::None };
-        let told = role.name();
+        let of = role.source();
         let (input, error) = match role {
             Role::Stage => match from_cdr::<Stage>(message.data) {
-                Ok(stage) => (Input::Stage(stage), None),
-                Err(error) => (Input::None, Some(("unreadable", error.to_string()))),
+                Ok(stage) => (Input::Stage(stage), Ok(())),
+                Err(error) => (Input::None, Err(Some(("unreadable", error.to_string())))),
             },
             Role::Samples(binding) => match binding.decode(message.data, received) {
                 Ok(event) => {
@@ -191,22 +190,33 @@ impl Inputs {
                             self.joint_names.insert(name.clone());
                         }
                     }
-                    (Input::Event(event), None)
+                    (Input::Event(event), Ok(()))
                 }
-                Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
+                Err(error) => (Input::None, Err(counted(&error, self.shares.entry(of).or_default()))),
             },
             Role::Truth(source, binding) => match binding.decode(message.data, received) {
-                Ok((stamp, force)) => (Input::Truth { source: *source, stamp, force }, None),
-                Err(error) => (Input::None, Some((error.reason(), error.to_string()))),
+                Ok((stamp, force)) => (Input::Truth { source: *source, stamp, force }, Ok(())),
+                Err(error) => (Input::None, Err(counted(&error, self.shares.entry(of).or_default()))),
             },
         };
-        let error = error.map(|(reason, text)| (reason, if n_roles > 1 { format!("{told}: {text}") } else { text }));
         if part == 0 {
-            self.is_counted = false;
+            self.message = MessageParts::default();
         }
-        if !self.is_counted && (error.is_some() || part + 1 == n_roles) {
-            self.is_counted = true;
-            count(&mut self.counters, &channel.topic, error);
+        let parts = &mut self.message;
+        match error {
+            Ok(()) => {
+                parts.is_for_a_source = true;
+                self.shares.entry(of).or_default().n_for_it += 1;
+            }
+            Err(None) => {}
+            Err(Some((reason, text))) => {
+                parts.is_for_a_source = true;
+                let text = if n_roles > 1 { format!("{}: {text}", of.0) } else { text };
+                parts.error.get_or_insert((reason, text));
+            }
+        }
+        if part + 1 == n_roles {
+            count(&mut self.counters, &channel.topic, std::mem::take(parts));
         }
         input
     }
@@ -225,12 +235,20 @@ impl Inputs {
 
     /// Whether some channel carries stage annotations, or they were told beside the bag.
     pub fn has_annotations(&self) -> bool {
-        self.topics.told.is_some() || self.roles.values().flatten().any(|role| matches!(role, Role::Stage))
+        let roles = || self.roles.values().flat_map(|(_, roles)| roles);
+        self.topics.told.is_some() || roles().any(|role| matches!(role, Role::Stage))
     }
 
     /// What came on each topic that feeds the core.
-    pub fn counters(&self) -> &BTreeMap<String, TopicCounters> {
-        &self.counters
+    pub fn counters(&self) -> BTreeMap<String, TopicCounters> {
+        let mut counters = self.counters.clone();
+        for (topic, roles) in self.roles.values() {
+            let restarts = roles.iter().map(Role::clock_restarts).max().unwrap_or_default();
+            if let Some(counters) = counters.get_mut(topic).filter(|_| restarts > 0) {
+                counters.clock_restarts += restarts;
+            }
+        }
+        counters
     }
 
     /// What the log times of the bags say: how old data were only where a live node recorded all that feeds the core.
@@ -258,10 +276,26 @@ impl Inputs {
     /// Checks, once a bag has been read, that each tactile topic gave something and that no joint was absent.
     ///
     /// # Errors
-    /// [`InputError::NoMessages`], [`InputError::NothingRead`], [`InputError::MissingJoints`].
+    /// [`InputError::NoMessages`], [`InputError::NothingRead`], [`InputError::NothingForSource`],
+    /// [`InputError::MissingJoints`].
     pub fn check_end<'n>(&self, missing_joints: impl Iterator<Item = &'n str>) -> Result<(), InputError> {
         let InputTopics { taxels, joints, truth, .. } = &self.topics;
         let names = taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
+        let mut shares = self.shares.iter();
+        if let Some(((what, source), share)) = shares.find(|(_, share)| share.n_for_it == 0 && share.n_others > 0) {
+            let topic = match *what {
+                TAXELS => taxels.get(*source).map(|topic| &topic.name),
+                ANGLES => joints.get(*source).map(|topic| &topic.name),
+                _ => truth.get(*source).map(|topic| &topic.name),
+            };
+            let (messages, first) = (share.n_others, share.first_other.clone());
+            return Err(InputError::NothingForSource {
+                topic: topic.cloned().unwrap_or_default(),
+                what,
+                messages,
+                first,
+            });
+        }
         for topic in names.chain(truth.iter().map(|topic| &topic.name)) {
             let counters = self.counters.get(topic).cloned().unwrap_or_default();
             if counters.read == 0 {
@@ -306,7 +340,7 @@ impl Inputs {
         if roles.is_empty() && !is_told && channel.topic == self.topics.stage && is_stage(channel) {
             roles.push(Role::Stage);
         }
-        self.roles.insert(channel.id, roles);
+        self.roles.insert(channel.id, (channel.topic.clone(), roles));
         Ok(())
     }
 
@@ -324,37 +358,33 @@ impl Inputs {
     }
 }
 
+const TAXELS: &str = "taxels";
+const ANGLES: &str = "joint angles";
+
 impl Role {
-    /// What it takes a message for.
-    fn name(&self) -> &'static str {
+    /// What it takes a message for, and the index of its source among those of this kind.
+    fn source(&self) -> (&'static str, usize) {
         match self {
-            Role::Samples(SampleBinding::Taxels(..)) => "taxels",
-            Role::Samples(SampleBinding::Joints(..)) => "joint angles",
-            Role::Truth(..) => "true force",
-            Role::Stage => "stage",
+            Role::Samples(SampleBinding::Taxels(source, _)) => (TAXELS, source.0),
+            Role::Samples(SampleBinding::Joints(source, _)) => (ANGLES, source.0),
+            Role::Truth(source, _) => ("true force", *source),
+            Role::Stage => ("stage", 0),
         }
     }
-}
 
-fn is_stage(channel: &BagChannel) -> bool {
-    channel.schema.as_ref().is_some_and(|schema| canonical_type_name(&schema.name) == Stage::TYPE_NAME)
-}
-
-/// Counts a message that was read, or the reason and the text of why it wasn't.
-fn count(counters: &mut BTreeMap<String, TopicCounters>, topic: &str, error: Option<(&'static str, String)>) {
-    if !counters.contains_key(topic) {
-        counters.insert(topic.to_owned(), TopicCounters::default());
-    }
-    let Some(counters) = counters.get_mut(topic) else { return };
-    match error {
-        None => counters.read += 1,
-        Some((reason, text)) => {
-            *counters.unreadable.entry(reason).or_default() += 1;
-            counters.first_error.get_or_insert(text);
+    fn clock_restarts(&self) -> u64 {
+        match self {
+            Role::Samples(binding) => binding.clock_restarts(),
+            Role::Truth(_, binding) => binding.clock_restarts(),
+            Role::Stage => 0,
         }
     }
 }
 
 fn binding_error(channel: &BagChannel, error: BindingError) -> InputError {
     InputError::Binding { topic: channel.topic.clone(), error: Box::new(error) }
+}
+
+fn is_stage(channel: &BagChannel) -> bool {
+    channel.schema.as_ref().is_some_and(|schema| canonical_type_name(&schema.name) == Stage::TYPE_NAME)
 }

@@ -161,7 +161,8 @@ fn read_samples(
     }
     let used = cfg.fusion.regions.iter().flat_map(|region| &region.joints);
     inputs.check_end(used.map(String::as_str).filter(|joint| !samples.joints.contains_key(*joint)))?;
-    let unreadable = inputs.counters().iter().filter_map(|(topic, counters)| {
+    let counters = inputs.counters();
+    let unreadable = counters.iter().filter_map(|(topic, counters)| {
         let first = counters.first_error.as_ref()?;
         let n: u64 = counters.unreadable.values().sum();
         Some(format!("topic {topic}: {n} messages could not be read: {first}"))

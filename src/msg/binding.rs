@@ -1,30 +1,26 @@
 //! What turns one raw message into samples for the core: shared by bag replay and the live node, so that both read a
 //! message alike.
 
+mod clock;
+mod frames;
 mod hand;
 mod joints;
 mod samples;
+mod sequence;
+mod stamp;
 mod taxels;
 mod truth;
 
-pub use hand::{HandFields, hand_paths};
+pub use hand::{HandFields, hand_paths, hand_stamp};
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
+pub use stamp::{Since, StampFrom, StampUnit};
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
 pub use truth::{TruthBinding, TruthFields};
 
+use super::cdr::CdrError;
 use super::definition::TypeTree;
-use super::dynamic::{FieldError, FieldPlan, ReadAs, ReadError};
-use crate::units::Stamp;
-
-/// Where the stamp of a message is taken from.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum StampFrom {
-    /// A `builtin_interfaces/Time` of the message.
-    Field(String),
-    /// When the message was received: `log_time` in a bag. For types without a stamp, and only when it is asked for.
-    Receipt,
-}
+use super::dynamic::{FieldError, FieldPlan, MessageCondition, ReadAs, ReadError};
 
 /// A topic to read: what it is called, what is on it, and where in its messages the fields are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,17 +52,27 @@ pub enum BindingError {
         /// The type.
         type_name: String,
     },
-    /// A message counter that wraps too early to be told from lost messages.
-    #[error(
-        "sequence: field '{path}' of {type_name} is {found}, but an unsigned counter of at least 32 bits must be there; leave it out"
-    )]
-    NarrowSequence {
+    /// A message counter that is no whole number.
+    #[error("sequence: field '{path}' of {type_name} is {found}, but a whole number must be there; leave it out")]
+    NoCounter {
         /// The path.
         path: String,
         /// The type.
         type_name: String,
         /// What the field is.
         found: String,
+    },
+    /// A stamp that can't be one.
+    #[error("stamp: field '{path}' of {type_name} is {found}, {problem}")]
+    Stamp {
+        /// The path.
+        path: String,
+        /// The type.
+        type_name: String,
+        /// What the field is.
+        found: String,
+        /// What is wrong with it, and what to write.
+        problem: &'static str,
     },
     /// A constant that can't be right.
     #[error("{role}: expected {expected}, got {got}")]
@@ -86,6 +92,16 @@ pub enum SampleError {
     /// The bytes are not what the definition says.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// It is for another source.
+    #[error("a {type_name} is not for this source: only {wanted} is, and it has {got}")]
+    NotForSource {
+        /// The type.
+        type_name: String,
+        /// What the parameters ask for.
+        wanted: String,
+        /// What the field is instead.
+        got: String,
+    },
     /// There are no rows, or no values.
     #[error("a {type_name} without values: {rows} rows, {n_values} values")]
     Empty {
@@ -183,10 +199,17 @@ pub enum SampleError {
 }
 
 impl SampleError {
+    /// Whether nothing is wrong with the message: it is for another source.
+    pub fn is_for_another(&self) -> bool {
+        matches!(self, SampleError::NotForSource { .. })
+    }
+
     /// A short name for counters, the same for every error of a kind.
     pub fn reason(&self) -> &'static str {
         match self {
+            SampleError::Read(ReadError { fault: CdrError::NoMatch { .. }, .. }) => "no_match",
             SampleError::Read(_) => "unreadable",
+            SampleError::NotForSource { .. } => "not_for_source",
             SampleError::Empty { .. } => "empty",
             SampleError::Shape { .. } | SampleError::Uneven { .. } | SampleError::NotOneForce { .. } => "shape",
             SampleError::RowPeriod { .. } => "row_period",
@@ -196,27 +219,27 @@ impl SampleError {
     }
 }
 
-/// Compiled [`StampFrom`].
+/// Whether a message is for a source, compiled; all messages are where nothing is asked for.
 #[derive(Debug, Clone)]
-enum StampPlan {
-    Field(FieldPlan),
-    Receipt,
+struct OnlyPlan {
+    condition: Option<(MessageCondition, String)>,
+    type_name: String,
 }
 
-impl StampPlan {
-    fn compile(from: Option<&StampFrom>, tree: &TypeTree) -> Result<Self, BindingError> {
-        match from {
-            Some(StampFrom::Field(path)) => Ok(StampPlan::Field(plan("stamp", tree, path, ReadAs::Stamp)?)),
-            Some(StampFrom::Receipt) => Ok(StampPlan::Receipt),
-            None => Err(BindingError::NoStamp { type_name: tree.type_name().to_owned() }),
-        }
+impl OnlyPlan {
+    fn compile(only: Option<&String>, tree: &TypeTree) -> Result<Self, BindingError> {
+        let compiled = |text: &String| match MessageCondition::compile(tree, text) {
+            Ok(condition) => Ok((condition, text.clone())),
+            Err(error) => Err(BindingError::Field { role: "only", error }),
+        };
+        Ok(OnlyPlan { condition: only.map(compiled).transpose()?, type_name: tree.type_name().to_owned() })
     }
 
-    fn read(&self, cdr: &[u8], received: Stamp) -> Result<Stamp, ReadError> {
-        match self {
-            StampPlan::Field(plan) => plan.read_stamp(cdr),
-            StampPlan::Receipt => Ok(received),
-        }
+    fn admit(&self, cdr: &[u8]) -> Result<(), SampleError> {
+        let Some((condition, wanted)) = &self.condition else { return Ok(()) };
+        let refused =
+            |got| SampleError::NotForSource { type_name: self.type_name.clone(), wanted: wanted.clone(), got };
+        condition.holds(cdr)?.map_err(refused)
     }
 }
 

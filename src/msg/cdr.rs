@@ -44,6 +44,17 @@ pub enum CdrError {
         /// How many there are.
         len: usize,
     },
+    /// No element of an array is the one that is wanted.
+    #[error("expected an element with {condition}, got {got}")]
+    NoMatch {
+        /// `field=value`.
+        condition: String,
+        /// The values of that field that came.
+        got: String,
+    },
+    /// Several elements are the one that is wanted.
+    #[error("expected one element with this value, got several")]
+    SeveralMatch,
     /// A string is not UTF-8.
     #[error("expected UTF-8 text at offset {at}")]
     NotUtf8 {
@@ -59,6 +70,12 @@ pub enum CdrError {
     /// A number of seconds is not finite.
     #[error("expected a finite number of seconds, got {value}")]
     NotASpan {
+        /// What came.
+        value: String,
+    },
+    /// A number that should be a point in time is not finite.
+    #[error("expected a finite number as a stamp, got {value}")]
+    NotAStamp {
         /// What came.
         value: String,
     },

@@ -1,14 +1,18 @@
 //! Reading any message type by its definition, straight from its bytes.
 //!
 //! A field is named by a path: `data`, `header.stamp`, `wrench.force.z`, `sensors[2].values` for one element of an
-//! array of messages, `fingers[].pressure` for all of them one after another. [`FieldPlan`] compiles a path once
-//! and then reads it from each message, past everything that stands before it, without allocating.
+//! array of messages, `fingers[].pressure` for all of them one after another, `sensors[name=tip].values` for those in
+//! which a field has a value. [`FieldPlan`] compiles a path once and then reads it from each message, past everything
+//! that stands before it, without allocating.
 //!
 //! Bytes that a message describes are read as the numbers that they are: `data` of an image by its encoding, and
 //! `data[].z` of a point cloud by its point fields.
 
+mod condition;
+mod leaf;
 mod listing;
 mod numbers;
+mod only;
 mod packed;
 mod path;
 mod skip;
@@ -18,13 +22,15 @@ mod walk;
 use std::fmt;
 
 pub use listing::{NumericPath, numeric_paths, text_paths};
+pub use only::{MessageCondition, check_condition};
 pub use value::{Value, read_value};
 
 use super::cdr::{CdrError, CdrReader};
 use super::definition::{Primitive, TypeTree};
 use crate::units::{NANOS_PER_SEC, Stamp};
+use leaf::Leaf;
 use packed::Packed;
-use walk::{Leaf, Walk};
+use walk::Walk;
 
 /// What one element of a field is, and whether there can be several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,6 +82,8 @@ pub enum ReadAs {
     Count,
     /// One point in time: [`FieldPlan::read_stamp`].
     Stamp,
+    /// One number of any kind, exactly: [`FieldPlan::read_nanos`].
+    Nanos,
     /// One span of time, as a duration or as a number of seconds: [`FieldPlan::read_period`].
     Period,
     /// Any strings, one or many: [`FieldPlan::read_texts`].
@@ -88,6 +96,7 @@ impl ReadAs {
             ReadAs::Numbers => "numbers",
             ReadAs::Count => "one whole number",
             ReadAs::Stamp => "one builtin_interfaces/msg/Time",
+            ReadAs::Nanos => "one number",
             ReadAs::Period => "one builtin_interfaces/msg/Duration, or one number of seconds",
             ReadAs::Texts => "strings",
         }
@@ -98,6 +107,7 @@ impl ReadAs {
         match (self, kind.element) {
             (ReadAs::Numbers, ElementKind::Number(_)) | (ReadAs::Texts, ElementKind::Text) => true,
             (ReadAs::Count, ElementKind::Number(primitive)) => !kind.many && !float(primitive),
+            (ReadAs::Nanos, ElementKind::Number(_)) => !kind.many,
             (ReadAs::Period, ElementKind::Number(_) | ElementKind::Duration) => !kind.many,
             (ReadAs::Stamp, ElementKind::Time) => !kind.many,
             _ => false,
@@ -110,7 +120,7 @@ impl ReadAs {
 pub enum FieldError {
     /// The path is not written as paths are.
     #[error(
-        "'{path}' is not a field path ({reason}); expected names such as header.stamp, fingers[0].taxels, fingers[].pressure"
+        "'{path}' is not a field path ({reason}); expected names such as header.stamp, fingers[0].taxels, fingers[].pressure, fingers[name=thumb].taxels"
     )]
     Syntax {
         /// The path.
@@ -279,6 +289,27 @@ impl FieldPlan {
         })
     }
 
+    /// The number times `unit_ns`: whole numbers exactly, others to within their precision and within an `i128`.
+    ///
+    /// # Errors
+    /// [`ReadError`] when it is not finite, or the bytes end early or are no plain CDR.
+    pub fn read_nanos(&self, cdr: &[u8], unit_ns: i64) -> Result<i128, ReadError> {
+        self.read_one(cdr, |leaf, reader| {
+            let (primitive, bytes) = leaf.numbers(reader)?;
+            let is_little = reader.is_little_endian();
+            if numbers::whole_range(primitive).is_some() {
+                return Ok(numbers::whole(primitive, bytes, is_little) * i128::from(unit_ns)); // 64 bits by 64
+            }
+            let number = numbers::first(primitive, bytes, is_little);
+            if !number.is_finite() {
+                return Err(CdrError::NotAStamp { value: number.to_string() });
+            }
+            // By parts, as 1.7e18 ns since 1970 are told to within 256 ns only; the casts saturate.
+            let part = (number.fract() * unit_ns as f64).round() as i128;
+            Ok((number.trunc() as i128).saturating_mul(unit_ns.into()).saturating_add(part))
+        })
+    }
+
     /// The span of time in nanoseconds; a number counts as seconds.
     ///
     /// # Errors
@@ -353,6 +384,9 @@ impl FieldPlan {
     ) -> Result<T, ReadError> {
         let mut one = None;
         self.run(cdr, |leaf, reader| {
+            if one.is_some() {
+                return Err(CdrError::SeveralMatch);
+            }
             one = Some(read(leaf, reader)?);
             Ok(())
         })?;

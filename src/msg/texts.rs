@@ -1,7 +1,7 @@
-//! The `.msg` texts of the types that have a struct here.
+//! The `.msg` texts of the types that are known here without an installation.
 
-/// Canonical name and text of every type that has a struct here, ours and the standard ones.
-pub(super) const TEXTS: [(&str, &str); 20] = [
+/// Canonical name and text of every type that has a struct here, ours and the standard ones, and of `/tf`.
+pub(super) const TEXTS: [(&str, &str); 23] = [
     ("builtin_interfaces/msg/Duration", include_str!("../../msg/standard/Duration.msg")),
     ("builtin_interfaces/msg/Time", include_str!("../../msg/standard/Time.msg")),
     ("geometry_msgs/msg/Vector3", include_str!("../../msg/standard/Vector3.msg")),
@@ -10,6 +10,8 @@ pub(super) const TEXTS: [(&str, &str); 20] = [
     ("geometry_msgs/msg/Pose", include_str!("../../msg/standard/Pose.msg")),
     ("geometry_msgs/msg/PoseArray", include_str!("../../msg/standard/PoseArray.msg")),
     ("geometry_msgs/msg/Quaternion", include_str!("../../msg/standard/Quaternion.msg")),
+    ("geometry_msgs/msg/Transform", include_str!("../../msg/standard/Transform.msg")),
+    ("geometry_msgs/msg/TransformStamped", include_str!("../../msg/standard/TransformStamped.msg")),
     ("geometry_msgs/msg/WrenchStamped", include_str!("../../msg/standard/WrenchStamped.msg")),
     ("sensor_msgs/msg/JointState", include_str!("../../msg/standard/JointState.msg")),
     ("service_msgs/msg/ServiceEventInfo", include_str!("../../msg/standard/ServiceEventInfo.msg")),
@@ -22,6 +24,7 @@ pub(super) const TEXTS: [(&str, &str); 20] = [
     ("tactile_pose_fusion/msg/ContactState", include_str!("../../msg/ContactState.msg")),
     ("tactile_pose_fusion/msg/Stage", include_str!("../../msg/Stage.msg")),
     ("tactile_pose_fusion/msg/TaxelArray", include_str!("../../msg/TaxelArray.msg")),
+    ("tf2_msgs/msg/TFMessage", include_str!("../../msg/standard/TFMessage.msg")),
 ];
 
 /// The `.msg` text of one of our types, or of a standard one that we use, by canonical name; dependencies left out.

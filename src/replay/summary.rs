@@ -195,6 +195,12 @@ pub(super) fn warnings(losses: &[String], topics: &BTreeMap<String, TopicCounter
             let n: u64 = counters.unreadable.values().sum();
             warnings.push(format!("{topic}: {n} messages could not be read, the first: {first}"));
         }
+        if counters.clock_restarts > 0 {
+            let n = counters.clock_restarts;
+            warnings.push(format!(
+                "{topic}: the device's clock was set or started anew {n} times; its stamps were mapped anew each time"
+            ));
+        }
     }
     for (source_idx, source) in fusion.counters().tactile.iter().enumerate() {
         warnings.extend(fusion.rate_fault(TactileSourceIdx(source_idx)).map(|fault| fault.to_string()));

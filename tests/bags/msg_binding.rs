@@ -48,11 +48,13 @@ fn load_cell_tree() -> TypeTree {
 fn load_cell_fields() -> TaxelFields {
     TaxelFields {
         stamp: Some(StampFrom::Field(path("header.stamp"))),
-        values: path("data"),
+        values: vec![path("data")],
+        no_reading: None,
         rows: CountFrom::Field(path("rows")),
         cols: Some(CountFrom::Field(path("cols"))),
         row_period: PeriodFrom::Constant(1_000_000),
         sequence: None,
+        only: None,
     }
 }
 
@@ -129,12 +131,13 @@ fn fields_that_are_not_there_are_named_with_those_that_are() {
         TaxelBinding::compile(&fields, &load_cell_tree()).expect_err("it is refused").to_string()
     };
     assert_eq!(
-        refused(|fields| fields.values = path("force")),
+        refused(|fields| fields.values = vec![path("force")]),
         "values: field 'force' is not in crab_interfaces/msg/LoadCell; it has header, rows, cols, data"
     );
     assert_eq!(
         refused(|fields| fields.stamp = Some(StampFrom::Field(path("rows")))),
-        "stamp: field 'rows' of crab_interfaces/msg/LoadCell is uint32, but one builtin_interfaces/msg/Time must be there"
+        "stamp: field 'rows' of crab_interfaces/msg/LoadCell is uint32, a number: set stamp_unit to s, ms, us or ns, or name \
+         another field"
     );
     assert_eq!(refused(|fields| fields.rows = CountFrom::Constant(0)), "rows: expected at least 1, got 0");
     assert_eq!(
@@ -142,9 +145,8 @@ fn fields_that_are_not_there_are_named_with_those_that_are() {
         "row_period: expected more than 0 ns, got -5 ns"
     );
     assert_eq!(
-        refused(|fields| fields.sequence = Some(path("header.stamp.sec"))),
-        "sequence: field 'header.stamp.sec' of crab_interfaces/msg/LoadCell is int32, but an unsigned counter of at \
-         least 32 bits must be there; leave it out"
+        refused(|fields| fields.sequence = Some(path("header.frame_id"))),
+        "sequence: field 'header.frame_id' of crab_interfaces/msg/LoadCell is string, but one number must be there"
     );
 }
 
@@ -211,8 +213,12 @@ fn joints_in_an_array_of_structs_or_without_names_are_bound_too() {
     let tree = TypeTree::resolve("hand/msg/Joints", text, &mut |name| joint(name).filter(|_| name == "hand/msg/Joint"))
         .expect("it resolves");
     let cdr = CdrWriter::new(false).u32(2).text("a").f32(0.5).u8(1).text("bcd").f32(-0.5).u8(0).u32(7).u32(0).cdr;
-    let by =
-        |names| JointFields { stamp: Some(StampFrom::Field(path("at"))), positions: path("joints[].angle"), names };
+    let by = |names| JointFields {
+        stamp: Some(StampFrom::Field(path("at"))),
+        positions: path("joints[].angle"),
+        names,
+        only: None,
+    };
     let mut named = JointBinding::compile(&by(NamesFrom::Field(path("joints[].name"))), &tree).expect("it compiles");
     let message = named.decode(&cdr, RECEIVED).expect("angles");
     assert_eq!((message.stamp, message.positions), (Stamp(7_000_000_000), [0.5, -0.5].as_slice()));
@@ -220,4 +226,221 @@ fn joints_in_an_array_of_structs_or_without_names_are_bound_too() {
     let three = NamesFrom::Constant(vec![path("x"), path("y"), path("z")]);
     let mut constant = JointBinding::compile(&by(three), &tree).expect("it compiles");
     assert_eq!(constant.decode(&cdr, RECEIVED).expect_err("2 of 3").reason(), "joint_count");
+}
+
+/// Three pads of two taxels with three axes each, two of them of one finger, and a clock of its own.
+const SKIN: &str = "uint8 hand
+uint16 count
+uint32 time_ms
+Pad[] pads
+int16[4] palm
+================================================================================
+MSG: skin/Pad
+string finger
+Taxel[] taxels
+================================================================================
+MSG: skin/Taxel
+int16 x
+int16 y
+int16 z
+";
+
+fn skin_tree() -> TypeTree {
+    TypeTree::from_schema("skin/msg/Skin", SKIN).expect("it resolves")
+}
+
+fn skin_fields(values: &[&str]) -> TaxelFields {
+    TaxelFields {
+        stamp: Some(StampFrom::Receipt),
+        values: values.iter().map(|value| path(value)).collect(),
+        no_reading: None,
+        rows: CountFrom::One,
+        cols: None,
+        row_period: PeriodFrom::None,
+        sequence: None,
+        only: None,
+    }
+}
+
+/// Taxel k of a message reads 10 k + 1, 10 k + 2, 10 k + 3 and the palm -1 to -4.
+fn skin(hand: u8, count: u16, time_ms: u32) -> Vec<u8> {
+    let mut writer = CdrWriter::new(true).u8(hand).u16(count).u32(time_ms).u32(3);
+    for (pad, finger) in ["index", "thumb", "index"].iter().enumerate() {
+        writer = writer.text(finger).u32(2);
+        for taxel in 0..2 {
+            let first = (20 * pad + 10 * taxel) as u16;
+            writer = writer.u16(first + 1).u16(first + 2).u16(first + 3);
+        }
+    }
+    (1..=4).fold(writer, |writer, value| writer.u16(0_u16.wrapping_sub(value))).cdr
+}
+
+#[test]
+fn several_fields_make_one_sample_field_after_field() {
+    let read = |values: &[&str]| {
+        let mut binding = TaxelBinding::compile(&skin_fields(values), &skin_tree()).expect("it compiles");
+        (0..2).map(|_| binding.decode(&skin(0, 0, 0), RECEIVED).expect("samples").values.to_vec()).last().unwrap()
+    };
+    assert_eq!(
+        read(&["pads[].taxels[].z", "pads[].taxels[].x", "palm"]),
+        [3.0, 13.0, 23.0, 33.0, 43.0, 53.0, 1.0, 11.0, 21.0, 31.0, 41.0, 51.0, -1.0, -2.0, -3.0, -4.0]
+    );
+    let mut rows = TaxelFields {
+        rows: CountFrom::Constant(2),
+        row_period: PeriodFrom::Constant(1_000_000),
+        ..skin_fields(&["pads[1].taxels[].z", "palm"])
+    };
+    let mut binding = TaxelBinding::compile(&rows, &skin_tree()).expect("it compiles");
+    let cdr = skin(0, 0, 0);
+    let message = binding.decode(&cdr, RECEIVED).expect("samples");
+    assert_eq!((message.rows, message.values), (2, [23.0, -1.0, -2.0, 33.0, -3.0, -4.0].as_slice()));
+    rows.rows = CountFrom::Constant(4);
+    let mut uneven = TaxelBinding::compile(&rows, &skin_tree()).expect("it compiles");
+    assert_eq!(
+        uneven.decode(&cdr, RECEIVED).expect_err("two of four").to_string(),
+        "a skin/msg/Skin of 4 rows holds 2 values, which don't divide into them"
+    );
+    let refused = TaxelBinding::compile(&skin_fields(&["palm", "sole"]), &skin_tree()).expect_err("no sole");
+    assert_eq!(
+        refused.to_string(),
+        "fields: field 'sole' is not in skin/msg/Skin; it has hand, count, time_ms, pads, palm"
+    );
+}
+
+#[test]
+fn elements_are_picked_by_the_value_of_a_field_beside() {
+    let read = |of: &str| {
+        let mut binding = TaxelBinding::compile(&skin_fields(&[of]), &skin_tree()).expect("it compiles");
+        match binding.decode(&skin(0, 0, 0), RECEIVED) {
+            Ok(message) => Ok(message.values.to_vec()),
+            Err(error) => Err((error.reason(), error.to_string())),
+        }
+    };
+    assert_eq!(read("pads[finger=thumb].taxels[].z"), Ok(vec![23.0, 33.0]));
+    assert_eq!(read("pads[finger=index].taxels[].z"), Ok(vec![3.0, 13.0, 43.0, 53.0]));
+    assert_eq!(read("pads[ finger = thumb ].taxels[x=31].y"), Ok(vec![32.0]));
+    let none = "field 'pads[finger=ring].taxels[].z' of skin/msg/Skin: expected an element with finger=ring, got 'index', \
+                'thumb', 'index'";
+    assert_eq!(read("pads[finger=ring].taxels[].z"), Err(("no_match", path(none))));
+    assert_eq!(read("pads[finger=thumb].taxels[x=-4].z").unwrap_err().1.split("got ").nth(1), Some("21, 31"));
+
+    let refused = |of: &str| TaxelBinding::compile(&skin_fields(&[of]), &skin_tree()).expect_err(of).to_string();
+    assert_eq!(
+        refused("pads[hand=1].taxels[].z"),
+        "values: field 'hand' is not in skin/msg/Pad; it has finger, taxels"
+    );
+    assert_eq!(
+        refused("pads[].taxels[x=40000].z"),
+        "values: field 'x=40000' of skin/msg/Taxel is int16, but a string, a whole number or a truth value that can have \
+         this value must be there"
+    );
+    assert_eq!(
+        refused("palm[x=1]"),
+        "values: field 'palm' of skin/msg/Skin is int16[4]; its elements have no fields to pick them by"
+    );
+    for wrong in ["pads[=1].taxels[].z", "pads[finger=].taxels[].z", "pads[finger=a", "pads[a[]=1].x"] {
+        assert!(refused(wrong).contains("is not a field path"), "{wrong}");
+    }
+}
+
+#[test]
+fn messages_with_another_value_are_for_another_source() {
+    let mut fields = skin_fields(&["palm"]);
+    fields.only = Some(path("hand=1"));
+    let mut binding = TaxelBinding::compile(&fields, &skin_tree()).expect("it compiles");
+    assert_eq!(binding.decode(&skin(1, 0, 0), RECEIVED).expect("samples").values.len(), 4);
+    let error = binding.decode(&skin(0, 0, 0), RECEIVED).expect_err("the other hand");
+    assert!(error.is_for_another());
+    assert_eq!(
+        (error.reason(), error.to_string()),
+        ("not_for_source", path("a skin/msg/Skin is not for this source: only hand=1 is, and it has 0"))
+    );
+    fields.only = Some(path("pads[finger=thumb].finger=thumb"));
+    let refused = TaxelBinding::compile(&fields, &skin_tree()).expect_err("a name is wanted").to_string();
+    assert!(refused.starts_with("only: 'pads[finger=thumb].finger=thumb' is not a field path"), "{refused}");
+    fields.only = Some(path("hand=left"));
+    let refused = TaxelBinding::compile(&fields, &skin_tree()).expect_err("a number").to_string();
+    assert!(refused.starts_with("only: field 'hand=left' of skin/msg/Skin is uint8, but"), "{refused}");
+}
+
+#[test]
+fn a_stated_reading_stands_for_no_taxel() {
+    let fields = TaxelFields { no_reading: Some(-3.0), ..skin_fields(&["palm"]) };
+    let mut binding = TaxelBinding::compile(&fields, &skin_tree()).expect("it compiles");
+    let cdr = skin(0, 0, 0);
+    let values = binding.decode(&cdr, RECEIVED).expect("samples").values;
+    assert_eq!(values[..2], [-1.0, -2.0]);
+    assert!(values[2].is_nan() && values[3] == -4.0);
+}
+
+#[test]
+fn stamps_may_be_numbers_since_1970_or_since_the_start_of_the_device() {
+    let number = |unit, since| StampFrom::Number { path: path("time_ms"), unit, since };
+    let bind =
+        |stamp| TaxelBinding::compile(&TaxelFields { stamp: Some(stamp), ..skin_fields(&["palm"]) }, &skin_tree());
+    let mut seconds = bind(number(StampUnit::Seconds, Since::Epoch)).expect("32 bits hold seconds");
+    let message = seconds.decode(&skin(0, 0, 1_700_000_000), RECEIVED).expect("samples").stamp;
+    assert_eq!(message, Stamp(1_700_000_000_000_000_000));
+    let mut boot = bind(number(StampUnit::Millis, Since::Boot)).expect("it compiles");
+    let begin = 1_700_000_000_000_000_000;
+    for (time_ms, received_ms) in [(5_000, 0), (5_010, 14), (5_020, 23), (5_030, 31)] {
+        let received = Stamp(begin + received_ms * 1_000_000);
+        let stamp = boot.decode(&skin(0, 0, time_ms), received).expect("samples").stamp;
+        assert_eq!(stamp, Stamp(begin + i64::from(time_ms - 5_000) * 1_000_000));
+    }
+    assert_eq!(boot.clock_restarts(), 0);
+    boot.decode(&skin(0, 0, 3), Stamp(begin + 2_000_000_000)).expect("samples");
+    assert_eq!(boot.clock_restarts(), 1);
+    let refused = |stamp| bind(stamp).expect_err("it is refused").to_string();
+    assert_eq!(
+        refused(number(StampUnit::Millis, Since::Epoch)),
+        "stamp: field 'time_ms' of skin/msg/Skin is uint32, too small for the time since 1970: is stamp_since boot?"
+    );
+    let narrow = StampFrom::Number { path: path("count"), unit: StampUnit::Micros, since: Since::Boot };
+    assert_eq!(
+        refused(narrow),
+        "stamp: field 'count' of skin/msg/Skin is uint16, begins at 0 again within 4 s in this unit; write receipt"
+    );
+    let many = StampFrom::Number { path: path("palm"), unit: StampUnit::Micros, since: Since::Boot };
+    assert_eq!(refused(many), "stamp: field 'palm' of skin/msg/Skin is int16[], but one number must be there");
+}
+
+#[test]
+fn every_kind_of_number_is_a_stamp_to_its_precision() {
+    let since_epoch = 1_700_000_000.25_f64;
+    let begin = 1_700_000_000_250_000_000_i64;
+    let cases: [(&str, StampUnit, Vec<u8>); 6] = [
+        ("float64", StampUnit::Seconds, since_epoch.to_le_bytes().to_vec()),
+        ("float64", StampUnit::Millis, (since_epoch * 1e3).to_le_bytes().to_vec()),
+        ("uint64", StampUnit::Nanos, begin.to_le_bytes().to_vec()),
+        ("int64", StampUnit::Nanos, begin.to_le_bytes().to_vec()),
+        ("int64", StampUnit::Micros, (begin / 1_000).to_le_bytes().to_vec()),
+        ("uint64", StampUnit::Millis, (begin / 1_000_000).to_le_bytes().to_vec()),
+    ];
+    let stamped = |name: &str, stamp| {
+        let tree = TypeTree::from_schema("pkg/msg/T", &format!("{name} time\nfloat32 value\n")).expect("it resolves");
+        TaxelBinding::compile(&TaxelFields { stamp: Some(stamp), ..skin_fields(&["value"]) }, &tree)
+    };
+    for (name, unit, bytes) in cases {
+        let mut binding =
+            stamped(name, StampFrom::Number { path: path("time"), unit, since: Since::Epoch }).expect("it compiles");
+        let cdr = [&[0, 1, 0, 0], bytes.as_slice(), &1.0_f32.to_le_bytes()].concat();
+        assert_eq!(binding.decode(&cdr, RECEIVED).expect(name).stamp, Stamp(begin), "{name} {unit:?}");
+    }
+    let float = StampFrom::Number { path: path("time"), unit: StampUnit::Seconds, since: Since::Epoch };
+    let error = stamped("float32", float.clone()).expect_err("two minutes").to_string();
+    assert!(error.contains("is float32, too small for the time since 1970"), "{error}");
+    let mut nan = stamped("float64", float).expect("it compiles");
+    let cdr = [&[0, 1, 0, 0], f64::NAN.to_le_bytes().as_slice(), &1.0_f32.to_le_bytes()].concat();
+    assert_eq!(
+        nan.decode(&cdr, RECEIVED).expect_err("no time").to_string(),
+        "field 'time' of pkg/msg/T: expected a finite number as a stamp, got NaN"
+    );
+    let time = StampFrom::Number { path: path("header.stamp"), unit: StampUnit::Seconds, since: Since::Epoch };
+    let fields = TaxelFields { stamp: Some(time), ..load_cell_fields() };
+    assert_eq!(
+        TaxelBinding::compile(&fields, &load_cell_tree()).expect_err("a time has its unit").to_string(),
+        "stamp: field 'header.stamp' of crab_interfaces/msg/LoadCell is builtin_interfaces/msg/Time, no number: leave \
+         stamp_unit out"
+    );
 }

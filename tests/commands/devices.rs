@@ -8,7 +8,7 @@ use std::path::Path;
 use common::bags::{Bag, at, decoded};
 use common::layouts::{degrees, readings};
 use common::onnx::LinearModel;
-use common::tpf::tpf;
+use common::tpf::{Run, tpf};
 use serde::{Deserialize, Serialize};
 use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, NewChannel, OutChannel};
 use tactile_pose_fusion::hand::{self, NamedLayout, Side};
@@ -45,6 +45,9 @@ named!(
     HandPressures: "robotis_interfaces/msg/HandPressures",
     HandState: "unitree_hg/msg/HandState",
     ManusGlove: "manus_ros2_msgs/msg/ManusGlove",
+    InspireHandTouch: "inspire_hand_ros2/msg/InspireHandTouch",
+    InspireHandState: "inspire_hand_ros2/msg/InspireHandState",
+    TactileFrame: "wujihand_tactile_msgs/msg/TactileFrame",
 );
 
 fn header(ms: i64) -> Header {
@@ -66,6 +69,7 @@ fn forces(folder: &Path, device: &str, model: &LinearModel) -> Vec<f64> {
     let replay = ["replay", "glove.mcap", "--params-file", "device.yaml", "-o", "out.mcap", "--calibrate-first", "2.5"];
     let run = tpf(folder, &[&replay[..], &["-p", "calibration.max_force:=1000.0"]].concat());
     assert_eq!(run.code, 0, "{device}: {run:?}");
+    assert!(!run.stdout.contains("lost by the sender"), "{device}: {run:?}");
     let contacts: Vec<ContactArray> = decoded(&folder.join("out.mcap"), "/tactile_pose_fusion/contacts");
     assert_eq!(contacts.len() as i64, N, "{device}");
     contacts.last().unwrap().contacts.iter().map(|contact| contact.force).collect()
@@ -112,7 +116,7 @@ struct SensorState {
 
 #[test]
 fn contactile_papillarray() {
-    taxels_only("contactile_papillarray", 1, 9, |bag| {
+    taxels_only("contactile_papillarray", 1, 27, |bag| {
         let parts = [
             header_parts().to_vec(),
             vec![(
@@ -126,13 +130,14 @@ fn contactile_papillarray() {
                           bool is_sd_active\nbool is_ref_loaded\nbool is_contact\n";
         let topic = add::<SensorState>(bag, "/hub_0/sensor_0", definition, &parts);
         for k in 0..N {
-            let pillar = |(id, z): (usize, f32)| Pillar {
+            let forces = readings(27, k);
+            let pillar = |id: usize| Pillar {
                 id: id as i32,
                 in_contact: true,
                 d: [k as f32; 3],
-                f: [1.0, k as f32, z],
+                f: [forces[id], forces[9 + id], forces[18 + id]],
             };
-            let pillars = readings(9, k).into_iter().enumerate().map(pillar).collect();
+            let pillars = (0..9).map(pillar).collect();
             let (tus, global) = (k * 10_000, [k as f32; 6]);
             let (friction_est, target_grip_force) = (0.0, 0.0);
             let is = [false; 3];
@@ -161,7 +166,7 @@ struct SensorFull {
 
 #[test]
 fn xela_uskin() {
-    taxels_only("xela_uskin", 1, 16, |bag| {
+    taxels_only("xela_uskin", 1, 48, |bag| {
         let parts = [
             header_parts().to_vec(),
             vec![
@@ -177,15 +182,17 @@ fn xela_uskin() {
         let definition = "std_msgs/Header header\nSensorFull[] sensors\n";
         let topic = add::<SensStream>(bag, "/xServTopic", definition, &parts);
         for k in 0..N {
+            let axes = readings(48, k);
+            let taxel = |idx: usize, of: u8| [0, 16, 32].map(|axis| axes[axis + idx] as u16 * u16::from(of));
             let sensor = |sensor_pos: u8| SensorFull {
                 message: k as u32,
                 time: 0.01 * k as f64,
                 model: "uSPa44".to_owned(),
                 sensor_pos,
-                taxels: readings(16, k).iter().map(|z| [7, k as u16, *z as u16 * u16::from(sensor_pos)]).collect(),
+                taxels: (0..16).map(|idx| taxel(idx, sensor_pos)).collect(),
                 forces: vec![],
             };
-            send(bag, topic, 10 * k, &SensStream { header: header(10 * k), sensors: vec![sensor(1), sensor(2)] });
+            send(bag, topic, 10 * k, &SensStream { header: header(10 * k), sensors: vec![sensor(2), sensor(1)] });
         }
     });
 }
@@ -207,7 +214,7 @@ struct TactileTaxel {
 
 #[test]
 fn paxini_s1813() {
-    taxels_only("paxini_s1813", 1, 31, |bag| {
+    taxels_only("paxini_s1813", 1, 93, |bag| {
         let vector = "float64 x\nfloat64 y\nfloat64 z\n";
         let parts = [
             header_parts().to_vec(),
@@ -225,13 +232,14 @@ fn paxini_s1813() {
             "std_msgs/Header header\ngeometry_msgs/Vector3 resultant_force\npaxini_hardware/TactileTaxel[] taxels\n";
         let topic = add::<TactileSensor>(bag, "/paxini/index/tactile_sensor", definition, &parts);
         for k in 0..N {
-            let taxel = |(index, z): (usize, f32)| TactileTaxel {
-                index: index as u32 + 1,
+            let axes = readings(93, k);
+            let taxel = |idx: usize| TactileTaxel {
+                index: idx as u32 + 1,
                 position: [0.1; 3],
                 normal: [0.0; 3],
-                force: [0.5, k as f64, z.into()],
+                force: [0, 31, 62].map(|axis| axes[axis + idx].into()),
             };
-            let taxels = readings(31, k).into_iter().enumerate().map(taxel).collect();
+            let taxels = (0..31).map(taxel).collect();
             send(bag, topic, 10 * k, &TactileSensor { header: header(10 * k), resultant_force: [k as f64; 3], taxels });
         }
     });
@@ -449,6 +457,169 @@ fn manus_gloves() {
     let model = LinearModel::new(8, 6, 4);
     let joints = vec![[3, 2, 1, 0].map(last).to_vec()];
     assert_forces("manus", &forces(folder.path(), "manus_gloves", &model), &model, &joints);
+}
+
+#[derive(Serialize, Deserialize)]
+struct FingerTactile {
+    name: String,
+    tip: Vec<i16>,
+    nail: Vec<i16>,
+    pad: Vec<i16>,
+    middle_section: Vec<i16>,
+    total_and_max: [f32; 2],
+    contact_count: i32,
+}
+
+#[derive(Serialize, Deserialize)]
+struct InspireHandTouch {
+    header: Header,
+    fingers: [FingerTactile; 5],
+    palm: [[i16; 16]; 7], // one array of 112
+    total_contact: f32,
+    fingers_in_contact: u8,
+    stable_contact: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+struct InspireHandState {
+    header: Header,
+    position_actual: [i16; 6],
+    angle_actual: [i16; 6],
+    force_and_current: [[i16; 6]; 2],
+    status_error_and_temperature: [[u8; 6]; 3],
+}
+
+#[test]
+fn inspire_rh56dftp() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bag = Bag::create(&folder.path().join("glove.mcap"));
+    let finger = "string name\nint16[] tip\nint16[] nail\nint16[] pad\nint16[] middle_section\nfloat32 total_pressure\n\
+                  float32 max_pressure\nint32 contact_count\n";
+    let parts = [header_parts().to_vec(), vec![("inspire_hand_ros2/FingerTactile", finger)]].concat();
+    let touch = "std_msgs/Header header\nFingerTactile little\nFingerTactile ring\nFingerTactile middle\nFingerTactile index\n\
+                 FingerTactile thumb\nint16[112] palm\nfloat32 total_contact\nuint8 fingers_in_contact\nbool stable_contact\n";
+    let state = "std_msgs/Header header\nint16[6] position_actual\nint16[6] angle_actual\nint16[6] force_actual\n\
+                 int16[6] current\nuint8[6] status\nuint8[6] error\nuint8[6] temperature\n";
+    let topic = "/inspire_hand/inspire_hand_node";
+    let touches = add::<InspireHandTouch>(&mut bag, &format!("{topic}/touch"), touch, &parts);
+    let states = add::<InspireHandState>(&mut bag, &format!("{topic}/state"), state, &header_parts());
+    let angle = |joint: usize, k: i64| 900 - 50 * joint as i16 - k as i16;
+    let arrays = |k: i64, lengths: &[usize]| -> Vec<Vec<i16>> {
+        let all = readings(lengths.iter().sum(), k);
+        let ends = lengths.iter().scan(0, |end, len| {
+            *end += len;
+            Some((*end - len, *end))
+        });
+        ends.map(|(from, to)| all[from..to].iter().map(|value| *value as i16).collect()).collect()
+    };
+    for k in 0..N {
+        let finger = |idx: usize| {
+            let (lengths, name) = match idx {
+                4 => ([9, 96, 9, 96], "thumb"),
+                _ => ([9, 96, 0, 80], "finger"),
+            };
+            let [tip, nail, middle_section, pad] = arrays(k, &lengths).try_into().unwrap();
+            let (total_and_max, contact_count) = ([k as f32; 2], 3);
+            FingerTactile { name: name.to_owned(), tip, nail, pad, middle_section, total_and_max, contact_count }
+        };
+        let state = InspireHandState {
+            header: header(10 * k),
+            position_actual: [7; 6],
+            angle_actual: std::array::from_fn(|joint| angle(joint, k)),
+            force_and_current: [[k as i16; 6]; 2],
+            status_error_and_temperature: [[3; 6]; 3],
+        };
+        send(&mut bag, states, 10 * k, &state);
+        let [palm] = arrays(k, &[112]).try_into().unwrap();
+        let touch = InspireHandTouch {
+            header: header(10 * k),
+            fingers: std::array::from_fn(finger),
+            palm: std::array::from_fn(|row| palm[16 * row..16 * (row + 1)].try_into().unwrap()),
+            total_contact: k as f32,
+            fingers_in_contact: 1,
+            stable_contact: true,
+        };
+        send(&mut bag, touches, 10 * k, &touch);
+    }
+    bag.finish();
+    let model = |name: &str, n_taxels, n_joints| {
+        let model = LinearModel::new(8, n_taxels, n_joints).metadata("unit", "N");
+        model.write(folder.path(), &format!("{name}.onnx"));
+        model
+    };
+    let (finger, thumb, palm) = (model("finger", 185, 1), model("thumb", 210, 2), model("palm", 112, 0));
+    let forces = forces(folder.path(), "inspire_rh56dftp", &palm);
+    let at_end = |joint| (-0.156 * f32::from(angle(joint, N - 1))).to_radians();
+    (0..4).for_each(|idx| assert_forces("inspire", &forces[idx..=idx], &finger, &[vec![at_end(idx)]]));
+    assert_forces("inspire", &forces[4..5], &thumb, &[vec![at_end(4), at_end(5)]]);
+    assert_forces("inspire", &forces[5..], &palm, &[vec![]]);
+}
+
+#[derive(Serialize, Deserialize)]
+struct TactileFrame {
+    header: Header,
+    hand: u8,
+    sequence: u16,
+    device_timestamp_ms: u32,
+    pressure: [[f32; 32]; 24], // one array of 768
+}
+
+/// Frames of these hands, with the device's clock at message `k`.
+fn tactile_frames(bag: &mut Bag, hands: &[u8], device_ms: impl Fn(i64) -> i64) {
+    let definition =
+        "std_msgs/Header header\nuint8 hand\nuint16 sequence\nuint32 device_timestamp_ms\nfloat32[768] pressure\n";
+    let topic = add::<TactileFrame>(bag, "/tactile/raw", definition, &header_parts());
+    let cells = [4, 5, 36, 37, 68, 69];
+    for k in 0..N {
+        for hand in hands {
+            let mut pressure = [[f32::NAN; 32]; 24];
+            for (cell, reading) in cells.iter().zip(readings(6, k)) {
+                pressure[cell / 32][cell % 32] = reading * f32::from(*hand);
+            }
+            let sequence = (65_300 + k) as u16; // wraps on the way
+            let device_timestamp_ms = device_ms(k) as u32;
+            let frame = TactileFrame { header: header(0), hand: *hand, sequence, device_timestamp_ms, pressure };
+            send(bag, topic, 10 * k, &frame);
+        }
+    }
+}
+
+#[test]
+fn wuji_glove() {
+    taxels_only("wuji_glove", 1, 6, |bag| tactile_frames(bag, &[1, 0], |k| 4_294_965_000 + 10 * k)); // wraps, too
+}
+
+/// A replay of `glove.mcap` with the file of the Wuji glove.
+fn replay_wuji(hands: &[u8], device_ms: impl Fn(i64) -> i64) -> Run {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bag = Bag::create(&folder.path().join("glove.mcap"));
+    tactile_frames(&mut bag, hands, device_ms);
+    bag.finish();
+    LinearModel::new(8, 6, 0).metadata("unit", "N").write(folder.path(), "fingertip.onnx");
+    let params = format!("{}/params/devices/wuji_glove.yaml", env!("CARGO_MANIFEST_DIR"));
+    let replay = ["replay", "glove.mcap", "--params-file", &params, "-o", "out.mcap", "--calibrate-first", "2.5"];
+    let model = format!("model.fingertip.path:={}/fingertip.onnx", folder.path().display());
+    tpf(folder.path(), &[&replay[..], &["-p", "calibration.max_force:=1000.0", "-p", &model, "--json"]].concat())
+}
+
+#[test]
+fn messages_of_the_other_hand_are_counted_and_a_glove_that_sends_no_others_is_refused() {
+    let both = replay_wuji(&[1, 0], |k| 10 * k).ok();
+    let topic = &both.json()["topics"]["/tactile/raw"];
+    assert_eq!((&topic["read"], &topic["not_for_source"]), (&N.into(), &N.into()), "{both:?}");
+    assert!(!both.stderr.contains("could not be read"), "{both:?}");
+    let other = replay_wuji(&[0], |k| 10 * k);
+    let told = "topic /tactile/raw: none of its ";
+    assert!(other.failure().contains(told), "{other:?}");
+    assert!(other.failure().contains("is not for this source: only hand=1 is, and it has 0"), "{other:?}");
+}
+
+#[test]
+fn a_device_that_starts_anew_is_said_and_counted_and_goes_on() {
+    let run = replay_wuji(&[1], |k| if k < 500 { 90_000 + 10 * k } else { 10 * (k - 500) }).ok();
+    assert_eq!(run.json()["topics"]["/tactile/raw"]["clock_restarts"], 1, "{run:?}");
+    assert_eq!(run.json()["tactile"][0]["frames"], N, "{run:?}");
+    assert!(run.stderr.contains("/tactile/raw: the device's clock was set or started anew 1 times"), "{run:?}");
 }
 
 #[test]

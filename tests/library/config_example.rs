@@ -13,7 +13,7 @@ const OF_THE_EXAMPLE: [&str; 3] = ["joint_sources", "truth_sources", "region.<na
 /// Optional keys that exclude another one or would override it, so that the example has them as comments.
 fn is_commented(pattern: &str) -> bool {
     matches!(pattern, "tactile.<source>.row_period_ms" | "joint.<source>.names" | "timing.max_pose_age_ms")
-        || pattern == "joint.<source>.hand.points"
+        || matches!(pattern, "tactile.<source>.fields" | "tactile.<source>.no_reading" | "joint.<source>.hand.points")
         || matches!(pattern, "contact.touch_on" | "contact.touch_off")
         || pattern.starts_with("region.<name>.contact.")
 }

@@ -2,7 +2,9 @@
 
 use tactile_pose_fusion::config::{Config, DEFAULT_NODE, ParamTree, parse_param_file};
 use tactile_pose_fusion::fusion::FrameClock;
-use tactile_pose_fusion::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields};
+use tactile_pose_fusion::msg::binding::{
+    CountFrom, JointFields, NamesFrom, PeriodFrom, Since, StampFrom, StampUnit, TaxelFields,
+};
 
 const BASE: &str = "\
 /**:
@@ -185,6 +187,31 @@ fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
             "params/index.yaml:10: tactile.glove.field = \"a..b\" is not the path of a field, such as header.stamp, layout.dim[0].size or sensors[].taxels[].z",
         ),
         (
+            "    tactile.glove.field: a\n    tactile.glove.fields: [a]\n",
+            "params/index.yaml:11: tactile.glove.fields = [a] and tactile.glove.field exclude each other",
+        ),
+        ("    tactile.glove.fields: []\n", "params/index.yaml:10: tactile.glove.fields = [] must name at least one"),
+        (
+            "    tactile.glove.fields: [a, \"b[c=]\"]\n",
+            "params/index.yaml:10: tactile.glove.fields = [a, b[c=]] has what is no path of a field: 'b[c=]' is not a field path ('' is not a value, such as tip or 2); expected names such as header.stamp, fingers[0].taxels, fingers[].pressure, fingers[name=thumb].taxels",
+        ),
+        (
+            "    tactile.glove.stamp: receipt\n    tactile.glove.stamp_unit: ms\n",
+            "params/index.yaml:11: tactile.glove.stamp_unit = \"ms\" is for stamps in the messages, and tactile.glove.stamp is receipt",
+        ),
+        (
+            "    joint.hand.stamp: receipt\n    joint.hand.stamp_since: boot\n",
+            "params/index.yaml:11: joint.hand.stamp_since = \"boot\" is for stamps in the messages, and joint.hand.stamp is receipt",
+        ),
+        (
+            "    joint.hand.stamp_unit: min\n",
+            "params/index.yaml:10: joint.hand.stamp_unit = \"min\" must be \"\" or \"s\" or \"ms\" or \"us\" or \"ns\"",
+        ),
+        (
+            "    joint.hand.only: left\n",
+            "params/index.yaml:10: joint.hand.only = \"left\" is not a field and its value, such as side=Left or hand=1",
+        ),
+        (
             "    tactile.glove.cols: 5\n",
             "params/index.yaml:10: tactile.glove.cols = 5 must equal tactile.glove.n_taxels = 6",
         ),
@@ -334,11 +361,13 @@ fn the_shortest_file_gives_the_defaults() {
     assert_eq!(config.tactile[0].name, "/taxels");
     let fields = TaxelFields {
         stamp: Some(StampFrom::Field("header.stamp".into())),
-        values: "values".into(),
+        values: vec!["values".into()],
+        no_reading: None,
         rows: CountFrom::Field("rows".into()),
         cols: None,
         row_period: PeriodFrom::Field("row_period".into()),
         sequence: Some("sequence".into()),
+        only: None,
     };
     assert_eq!(config.tactile[0].fields, fields);
     assert_eq!(config.models[0].spec.path.to_str(), Some("params/tip.onnx"));
@@ -359,11 +388,13 @@ fn a_message_without_header_takes_receipt_and_its_own_defaults() {
     .unwrap();
     let fields = TaxelFields {
         stamp: Some(StampFrom::Receipt),
-        values: "data".into(),
+        values: vec!["data".into()],
+        no_reading: None,
         rows: CountFrom::Layout("layout".into()),
         cols: None,
         row_period: PeriodFrom::None,
         sequence: None,
+        only: None,
     };
     assert_eq!(config.tactile[0].fields, fields);
     let source = &config.fusion.tactile_sources[0];
@@ -391,20 +422,50 @@ fn any_message_type_is_described_by_its_fields() {
     .unwrap();
     let fields = TaxelFields {
         stamp: Some(StampFrom::Field("stamp".into())),
-        values: "layers[1].raw".into(),
+        values: vec!["layers[1].raw".into()],
+        no_reading: None,
         rows: CountFrom::Field("layout.dim[0].size".into()),
         cols: Some(CountFrom::Constant(6)),
         row_period: PeriodFrom::Constant(2_500_000),
         sequence: None,
+        only: None,
     };
     assert_eq!(config.tactile[0].fields, fields);
     let fields = JointFields {
         stamp: Some(StampFrom::Receipt),
         positions: "angles".into(),
         names: NamesFrom::Constant(vec!["pip".into(), "dip".into()]),
+        only: None,
     };
     assert_eq!(config.joints[0].fields, fields);
     assert_eq!(config.fusion.joint_sources[0].scale, 2.0 * std::f64::consts::PI / 180.0);
+}
+
+#[test]
+fn several_fields_a_devices_clock_and_its_side_are_described_too() {
+    let config = with(&[
+        "tactile.glove.type:=my_msgs/msg/Glove",
+        "tactile.glove.fields:=[\"pads[finger=index].taxels[].z\", palm]",
+        "tactile.glove.no_reading:=3072",
+        "tactile.glove.stamp:=time_us",
+        "tactile.glove.stamp_unit:=us",
+        "tactile.glove.stamp_since:=boot",
+        "tactile.glove.only:=side=Left",
+        "joint.hand.stamp_since:=boot",
+    ])
+    .unwrap();
+    let fields = TaxelFields {
+        stamp: Some(StampFrom::Number { path: "time_us".into(), unit: StampUnit::Micros, since: Since::Boot }),
+        values: vec!["pads[finger=index].taxels[].z".into(), "palm".into()],
+        no_reading: Some(3072.0),
+        rows: CountFrom::One,
+        cols: None,
+        row_period: PeriodFrom::None,
+        sequence: None,
+        only: Some("side=Left".into()),
+    };
+    assert_eq!(config.tactile[0].fields, fields);
+    assert_eq!(config.joints[0].fields.stamp, Some(StampFrom::SinceBoot("header.stamp".into())));
 }
 
 #[test]

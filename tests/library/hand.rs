@@ -5,7 +5,9 @@ use crate::msg_common;
 use msg_common::CdrWriter;
 use serde::Deserialize;
 use tactile_pose_fusion::hand::{JOINTS, Layout, NamedLayout, Point, Side, angles, poses};
-use tactile_pose_fusion::msg::binding::{HandFields, JointBinding, JointFields, NamesFrom, StampFrom};
+use tactile_pose_fusion::msg::binding::{
+    HandFields, JointBinding, JointFields, NamesFrom, StampFrom, hand_paths, hand_stamp,
+};
 use tactile_pose_fusion::msg::definition::TypeTree;
 use tactile_pose_fusion::sim::hand::TERMINAL_POSES;
 use tactile_pose_fusion::units::Stamp;
@@ -202,7 +204,7 @@ fn fields(
         joints: JOINTS.map(str::to_owned).to_vec(),
     };
     let names = NamesFrom::Hand(Box::new(hand));
-    JointFields { stamp: Some(StampFrom::Receipt), positions: positions.to_owned(), names }
+    JointFields { stamp: Some(StampFrom::Receipt), positions: positions.to_owned(), names, only: None }
 }
 
 #[test]
@@ -268,4 +270,76 @@ fn named_poses_in_any_order_lose_the_angles_of_those_that_are_not_valid() {
         .map(|(name, _)| name.as_str())
         .collect();
     assert_eq!(nan, ["index_dip", "middle_dip"]);
+}
+
+#[test]
+fn transforms_are_chained_and_complete_with_the_last_point_of_the_hand() {
+    let hand = &reference()[0];
+    let (layout, side) = (named(&hand.layout), side(&hand.side));
+    let text = "geometry_msgs/TransformStamped[] transforms\n";
+    let tree = TypeTree::resolve("tf2_msgs/msg/TFMessage", text, &mut |name| {
+        Some(match name {
+            "geometry_msgs/msg/TransformStamped" => {
+                "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n".to_owned()
+            }
+            "geometry_msgs/msg/Transform" => "Vector3 translation\nQuaternion rotation\n".to_owned(),
+            other => return tactile_pose_fusion::msg::standard_text(other).map(str::to_owned),
+        })
+    })
+    .expect("it resolves");
+    // Each point in the one before it of its finger, and every frame turned by half a turn about x on the way.
+    let names = layout.points();
+    let finger = |name: &str| name.split('_').next().unwrap_or_default().to_owned();
+    let parent = |k: usize| (k > 0 && finger(&names[k - 1]) == finger(&names[k])).then(|| k - 1);
+    let depth = |k: usize| {
+        let mut depth = 1;
+        let mut at = k;
+        while let Some(before) = parent(at) {
+            (depth, at) = (depth + 1, before);
+        }
+        depth
+    };
+    let turn = |[x, y, z]: [f64; 3], times: usize| if times.is_multiple_of(2) { [x, y, z] } else { [x, -y, -z] };
+    let write = |points: &[usize], sec: u32| {
+        let mut writer = CdrWriter::new(true).u32(points.len() as u32);
+        for &k in points {
+            let point = hand.points[k];
+            let (from, frame, times) = match parent(k) {
+                Some(before) => (hand.points[before], names[before].as_str(), depth(before)),
+                None => ([0.0; 3], "world", 0),
+            };
+            let translation = turn(std::array::from_fn(|axis| point[axis] - from[axis]), times);
+            writer = writer.u32(sec).u32(0).text(frame).text(&names[k]);
+            writer = translation.iter().chain(&[1.0, 0.0, 0.0, 0.0]).fold(writer, |writer, value| writer.f64(*value));
+        }
+        writer.cdr
+    };
+    let of_tf = |stamp: Option<StampFrom>| {
+        let (positions, names_at) = hand_paths("tf2_msgs/msg/TFMessage").expect("known");
+        let fields = fields(positions, &layout.layout(), names.clone(), side, &[], 0);
+        let NamesFrom::Hand(mut points) = fields.names.clone() else { panic!("a hand") };
+        points.names = names_at.iter().map(|path| (*path).to_owned()).collect();
+        let fields = JointFields { stamp: stamp.or(fields.stamp), names: NamesFrom::Hand(points), ..fields };
+        JointBinding::compile(&fields, &tree).expect("it compiles")
+    };
+    let stamp = hand_stamp("tf2_msgs/msg/TFMessage", &names).expect("known");
+    let all: Vec<usize> = (0..names.len()).collect();
+    let mut binding = of_tf(Some(StampFrom::Field(stamp)));
+    let whole = write(&all, 7);
+    let message = binding.decode(&whole, Stamp(9)).expect("angles");
+    assert_eq!(message.stamp, Stamp(7_000_000_000));
+    assert!(worst(message.positions, &hand.angles) < 1e-6);
+
+    let mut binding = of_tf(None);
+    for half in [&all[..10], &all[10..20]] {
+        let error = binding.decode(&write(half, 1), Stamp(9)).expect_err("there is more to come");
+        assert!(error.is_for_another(), "{error}");
+    }
+    let last = write(&all[20..], 1);
+    assert!(worst(binding.decode(&last, Stamp(9)).expect("complete").positions, &hand.angles) < 1e-6);
+    for _ in 0..20 {
+        binding.decode(&last, Stamp(9)).expect("the little finger alone");
+    }
+    let lost = binding.decode(&last, Stamp(9)).expect("the little finger alone");
+    assert!(lost.positions[0].is_nan(), "an index finger that is not told any more");
 }

@@ -100,6 +100,10 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     }
     drop(progress);
     if let Some(silent) = hand.checks.watched.inputs.iter().find(|input| input.meter().n_total() == 0) {
+        if let Some(other) = silent.for_another() {
+            let (key, topic) = (silent.key(), silent.topic());
+            return Err(Failure(format!("nothing for {key} came on {topic}: {other}; correct {key}.only")));
+        }
         return Err(Failure(format!(
             "nothing that can be read came on {}; start its driver, or correct its topic and type in the parameters",
             silent.topic()
@@ -167,8 +171,16 @@ impl Hand {
         let Heard { topic: HeardTopic(input), cdr: Ok(cdr), received } = &heard else { return Ok(()) };
         for binding in self.bindings.get_mut(*input).into_iter().flat_map(|(_, bindings)| bindings) {
             let source = self.checks.watched.source_of(binding);
-            self.checks.watched.inputs[source].handle_arrival(self.waiting.elapsed(), None);
-            match binding.decode(cdr, *received) {
+            let decoded = binding.decode(cdr, *received);
+            let health = &mut self.checks.watched.inputs[source];
+            match &decoded {
+                Err(error) if error.is_for_another() => {
+                    health.handle_for_another(error.reason(), &error.to_string());
+                    continue;
+                }
+                _ => health.handle_arrival(self.waiting.elapsed(), None),
+            }
+            match decoded {
                 Ok(event) => {
                     self.checks.watched.handle(&event);
                     if let Some(recorder) = &mut recorder {

@@ -196,6 +196,7 @@ impl Desk {
                         let angles: Vec<f64> = sample.positions.iter().map(|position| position * scale).collect();
                         self.senses.handle_joints(sample.source.0, sample.names, &angles, received);
                     }
+                    Err(error) if error.is_for_another() => {}
                     Err(error) => unreadable(error.to_string()),
                 },
                 Reading::Truth(sensor, binding) => match binding.decode(&cdr, received) {
@@ -204,6 +205,7 @@ impl Desk {
                         self.senses.handle_force(*sensor, force, received);
                         on_force(*sensor, force);
                     }
+                    Err(error) if error.is_for_another() => {}
                     Err(error) => unreadable(error.to_string()),
                 },
             }

@@ -2,17 +2,62 @@
 
 use super::super::error::ConfigError;
 use super::reader::Reader;
-use crate::msg::binding::StampFrom;
+use crate::msg::binding::{Since, StampFrom, StampUnit};
+use crate::msg::dynamic::check_condition;
 
 /// The value of a stamp that is the time of receipt.
 pub(super) const RECEIPT: &str = "receipt";
 
 /// A stamp whose default is the header's.
-pub(super) fn stamp(reader: &Reader<'_>, key: &str) -> Result<StampFrom, ConfigError> {
-    match reader.is_set(key) {
-        false => Ok(StampFrom::Field("header.stamp".to_owned())),
-        true if reader.text(key)? == RECEIPT => Ok(StampFrom::Receipt),
-        true => Ok(StampFrom::Field(reader.field(key)?)),
+pub(super) fn stamp(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> Result<StampFrom, ConfigError> {
+    stamp_or(reader, key, "header.stamp")
+}
+
+/// A stamp whose default is at another path.
+pub(super) fn stamp_or(
+    reader: &Reader<'_>,
+    key: &impl Fn(&str) -> String,
+    default: &str,
+) -> Result<StampFrom, ConfigError> {
+    let stamp_key = key("stamp");
+    let unit = match reader.text(&key("stamp_unit"))?.as_str() {
+        "s" => Some(StampUnit::Seconds),
+        "ms" => Some(StampUnit::Millis),
+        "us" => Some(StampUnit::Micros),
+        "ns" => Some(StampUnit::Nanos),
+        _ => None,
+    };
+    let since = match reader.text(&key("stamp_since"))?.as_str() {
+        "boot" => Since::Boot,
+        _ => Since::Epoch,
+    };
+    if reader.is_set(&stamp_key) && reader.text(&stamp_key)? == RECEIPT {
+        let wrong = [("stamp_unit", unit.is_some()), ("stamp_since", since == Since::Boot)];
+        return match wrong.into_iter().find(|(_, is_set)| *is_set) {
+            Some((tail, _)) => {
+                Err(reader.refused(&key(tail), format!("is for stamps in the messages, and {stamp_key} is receipt")))
+            }
+            None => Ok(StampFrom::Receipt),
+        };
+    }
+    let path = match reader.is_set(&stamp_key) {
+        false => default.to_owned(),
+        true => reader.field(&stamp_key)?,
+    };
+    Ok(match (unit, since) {
+        (None, Since::Epoch) => StampFrom::Field(path),
+        (None, Since::Boot) => StampFrom::SinceBoot(path),
+        (Some(unit), since) => StampFrom::Number { path, unit, since },
+    })
+}
+
+/// What a message must have to be for a source, as `side=Left`.
+pub(super) fn only(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> Result<Option<String>, ConfigError> {
+    let key = key("only");
+    let Some(text) = reader.non_empty(&key)? else { return Ok(None) };
+    match check_condition(&text) {
+        Ok(()) => Ok(Some(text)),
+        Err(_) => Err(reader.refused(&key, "is not a field and its value, such as side=Left or hand=1")),
     }
 }
 

@@ -1,11 +1,12 @@
 //! Joint angles that are computed from the points of a hand.
 
 use super::super::error::ConfigError;
-use super::fields::{field_or, millis_to_ns, optional_field, stamp};
+use super::fields::{field_or, millis_to_ns, only, optional_field, stamp_or};
 use super::reader::Reader;
 use crate::fusion::JointSource;
 use crate::hand::{JOINTS, Layout, NamedLayout, Side};
-use crate::msg::binding::{HandFields, JointFields, NamesFrom, Topic, hand_paths};
+use crate::msg::binding::{HandFields, JointFields, NamesFrom, Topic, hand_paths, hand_stamp};
+use crate::msg::dynamic::check_path;
 
 /// Whether a source sends points, and no angles.
 pub(super) fn is_hand(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> bool {
@@ -54,6 +55,12 @@ pub(super) fn of_hand(
         let problem = format!("must name {} joints, in the order {}", JOINTS.len(), JOINTS.join(", "));
         return Err(reader.refused(&key("names"), problem));
     }
+    let stamp_at = hand_stamp(&type_name, &points).unwrap_or_else(|| "header.stamp".to_owned());
+    if !reader.is_set(&key("stamp")) && check_path(&stamp_at).is_err() {
+        let problem = "ends with a name that a field path can't hold: set stamp, too";
+        return Err(reader.refused(&key("hand.points"), problem));
+    }
+    let stamp = stamp_or(reader, &key, &stamp_at)?;
     let hand = HandFields {
         layout,
         side,
@@ -64,9 +71,10 @@ pub(super) fn of_hand(
         joints,
     };
     let fields = JointFields {
-        stamp: Some(stamp(reader, &key("stamp"))?),
+        stamp: Some(stamp),
         positions: field_or(reader, &key("field"), known.map(|(positions, _)| positions))?,
         names: NamesFrom::Hand(Box::new(hand)),
+        only: only(reader, &key)?,
     };
     let source = JointSource {
         name: name.to_owned(),

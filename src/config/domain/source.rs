@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
 use super::TruthSource;
-use super::fields::{RECEIPT, field_or, millis_to_ns, optional_field, stamp};
+use super::fields::{RECEIPT, field_or, millis_to_ns, only, optional_field, stamp};
 use super::hand::{is_hand, of_hand};
 use super::reader::Reader;
 use crate::fusion::{ForceUnit, FrameClock, JointSource, TactileSource};
-use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, StampFrom, TaxelFields, Topic, TruthFields};
+use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, TaxelFields, Topic, TruthFields};
+use crate::msg::dynamic::check_path;
 
 /// Of each source the key of its type, its topic, and its type.
 pub(super) type Named<'a> = [(String, &'a str, &'a str)];
@@ -75,15 +76,42 @@ fn taxel_fields(
     let stamp = if known.as_ref().is_some_and(|known| known.stamp.is_none()) {
         let about = format!("{type_name} has no header, so its stamp can only be the time of receipt; write receipt");
         match reader.is_set(&stamp_key) {
-            true if reader.text(&stamp_key)? == RECEIPT => StampFrom::Receipt,
+            true if reader.text(&stamp_key)? == RECEIPT => stamp(reader, key)?,
             true => return Err(reader.refused(&stamp_key, format!("is not there: {about}"))),
             false => return Err(reader.missing_because(&stamp_key, &about)),
         }
     } else {
-        stamp(reader, &stamp_key)?
+        stamp(reader, key)?
     };
-    let values = field_or(reader, &key("field"), known.as_ref().map(|known| known.values.as_str()))?;
-    Ok(TaxelFields { stamp: Some(stamp), values, rows, cols, row_period, sequence })
+    let values = values(reader, key, known.as_ref())?;
+    let no_reading = match reader.is_set(&key("no_reading")) {
+        true => Some(reader.double(&key("no_reading"))? as f32),
+        false => None,
+    };
+    let only = only(reader, key)?;
+    Ok(TaxelFields { stamp: Some(stamp), values, no_reading, rows, cols, row_period, sequence, only })
+}
+
+/// The paths of the numbers: one, or several in turn.
+fn values(
+    reader: &Reader<'_>,
+    key: &impl Fn(&str) -> String,
+    known: Option<&TaxelFields>,
+) -> Result<Vec<String>, ConfigError> {
+    let (field, fields) = (key("field"), key("fields"));
+    if !reader.is_set(&fields) {
+        let known = known.and_then(|known| known.values.first());
+        return Ok(vec![field_or(reader, &field, known.map(String::as_str))?]);
+    }
+    if reader.is_set(&field) {
+        return Err(reader.refused(&fields, format!("and {field} exclude each other")));
+    }
+    let paths = reader.unique_texts(&fields)?;
+    reader.refuse_empty(&fields, &paths)?;
+    match paths.iter().find_map(|path| check_path(path).err()) {
+        Some(error) => Err(reader.refused(&fields, format!("has what is no path of a field: {error}"))),
+        None => Ok(paths),
+    }
 }
 
 fn row_period(
@@ -146,9 +174,10 @@ pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Top
         scale,
     };
     let fields = JointFields {
-        stamp: Some(stamp(reader, &key("stamp"))?),
+        stamp: Some(stamp(reader, &key)?),
         positions: field_or(reader, &key("field"), known.as_ref().map(|known| known.positions.as_str()))?,
         names,
+        only: only(reader, &key)?,
     };
     Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
 }
@@ -170,8 +199,9 @@ pub(super) fn truth(reader: &Reader<'_>, name: &str) -> Result<(TruthSource, Top
         },
     };
     let fields = TruthFields {
-        stamp: Some(stamp(reader, &key("stamp"))?),
+        stamp: Some(stamp(reader, &key)?),
         force: field_or(reader, &key("field"), known.as_ref().map(|known| known.force.as_str()))?,
+        only: only(reader, &key)?,
     };
     Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
 }

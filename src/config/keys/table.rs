@@ -7,6 +7,8 @@ use ParamKind as Kind;
 use ParamRange::{Above, Closed, Int as Ints, OneOf};
 
 const OFFSET_MS: ParamRange = Closed { min: -10_000.0, max: 10_000.0 };
+const STAMP_UNIT: ParamRange = OneOf(&["", "s", "ms", "us", "ns"]);
+const STAMP_SINCE: ParamRange = OneOf(&["epoch", "boot"]);
 const CONTACT_FORCE: ParamRange = Above { min: 0.0, max: 1000.0 };
 const CONTACT_FRAMES: ParamRange = Ints { min: 1, max: 1000 };
 const CONTACT_BY: ParamRange = OneOf(&["model", "force"]);
@@ -40,10 +42,36 @@ pub static KEYS: &[ParamKey] = &[
         "Path of the numbers: rows x taxels, row-major",
     ),
     ParamKey::new(
+        "tactile.<source>.fields",
+        Kind::StrArray,
+        Depends("unset"),
+        "Paths of the numbers, instead of field, if they are in several fields: all taxels of the first, then all of the second, ...",
+    ),
+    ParamKey::new(
         "tactile.<source>.stamp",
         Kind::Str,
         Depends("header.stamp; required for Float32MultiArray, which has no header"),
         "Path of the last row's stamp, or receipt: the time at which the message arrived",
+    ),
+    ParamKey::new(
+        "tactile.<source>.stamp_unit",
+        Kind::Str,
+        Str(""),
+        "Unit of a stamp that is a number; empty for a builtin_interfaces/msg/Time",
+    )
+    .range(STAMP_UNIT),
+    ParamKey::new(
+        "tactile.<source>.stamp_since",
+        Kind::Str,
+        Str("epoch"),
+        "Start of the stamp's time: the Unix epoch, or the boot of the device, whose clock is then mapped to the time of receipt",
+    )
+    .range(STAMP_SINCE),
+    ParamKey::new(
+        "tactile.<source>.only",
+        Kind::Str,
+        Str(""),
+        "A field and its value, such as side=Left: other messages of the topic are not for this source; empty: all are",
     ),
     ParamKey::new(
         "tactile.<source>.rows",
@@ -81,6 +109,12 @@ pub static KEYS: &[ParamKey] = &[
     ),
     ParamKey::new("tactile.<source>.sign", Kind::Int, Int(1), "-1 if a lower reading means more pressure")
         .range(ParamRange::Ints(&[1, -1])),
+    ParamKey::new(
+        "tactile.<source>.no_reading",
+        Kind::Double,
+        Depends("unset"),
+        "Reading that marks a taxel that does not exist, such as 3072; regions can't use such taxels. NaN always marks one",
+    ),
     ParamKey::new(
         "tactile.<source>.frame_clock",
         Kind::Str,
@@ -122,6 +156,26 @@ pub static KEYS: &[ParamKey] = &[
         Kind::Str,
         Str("header.stamp"),
         "Path of the stamp, or receipt: the time at which the message arrived",
+    ),
+    ParamKey::new(
+        "joint.<source>.stamp_unit",
+        Kind::Str,
+        Str(""),
+        "Unit of a stamp that is a number; empty for a builtin_interfaces/msg/Time",
+    )
+    .range(STAMP_UNIT),
+    ParamKey::new(
+        "joint.<source>.stamp_since",
+        Kind::Str,
+        Str("epoch"),
+        "Start of the stamp's time: the Unix epoch, or the boot of the device, whose clock is then mapped to the time of receipt",
+    )
+    .range(STAMP_SINCE),
+    ParamKey::new(
+        "joint.<source>.only",
+        Kind::Str,
+        Str(""),
+        "A field and its value, such as side=Left: other messages of the topic are not for this source; empty: all are",
     ),
     ParamKey::new("joint.<source>.degrees", Kind::Bool, ParamDefault::Bool(false), "Whether the source sends degrees"),
     ParamKey::new(
@@ -181,6 +235,26 @@ pub static KEYS: &[ParamKey] = &[
         Kind::Str,
         Str("header.stamp"),
         "Path of the stamp, or receipt: the time at which the message arrived",
+    ),
+    ParamKey::new(
+        "truth.<source>.stamp_unit",
+        Kind::Str,
+        Str(""),
+        "Unit of a stamp that is a number; empty for a builtin_interfaces/msg/Time",
+    )
+    .range(STAMP_UNIT),
+    ParamKey::new(
+        "truth.<source>.stamp_since",
+        Kind::Str,
+        Str("epoch"),
+        "Start of the stamp's time: the Unix epoch, or the boot of the device, whose clock is then mapped to the time of receipt",
+    )
+    .range(STAMP_SINCE),
+    ParamKey::new(
+        "truth.<source>.only",
+        Kind::Str,
+        Str(""),
+        "A field and its value, such as side=Left: other messages of the topic are not for this source; empty: all are",
     ),
     ParamKey::new("truth.<source>.unit", Kind::Str, Str("N"), "Unit of the force")
         .range(OneOf(&["N", "gF", "kgf", "mN"])),

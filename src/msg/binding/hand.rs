@@ -1,5 +1,6 @@
-//! Messages that hold the keypoints of a hand, as positions or poses.
+//! Messages that hold the keypoints of a hand, as positions, poses or transforms.
 
+use super::frames::Frames;
 use super::{BindingError, SampleError, plan};
 use crate::hand::{self, Layout, Point, Side};
 use crate::msg::definition::{TypeTree, canonical_type_name};
@@ -24,10 +25,21 @@ pub struct HandFields {
     pub joints: Vec<String>,
 }
 
+const TF: &str = "tf2_msgs/msg/TFMessage";
+
+/// Where the stamp of a hand is whose points are told by name, in types that are known here; none where it is in the header.
+///
+/// A message of transforms may hold some of the hand's: it is complete with the last of its points.
+pub fn hand_stamp(type_name: &str, points: &[String]) -> Option<String> {
+    let last = points.last().filter(|_| canonical_type_name(type_name) == TF)?;
+    Some(format!("transforms[child_frame_id={last}].header.stamp"))
+}
+
 /// Where types that are known here hold the positions of points, and their names.
 pub fn hand_paths(type_name: &str) -> Option<(&'static str, &'static [&'static str])> {
     match canonical_type_name(type_name).as_str() {
         "geometry_msgs/msg/PoseArray" => Some(("poses[].position", &[])),
+        TF => Some(("transforms[].transform.translation", &["transforms[].child_frame_id"])),
         "manus_ros2_msgs/msg/ManusGlove" => {
             Some(("raw_nodes[].pose.position", &["raw_nodes[].chain_type", "raw_nodes[].joint_type"]))
         }
@@ -43,6 +55,7 @@ pub(super) struct HandPlan {
     orientations: Vec<FieldPlan>, // none, or x, y, z, w
     valid: Option<FieldPlan>,
     names: Vec<FieldPlan>,
+    transforms: Option<Transforms>,
     fields: HandFields,
     columns: [Vec<f64>; 8], // x, y, z; x, y, z, w; valid
     texts: Vec<Vec<String>>,
@@ -50,6 +63,14 @@ pub(super) struct HandPlan {
 }
 
 const VALID: usize = 7;
+
+/// Points that are frames, each told in its parent.
+#[derive(Debug, Clone)]
+struct Transforms {
+    parents: FieldPlan,
+    read: Vec<String>,
+    frames: Frames,
+}
 
 impl HandPlan {
     /// Compiles the path of the points' positions, and what stands beside them.
@@ -62,10 +83,17 @@ impl HandPlan {
             Err(error) => axes(path, &["x", "y", "z"]).map_err(|_| error)?,
         };
         // A pose says by its orientation, too, that it is not known.
-        let orientations = path
-            .strip_suffix(".position")
-            .and_then(|pose| axes(&format!("{pose}.orientation"), &["x", "y", "z", "w"]).ok())
-            .unwrap_or_default();
+        let stamped = path.strip_suffix(".transform.translation");
+        let turned = path.strip_suffix(".position").map(|pose| format!("{pose}.orientation"));
+        let turned = turned.or_else(|| stamped.map(|stamped| format!("{stamped}.transform.rotation")));
+        let orientations = turned.and_then(|turned| axes(&turned, &["x", "y", "z", "w"]).ok()).unwrap_or_default();
+        let transforms = match stamped.filter(|_| !orientations.is_empty() && fields.names.len() == 1) {
+            Some(stamped) => {
+                let parents = plan("field", tree, &format!("{stamped}.header.frame_id"), ReadAs::Texts)?;
+                Some(Transforms { parents, read: vec![], frames: Frames::default() })
+            }
+            None => None,
+        };
         let names: Result<Vec<_>, _> =
             fields.names.iter().map(|path| plan("names_field", tree, path, ReadAs::Texts)).collect();
         let valid = fields.valid.as_ref().map(|path| plan("hand.valid", tree, path, ReadAs::Numbers)).transpose()?;
@@ -77,6 +105,7 @@ impl HandPlan {
             valid,
             texts: vec![vec![]; names.len()],
             names,
+            transforms,
             points: vec![[f64::NAN; 3]; fields.points.len()],
             fields: fields.clone(),
             columns: Default::default(),
@@ -88,6 +117,11 @@ impl HandPlan {
         angles.clear();
         let n_points = self.read(cdr)?;
         self.points.fill([f64::NAN; 3]);
+        if self.transforms.is_some() {
+            self.place_frames(cdr)?;
+            angles.extend(hand::angles(&self.points, &self.fields.layout, self.fields.side));
+            return Ok(());
+        }
         let is_flat = self.positions.len() == 1;
         for element in self.fields.first..n_points {
             let Some(slot) = self.slot_of(element) else { continue };
@@ -101,6 +135,34 @@ impl HandPlan {
             }
         }
         angles.extend(hand::angles(&self.points, &self.fields.layout, self.fields.side));
+        Ok(())
+    }
+
+    /// Places the points that are frames, in the frame that they have in common with the last of them.
+    fn place_frames(&mut self, cdr: &[u8]) -> Result<(), SampleError> {
+        let Some(Transforms { parents, read, frames }) = &mut self.transforms else { return Ok(()) };
+        parents.read_texts(cdr, read)?;
+        let children = &self.texts[0];
+        let [x, y, z, qx, qy, qz, qw, _] = &self.columns;
+        if let Some(n_beside) = [read.len(), y.len(), z.len(), qx.len()].into_iter().find(|len| *len != children.len())
+        {
+            return Err(SampleError::Beside { type_name: self.type_name.clone(), n_points: children.len(), n_beside });
+        }
+        for (k, (parent, child)) in read.iter().zip(children).enumerate() {
+            frames.handle(parent, child, [x[k], y[k], z[k]], [qx[k], qy[k], qz[k], qw[k]]);
+        }
+        let Some(last) = self.fields.points.last().filter(|last| children.contains(last)) else {
+            let wanted = self.fields.points.last().map_or(String::new(), |last| format!("a transform of {last}"));
+            let got = children.first().map_or("nothing".to_owned(), |first| format!("'{}'", first.escape_debug()));
+            return Err(SampleError::NotForSource { type_name: self.type_name.clone(), wanted, got });
+        };
+        let root = frames.origin(last).map(|(_, root)| root);
+        for (point, name) in self.points.iter_mut().zip(&self.fields.points) {
+            if let Some((origin, _)) = frames.origin(name).filter(|(_, of)| Some(*of) == root) {
+                *point = origin;
+            }
+        }
+        frames.end_round();
         Ok(())
     }
 

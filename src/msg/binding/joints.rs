@@ -1,7 +1,8 @@
 //! Messages that hold joint angles.
 
 use super::hand::{HandFields, HandPlan};
-use super::{BindingError, SampleError, StampFrom, StampPlan, plan};
+use super::stamp::StampPlan;
+use super::{BindingError, OnlyPlan, SampleError, StampFrom, plan};
 use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs};
 use crate::units::Stamp;
@@ -15,6 +16,8 @@ pub struct JointFields {
     pub positions: String,
     /// Where the names of the joints come from.
     pub names: NamesFrom,
+    /// `field=value` that a message must have to be for this source; all messages are where there is none.
+    pub only: Option<String>,
 }
 
 /// Where the names of joints come from.
@@ -35,6 +38,7 @@ impl JointFields {
             stamp: Some(StampFrom::Field("header.stamp".to_owned())),
             positions: "position".to_owned(),
             names: NamesFrom::Field("name".to_owned()),
+            only: None,
         })
     }
 }
@@ -54,6 +58,7 @@ pub struct JointMessage<'a> {
 #[derive(Debug, Clone)]
 pub struct JointBinding {
     type_name: String,
+    only: OnlyPlan,
     stamp: StampPlan,
     source: AngleSource,
     joint_names: Vec<String>,
@@ -87,6 +92,7 @@ impl JointBinding {
         };
         Ok(JointBinding {
             type_name: tree.type_name().to_owned(),
+            only: OnlyPlan::compile(fields.only.as_ref(), tree)?,
             stamp: StampPlan::compile(fields.stamp.as_ref(), tree)?,
             source,
             joint_names,
@@ -97,8 +103,9 @@ impl JointBinding {
     /// Decodes a message that arrived at `received`.
     ///
     /// # Errors
-    /// [`SampleError`] when names and angles are not equally many, or there are none of them.
+    /// [`SampleError`] when names and angles are not equally many, there are none of them, or they are for another source.
     pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<JointMessage<'_>, SampleError> {
+        self.only.admit(cdr)?;
         match &mut self.source {
             AngleSource::Hand(hand) => hand.decode(cdr, &mut self.angles)?,
             AngleSource::Sent { positions, names } => {
@@ -118,5 +125,10 @@ impl JointBinding {
             return Err(SampleError::Empty { type_name: self.type_name.clone(), rows: 1, n_values: 0 });
         }
         Ok(JointMessage { stamp, names: &self.joint_names, positions: &self.angles })
+    }
+
+    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    pub fn clock_restarts(&self) -> u64 {
+        self.stamp.clock_restarts()
     }
 }

@@ -44,4 +44,12 @@ impl SampleBinding {
             }
         }
     }
+
+    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    pub fn clock_restarts(&self) -> u64 {
+        match self {
+            SampleBinding::Taxels(_, binding) => binding.clock_restarts(),
+            SampleBinding::Joints(_, binding) => binding.clock_restarts(),
+        }
+    }
 }

@@ -1,25 +1,31 @@
 //! Messages that hold readings of a tactile array.
 
-use super::{BindingError, SampleError, StampFrom, StampPlan, plan};
-use crate::msg::definition::{Primitive, TypeTree, canonical_type_name};
-use crate::msg::dynamic::{ElementKind, FieldPlan, ReadAs, ReadError};
+use super::sequence::SequencePlan;
+use super::stamp::StampPlan;
+use super::{BindingError, OnlyPlan, SampleError, StampFrom, plan};
+use crate::msg::definition::{TypeTree, canonical_type_name};
+use crate::msg::dynamic::{FieldPlan, ReadAs, ReadError};
 use crate::units::Stamp;
 
 /// Which fields of a message hold taxels.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TaxelFields {
     /// Where the stamp of the last row comes from; `None` where the type has none and nobody has said.
     pub stamp: Option<StampFrom>,
-    /// Path of the readings, row-major.
-    pub values: String,
+    /// Paths of the readings, row-major, at least one. A sample holds the readings of the first, then those of the second.
+    pub values: Vec<String>,
+    /// A reading that stands for a taxel that does not exist; it is read as NaN.
+    pub no_reading: Option<f32>,
     /// How many samples a message holds.
     pub rows: CountFrom,
     /// How many taxels a sample holds; `None` takes what the rows leave.
     pub cols: Option<CountFrom>,
     /// Time between samples of one message.
     pub row_period: PeriodFrom,
-    /// Path of a counter, one up a message and wrapping at 2^32.
+    /// Path of a counter, one up a message and wrapping at the width of its field.
     pub sequence: Option<String>,
+    /// `field=value` that a message must have to be for this source; all messages are where there is none.
+    pub only: Option<String>,
 }
 
 /// Where a count comes from.
@@ -56,19 +62,23 @@ impl TaxelFields {
         match canonical_type_name(type_name).as_str() {
             "tactile_pose_fusion/msg/TaxelArray" => Some(TaxelFields {
                 stamp: Some(StampFrom::Field("header.stamp".to_owned())),
-                values: "values".to_owned(),
+                values: vec!["values".to_owned()],
+                no_reading: None,
                 rows: CountFrom::Field("rows".to_owned()),
                 cols: None,
                 row_period: PeriodFrom::Field("row_period".to_owned()),
                 sequence: Some("sequence".to_owned()),
+                only: None,
             }),
             "std_msgs/msg/Float32MultiArray" => Some(TaxelFields {
                 stamp: None,
-                values: "data".to_owned(),
+                values: vec!["data".to_owned()],
+                no_reading: None,
                 rows: CountFrom::Layout("layout".to_owned()),
                 cols: None,
                 row_period: PeriodFrom::None,
                 sequence: None,
+                only: None,
             }),
             _ => None,
         }
@@ -94,13 +104,18 @@ pub struct TaxelMessage<'a> {
 #[derive(Debug, Clone)]
 pub struct TaxelBinding {
     type_name: String,
+    only: OnlyPlan,
     stamp: StampPlan,
-    values: FieldPlan,
+    values: Vec<FieldPlan>,
+    no_reading: Option<f32>,
     rows: CountPlan,
     cols: Option<CountPlan>,
     row_period: PeriodPlan,
-    sequence: Option<FieldPlan>,
+    sequence: Option<SequencePlan>,
     readings: Vec<f32>,
+    /// Readings field by field, and where each field ends in them, where there are several.
+    fields: Vec<f32>,
+    ends: Vec<usize>,
     sizes: Vec<f64>,
 }
 
@@ -110,16 +125,23 @@ impl TaxelBinding {
     /// # Errors
     /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
     pub fn compile(fields: &TaxelFields, tree: &TypeTree) -> Result<Self, BindingError> {
-        let sequence = fields.sequence.as_deref().map(|path| sequence_plan(tree, path)).transpose()?;
+        let sequence = fields.sequence.as_deref().map(|path| SequencePlan::compile(tree, path)).transpose()?;
+        let role = if fields.values.len() > 1 { "fields" } else { "values" };
+        let values: Result<Vec<FieldPlan>, BindingError> =
+            fields.values.iter().map(|path| plan(role, tree, path, ReadAs::Numbers)).collect();
         Ok(TaxelBinding {
             type_name: tree.type_name().to_owned(),
+            only: OnlyPlan::compile(fields.only.as_ref(), tree)?,
             stamp: StampPlan::compile(fields.stamp.as_ref(), tree)?,
-            values: plan("values", tree, &fields.values, ReadAs::Numbers)?,
+            values: values?,
+            no_reading: fields.no_reading,
             rows: CountPlan::compile("rows", &fields.rows, tree)?,
             cols: fields.cols.as_ref().map(|cols| CountPlan::compile("cols", cols, tree)).transpose()?,
             row_period: PeriodPlan::compile(&fields.row_period, tree)?,
             sequence,
             readings: vec![],
+            fields: vec![],
+            ends: vec![],
             sizes: vec![],
         })
     }
@@ -127,11 +149,11 @@ impl TaxelBinding {
     /// Decodes a message that arrived at `received`.
     ///
     /// # Errors
-    /// [`SampleError`] when it holds no samples, or not the ones that it says.
+    /// [`SampleError`] when it holds no samples, not the ones that it says, or those of another source.
     pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<TaxelMessage<'_>, SampleError> {
-        self.readings.clear();
-        self.values.read_f32(cdr, &mut self.readings)?;
-        let n_values = self.readings.len();
+        self.only.admit(cdr)?;
+        self.read_fields(cdr)?;
+        let n_values = self.fields.len();
         let stamp = self.stamp.read(cdr, received)?;
         let rows = self.rows.read(cdr, n_values, &mut self.sizes)?;
         let type_name = || self.type_name.clone();
@@ -143,30 +165,59 @@ impl TaxelBinding {
             if rows.checked_mul(cols) != Some(n_values as u64) {
                 return Err(SampleError::Shape { type_name: type_name(), rows, cols, n_values });
             }
-        } else if !(n_values as u64).is_multiple_of(rows) {
-            return Err(SampleError::Uneven { type_name: type_name(), rows, n_values });
+        }
+        // Each row holds a value of each field at least, so rows fit where the values do.
+        let mut begin = 0;
+        for end in &self.ends {
+            if !((end - begin) as u64).is_multiple_of(rows) {
+                return Err(SampleError::Uneven { type_name: type_name(), rows, n_values: end - begin });
+            }
+            begin = *end;
         }
         let row_period_ns = if rows == 1 { 0 } else { self.row_period.read(cdr)? };
         if rows > 1 && row_period_ns <= 0 {
             return Err(SampleError::RowPeriod { type_name: type_name(), rows, row_period_ns });
         }
-        // A 64-bit counter wraps at 2^32 here, as the core expects.
-        let sequence = self.sequence.as_ref().map(|plan| plan.read_count(cdr)).transpose()?.map(|count| count as u32);
-        // Each row holds a value at least, so rows fit where the values do.
-        Ok(TaxelMessage { stamp, rows: rows as usize, row_period_ns, sequence, values: &self.readings })
+        let sequence = self.sequence.as_mut().map(|plan| plan.read(cdr)).transpose()?;
+        let rows = rows as usize;
+        if rows > 1 && self.ends.len() > 1 {
+            self.join_rows(rows);
+        } else {
+            std::mem::swap(&mut self.fields, &mut self.readings);
+        }
+        if let Some(none) = self.no_reading {
+            self.readings.iter_mut().filter(|reading| **reading == none).for_each(|reading| *reading = f32::NAN);
+        }
+        Ok(TaxelMessage { stamp, rows, row_period_ns, sequence, values: &self.readings })
     }
-}
 
-/// The plan of a counter. Signed 32-bit counters would go negative half way, so they are left out.
-fn sequence_plan(tree: &TypeTree, path: &str) -> Result<FieldPlan, BindingError> {
-    let plan = plan("sequence", tree, path, ReadAs::Count)?;
-    match plan.kind().element {
-        ElementKind::Number(Primitive::UInt32 | Primitive::UInt64 | Primitive::Int64) => Ok(plan),
-        _ => Err(BindingError::NarrowSequence {
-            path: path.to_owned(),
-            type_name: tree.type_name().to_owned(),
-            found: plan.kind().to_string(),
-        }),
+    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    pub fn clock_restarts(&self) -> u64 {
+        self.stamp.clock_restarts()
+    }
+
+    /// Reads all values, field by field.
+    fn read_fields(&mut self, cdr: &[u8]) -> Result<(), SampleError> {
+        self.fields.clear();
+        self.ends.clear();
+        for plan in &self.values {
+            plan.read_f32(cdr, &mut self.fields)?;
+            self.ends.push(self.fields.len());
+        }
+        Ok(())
+    }
+
+    /// Puts the values sample by sample: of each the first field, then the second.
+    fn join_rows(&mut self, rows: usize) {
+        self.readings.clear();
+        for row in 0..rows {
+            let mut begin = 0;
+            for end in &self.ends {
+                let n = (end - begin) / rows;
+                self.readings.extend_from_slice(&self.fields[begin + row * n..begin + (row + 1) * n]);
+                begin = *end;
+            }
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Messages of a force sensor that tells the true force.
 
-use super::{BindingError, SampleError, StampFrom, StampPlan, plan};
+use super::stamp::StampPlan;
+use super::{BindingError, OnlyPlan, SampleError, StampFrom, plan};
 use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs};
 use crate::units::Stamp;
@@ -12,6 +13,8 @@ pub struct TruthFields {
     pub stamp: Option<StampFrom>,
     /// Path of the force: one number, positive under pressure once the sign of the source is applied.
     pub force: String,
+    /// `field=value` that a message must have to be for this source; all messages are where there is none.
+    pub only: Option<String>,
 }
 
 impl TruthFields {
@@ -20,6 +23,7 @@ impl TruthFields {
         (canonical_type_name(type_name) == "geometry_msgs/msg/WrenchStamped").then(|| TruthFields {
             stamp: Some(StampFrom::Field("header.stamp".to_owned())),
             force: "wrench.force.z".to_owned(),
+            only: None,
         })
     }
 }
@@ -28,6 +32,7 @@ impl TruthFields {
 #[derive(Debug, Clone)]
 pub struct TruthBinding {
     type_name: String,
+    only: OnlyPlan,
     stamp: StampPlan,
     force: FieldPlan,
     read: Vec<f64>,
@@ -41,6 +46,7 @@ impl TruthBinding {
     pub fn compile(fields: &TruthFields, tree: &TypeTree) -> Result<Self, BindingError> {
         Ok(TruthBinding {
             type_name: tree.type_name().to_owned(),
+            only: OnlyPlan::compile(fields.only.as_ref(), tree)?,
             stamp: StampPlan::compile(fields.stamp.as_ref(), tree)?,
             force: plan("field", tree, &fields.force, ReadAs::Numbers)?,
             read: vec![],
@@ -51,8 +57,9 @@ impl TruthBinding {
     ///
     /// # Errors
     /// [`SampleError`] when the bytes are not what the definition says, or the field holds another number of values
-    /// than one.
+    /// than one, or the message is for another source.
     pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<(Stamp, f64), SampleError> {
+        self.only.admit(cdr)?;
         self.read.clear();
         self.force.read_f64(cdr, &mut self.read)?;
         match self.read.as_slice() {
@@ -62,5 +69,10 @@ impl TruthBinding {
                 Err(SampleError::NotOneForce { type_name, n_values })
             }
         }
+    }
+
+    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    pub fn clock_restarts(&self) -> u64 {
+        self.stamp.clock_restarts()
     }
 }

@@ -81,3 +81,29 @@ pub(super) fn signed(primitive: Primitive, bytes: &[u8], little_endian: bool) ->
         Primitive::Float64 => f64::from_le_bytes(one(bytes, little_endian)) as i64,
     }
 }
+
+/// The first whole number in `bytes`, of any width; what is not one is cut off.
+pub(super) fn whole(primitive: Primitive, bytes: &[u8], little_endian: bool) -> i128 {
+    match primitive {
+        Primitive::UInt64 => i128::from(u64::from_le_bytes(one(bytes, little_endian))),
+        _ => i128::from(signed(primitive, bytes, little_endian)),
+    }
+}
+
+/// Least and greatest whole number that a primitive holds; none for floating-point numbers.
+pub(super) fn whole_range(primitive: Primitive) -> Option<[i128; 2]> {
+    let unsigned = |bits: u32| [0, (1 << bits) - 1];
+    let signed = |bits: u32| [-(1 << (bits - 1)), (1 << (bits - 1)) - 1];
+    Some(match primitive {
+        Primitive::Bool => [0, 1],
+        Primitive::Byte | Primitive::Char | Primitive::UInt8 => unsigned(8),
+        Primitive::UInt16 => unsigned(16),
+        Primitive::UInt32 => unsigned(32),
+        Primitive::UInt64 => unsigned(64),
+        Primitive::Int8 => signed(8),
+        Primitive::Int16 => signed(16),
+        Primitive::Int32 => signed(32),
+        Primitive::Int64 => signed(64),
+        Primitive::Float32 | Primitive::Float64 => return None,
+    })
+}

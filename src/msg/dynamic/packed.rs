@@ -81,7 +81,7 @@ pub(super) fn compile(tree: &TypeTree, text: &str) -> Result<Option<(FieldPlan, 
     if !is_image(message) {
         return Ok(None);
     }
-    if matches!(last.select, Select::Element(_)) {
+    if !matches!(last.select, Select::Whole | Select::Every) {
         return Err(refused(tree, &segments, "it packs pixels: leave the brackets out"));
     }
     let at = |field: &str| beside(before, field);

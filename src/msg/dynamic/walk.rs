@@ -1,10 +1,12 @@
 //! Compiled paths: past what stands before, into arrays, to the field.
 
+use super::condition::{Condition, Wanted};
+use super::leaf::Leaf;
 use super::path::{self, Segment, Select};
 use super::skip::{self, Len, Op, Skipper, WideTextInTheWay};
-use super::{ElementKind, FieldError, FieldKind, ReadAs};
+use super::{FieldError, FieldKind};
 use crate::msg::cdr::{CdrError, CdrReader};
-use crate::msg::definition::{BaseType, FieldDefinition, MessageDefinition, Primitive, TypeTree};
+use crate::msg::definition::{BaseType, FieldDefinition, MessageDefinition, TypeTree};
 
 /// How to get from one place in a message to the fields that a path means.
 #[derive(Debug, Clone)]
@@ -18,17 +20,7 @@ enum Target {
     Leaf(Leaf),
     Element { len: Len, index: usize, skip: Vec<Op>, then: Box<Walk> },
     Every { len: Len, skip: Vec<Op>, then: Box<Walk> },
-}
-
-/// What a path ends at.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Leaf {
-    Number(Primitive),
-    Numbers(Primitive, Len),
-    Text,
-    Texts(Len),
-    Time,
-    Duration,
+    Where { len: Len, condition: Box<Condition>, skip: Vec<Op>, then: Box<Walk> },
 }
 
 impl Walk {
@@ -57,48 +49,19 @@ impl Walk {
                 }
                 Ok(())
             }
-        }
-    }
-}
-
-impl Leaf {
-    /// The bytes of the numbers, whole elements of the primitive.
-    #[inline]
-    pub(super) fn numbers<'a>(&self, reader: &mut CdrReader<'a>) -> Result<(Primitive, &'a [u8]), CdrError> {
-        match *self {
-            Leaf::Number(primitive) => Ok((primitive, reader.primitives(primitive, 1)?)),
-            Leaf::Numbers(primitive, len) => {
+            Target::Where { len, condition, skip, then } => {
                 let len = len.read(reader)?;
-                Ok((primitive, reader.primitives(primitive, len)?))
+                let (mut first, mut is_met) = (reader.clone(), false);
+                for _ in 0..len {
+                    if condition.holds(&mut reader.clone())? {
+                        is_met = true;
+                        then.run(&mut reader.clone(), visit)?;
+                    }
+                    skip::run(skip, reader)?;
+                }
+                if is_met { Ok(()) } else { Err(condition.unmet(len, skip, &mut first)) }
             }
-            _ => Err(self.unlike(ReadAs::Numbers)),
         }
-    }
-
-    /// How many strings follow.
-    pub(super) fn texts(&self, reader: &mut CdrReader<'_>) -> Result<usize, CdrError> {
-        match self {
-            Leaf::Text => Ok(1),
-            Leaf::Texts(len) => len.read(reader),
-            _ => Err(self.unlike(ReadAs::Texts)),
-        }
-    }
-
-    /// The error of a plan that is read as something other than what it was compiled for.
-    pub(super) fn unlike(&self, read_as: ReadAs) -> CdrError {
-        CdrError::Kind { wanted: read_as.wanted(), found: self.kind(false).to_string() }
-    }
-
-    fn kind(&self, within_every: bool) -> FieldKind {
-        let (element, many) = match *self {
-            Leaf::Number(primitive) => (ElementKind::Number(primitive), false),
-            Leaf::Numbers(primitive, _) => (ElementKind::Number(primitive), true),
-            Leaf::Text => (ElementKind::Text, false),
-            Leaf::Texts(_) => (ElementKind::Text, true),
-            Leaf::Time => (ElementKind::Time, false),
-            Leaf::Duration => (ElementKind::Duration, false),
-        };
-        FieldKind { element, many: many || within_every }
     }
 }
 
@@ -138,7 +101,7 @@ impl Compiler<'_> {
 
     fn field(&mut self, field: &FieldDefinition, depth: usize, skip: Skipper) -> Result<Walk, FieldError> {
         let base = &field.ty.base;
-        match (Len::of(field.ty.arity), self.segments[depth].select) {
+        match (Len::of(field.ty.arity), &self.segments[depth].select) {
             (None, Select::Whole) => self.element(field, depth, skip),
             (None, _) => Err(self.shape(field, depth, "it is no array, so leave the brackets out".to_owned())),
             (Some(len), Select::Whole | Select::Every) if !matches!(base, BaseType::Message(_)) => match base {
@@ -151,21 +114,52 @@ impl Compiler<'_> {
                 let name = path::display(&self.segments[..=depth]);
                 Err(self.shape(field, depth, format!("write {name}[] for all elements or {name}[0] for one")))
             }
-            (Some(Len::Fixed(len)), Select::Element(index)) if index >= len => {
+            (Some(Len::Fixed(len)), Select::Element(index)) if *index >= len => {
                 Err(self.shape(field, depth, format!("there is no element {index}")))
             }
             (Some(len), select) => {
                 let mut past = Skipper::anywhere();
                 past.element(self.tree, &field.name, base).map_err(|wide| self.wide_text(wide))?;
                 let past = past.into_ops();
-                self.within_every |= select == Select::Every;
+                self.within_every |= *select == Select::Every;
                 let then = Box::new(self.element(field, depth, Skipper::anywhere())?);
                 let target = match select {
-                    Select::Element(index) => Target::Element { len, index, skip: past, then },
+                    Select::Element(index) => Target::Element { len, index: *index, skip: past, then },
+                    Select::Where { field: of, value } => {
+                        let condition = Box::new(self.condition(field, depth, of, value)?);
+                        Target::Where { len, condition, skip: past, then }
+                    }
                     Select::Every | Select::Whole => Target::Every { len, skip: past, then },
                 };
                 Ok(Walk { lead: skip.into_ops(), target })
             }
+        }
+    }
+
+    /// The condition that picks elements of `array` by the field `of` in them.
+    fn condition(
+        &self,
+        array: &FieldDefinition,
+        depth: usize,
+        of: &[Segment],
+        value: &str,
+    ) -> Result<Condition, FieldError> {
+        let BaseType::Message(name) = &array.ty.base else {
+            return Err(self.shape(array, depth, "its elements have no fields to pick them by".to_owned()));
+        };
+        let mut inner = Compiler { tree: self.tree, segments: of, within_every: false, leaf: None };
+        let walk = inner.message(self.tree.message(name), 0, Skipper::anywhere())?;
+        let leaf = inner.leaf.expect("a walk that was compiled ends at a leaf");
+        let kind = leaf.kind(inner.within_every);
+        let text = format!("{}={value}", path::display(of));
+        match Wanted::of(kind, value) {
+            Some(wanted) => Ok(Condition { text, lead: walk.lead, leaf, wanted }),
+            None => Err(FieldError::Kind {
+                path: text,
+                type_name: name.clone(),
+                found: kind.to_string(),
+                wanted: Wanted::EXPECTED,
+            }),
         }
     }
 

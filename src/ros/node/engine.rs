@@ -235,7 +235,6 @@ impl Running {
     }
 
     fn handle_incoming(&mut self, input: usize, incoming: Result<Arrival, Fault>) {
-        let now = self.engine.clock.running();
         let Arrival { cdr, received: arrived, publisher } = match incoming {
             Ok(arrival) => arrival,
             Err(fault) => {
@@ -245,10 +244,6 @@ impl Running {
                 return;
             }
         };
-        for part in 0..self.bindings[input].len() {
-            let source = self.source_of(input, part);
-            self.watched.inputs[source].handle_arrival(now, publisher);
-        }
         let stamp = if self.engine.clock.is_sim() { self.engine.clock.now() } else { arrived };
         // Receipt times only increase, so that a recording replays in the order of handling.
         self.received = stamp.max(self.received.offset(1));
@@ -270,16 +265,35 @@ impl Running {
                 }
             }
         }
-        (0..self.bindings[input].len()).for_each(|part| self.handle_part(input, part, &cdr, arrived));
+        for part in 0..self.bindings[input].len() {
+            let restarts = self.bindings[input][part].clock_restarts();
+            self.handle_part(input, part, &cdr, arrived, publisher);
+            if self.bindings[input][part].clock_restarts() > restarts {
+                let topic = self.watched.inputs[self.source_of(input, part)].topic();
+                let text =
+                    format!("topic {topic}: the device's clock was set or started anew; its stamps are mapped anew");
+                self.engine.outbox.log(Severity::Warn, text);
+            }
+        }
     }
 
     /// Reads a message for one of the sources that use its topic.
-    fn handle_part(&mut self, input: usize, part: usize, cdr: &[u8], arrived: Stamp) {
+    fn handle_part(&mut self, input: usize, part: usize, cdr: &[u8], arrived: Stamp, publisher: Option<[u8; 16]>) {
         let now = self.engine.clock.running();
         let source = self.source_of(input, part);
-        let event = match self.bindings[input][part].decode(cdr, self.received) {
+        let event = self.bindings[input][part].decode(cdr, self.received);
+        match &event {
+            Err(error) if error.is_for_another() => {
+                return self.watched.inputs[source].handle_for_another(error.reason(), &error.to_string());
+            }
+            _ => self.watched.inputs[source].handle_arrival(now, publisher),
+        }
+        let event = match event {
             Ok(event) => event,
-            Err(error) => return self.count(source, 1, error.reason(), &error.to_string()),
+            Err(error) => {
+                let (reason, text) = (error.reason(), error.to_string());
+                return self.count(source, 1, reason, &text);
+            }
         };
         if let Some(tap) = &self.tap
             && tap.send(Sample::from(&event)).is_err()

@@ -184,7 +184,10 @@ impl Watched {
             let topic = &wanted.topic;
             match input.meter().age(now) {
                 None if now.saturating_sub(self.begun) >= DISCOVERY => {
-                    let text = format!("nothing came on {topic} yet: {}", why(&self.publishers));
+                    let other =
+                        |text| format!("nothing for {} came on {topic} yet: {text}: correct its only", wanted.key);
+                    let absent = || format!("nothing came on {topic} yet: {}", why(&self.publishers));
+                    let text = input.for_another().map_or_else(absent, other);
                     problems.push(Problem { kind: "absent", text });
                 }
                 Some(age) if age > limit.max(STOPPED) => {

@@ -44,6 +44,8 @@ pub struct InputHealth {
     newest: Option<Stamp>,
     second: Second,
     unreadable: BTreeMap<&'static str, u64>,
+    /// What was said of the first message that is for another source.
+    for_another: Option<String>,
 }
 
 /// Data since the last judgement.
@@ -107,6 +109,7 @@ impl InputHealth {
             newest: None,
             second: Second::default(),
             unreadable: BTreeMap::new(),
+            for_another: None,
         }
     }
 
@@ -125,7 +128,7 @@ impl InputHealth {
         &self.meter
     }
 
-    /// Messages that could not be read, by reason.
+    /// Messages that were not used, by reason.
     pub fn unreadable(&self) -> &BTreeMap<&'static str, u64> {
         &self.unreadable
     }
@@ -154,6 +157,17 @@ impl InputHealth {
         let counter = self.unreadable.entry(reason).or_default();
         *counter += n;
         *counter == n
+    }
+
+    /// Records a message that is for another source of this topic.
+    pub fn handle_for_another(&mut self, reason: &'static str, text: &str) {
+        *self.unreadable.entry(reason).or_default() += 1;
+        self.for_another.get_or_insert_with(|| text.to_owned());
+    }
+
+    /// What was said of the first message that is for another source.
+    pub fn for_another(&self) -> Option<&str> {
+        self.for_another.as_deref()
     }
 
     /// Records taxels for a source with this number of taxels; `offset_ns` is added to their stamps.
