@@ -75,6 +75,7 @@ impl ShardNotes {
             ("model", request.model.map(of_file).transpose()?.unwrap_or_else(|| "not given".to_owned())),
             ("backend", format!("{:?}", request.backend)),
             ("zero", zero),
+            ("in the air", format!("{:?}", request.in_air)),
             ("--fps", request.fps.to_string()),
             ("--tactile-window-ms", request.tactile_window_ms.to_string()),
             ("--task", request.task.to_owned()),
