@@ -59,7 +59,7 @@
 //! # synthetic::write(&spec, &bag, false, &Unobserved)?;
 //! let cfg = config::load("params/glove3.yaml".as_ref(), DEFAULT_NODE)?;
 //! let bags = [bag];
-//! let recording = Recording { bags: &bags, zero: Wanted::Any }; // its annotations, else its first seconds
+//! let recording = Recording { bags: &bags, zero: Wanted::Any }; // annotations, else `calibration.file`, else the first seconds
 //! let mut largest = 0.0_f64;
 //! let seen = replay::for_each(cfg.clone(), recording, &Unobserved, |tick| {
 //!     largest = tick.estimates[0].force.map_or(largest, |force| largest.max(force.0));
@@ -101,8 +101,11 @@
 //! # Where things are
 //!
 //! - The zero of the forces is decided in [`zero`], for bags and for the live node.
-//! - A region's estimate is a [`fusion::Estimate`]; those of a frame are a [`fusion::Tick`].
-//! - `tpf replay` calls [`replay::run`], `tpf eval` [`evaluate::run`], `tpf train` `training::run`, `tpf run` `ros::run`.
+//! - A region's estimate is a [`fusion::Estimate`]; its [`fusion::Flags`] give the reasons not to trust it. Those of a frame
+//!   are a [`fusion::Tick`].
+//! - `tpf replay` calls [`replay::run`], `tpf eval` [`evaluate::run_with`], which is [`evaluate::run`] with the frames of each
+//!   session, `tpf train` `training::run`, `tpf run` `ros::run`. `tpf eval` scores the test part unless `--whole`; a
+//!   [`evaluate::Request::new`] scores every frame.
 //!   `commands` is the program `tpf`, a tenant of the library (feature `cli`).
 //! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in [`model`],
 //!   metrics in [`eval`], and what a recording says in [`recording`] and [`sessions`].

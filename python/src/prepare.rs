@@ -15,7 +15,7 @@ use tactile_pose_fusion::training::{self, HoldOut, Request, TrainingError};
 use crate::error::{Kind, Refusal, exception};
 use crate::parameters::Parameters;
 use crate::work::{self, Watch};
-use crate::works::{json, of_name};
+use crate::works::{json, of_name, told_in_air};
 
 /// Reads bags and models; returns a report each as JSON.
 #[pyfunction]
@@ -103,6 +103,7 @@ pub(crate) fn init(
         output: &output,
         model: model.as_deref(),
         message_definitions: message_definitions.as_deref(),
+        remarks: &[],
         overwrite,
     };
     let mut raised = None;
@@ -151,6 +152,8 @@ pub(crate) struct Training {
     test_share: f64,
     validation_share: f64,
     hold_out: Option<String>,
+    in_air: Option<String>,
+    zero_load_below_n: Option<f64>,
     plain_graph: bool,
     resume: bool,
     overwrite: bool,
@@ -196,6 +199,7 @@ impl Training {
             split,
             threads: self.threads.unwrap_or(usual.threads).max(1),
             form: if self.plain_graph { GraphForm::Plain } else { GraphForm::Fast },
+            in_air: told_in_air(self.in_air.as_deref(), self.zero_load_below_n)?,
             resume: self.resume,
             overwrite: self.overwrite,
             ..usual

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use tactile_pose_fusion::calibrate::{self as calibrating, CalibrateError, Calibrated};
-use tactile_pose_fusion::characterization::{self, InAir};
+use tactile_pose_fusion::characterization;
 use tactile_pose_fusion::config::Config;
 use tactile_pose_fusion::eval::{Split, SplitBy};
 use tactile_pose_fusion::evaluate::{self as evaluating, JudgeTouch, Request};
@@ -14,7 +14,7 @@ use tactile_pose_fusion::fusion::TouchLevels;
 use tactile_pose_fusion::glove::replace_model;
 use tactile_pose_fusion::recording::ToldTouch;
 use tactile_pose_fusion::replay::{self as replaying, Options, Recording};
-use tactile_pose_fusion::sessions::{KnownForces, find_bags};
+use tactile_pose_fusion::sessions::{InAir, KnownForces, find_bags};
 use tactile_pose_fusion::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking};
 use tactile_pose_fusion::synthetic;
 use tactile_pose_fusion::units::Newton;
@@ -35,6 +35,18 @@ fn zero<'a>(calibration: &'a Option<PathBuf>, first_s: Option<f64>) -> PyResult<
         (Some(file), None) => Ok(Wanted::File(file)),
         (None, Some(seconds)) => Ok(Wanted::First(positive("calibrate_first_s", seconds)?)),
         (None, None) => Ok(Wanted::Any),
+    }
+}
+
+/// Spans in which nothing touches the glove, or a true force, N, below which nothing does.
+pub(crate) fn told_in_air(spans: Option<&str>, below_n: Option<f64>) -> PyResult<Option<InAir>> {
+    let refuse = |line: String| exception(Kind::Parameter, line);
+    match (spans, below_n) {
+        (None, None) => Ok(None),
+        (Some(spans), None) => spans.parse().map(Some).map_err(|line: String| refuse(format!("in_air: {line}"))),
+        (None, Some(limit)) if limit > 0.0 && limit.is_finite() => Ok(Some(InAir::Below(Newton(limit)))),
+        (None, Some(limit)) => Err(refuse(format!("zero_load_below_n: expected a force above 0 N, got {limit}"))),
+        (Some(_), Some(_)) => Err(refuse("in_air and zero_load_below_n stand for each other; give one".to_owned())),
     }
 }
 
@@ -119,6 +131,8 @@ pub(crate) struct Scoring {
     test_share: f64,
     held_out: bool,
     known_touches: Option<usize>,
+    in_air: Option<String>,
+    zero_load_below_n: Option<f64>,
     /// `as_the_node`, `force` or a probability.
     touch: Option<f64>,
     touch_by_force: bool,
@@ -148,6 +162,7 @@ pub(crate) fn evaluate(
     };
     let split = scoring.split.as_deref().map(|by| split(by, scoring.test_share)).transpose()?;
     let zero = zero(&scoring.calibration, scoring.calibrate_first_s)?;
+    let in_air = told_in_air(scoring.in_air.as_deref(), scoring.zero_load_below_n)?;
     let evaluated = work::run(watcher, |observer| {
         let bags = find_bags(&bags, observer)?;
         let every = Request::new(&bags);
@@ -158,6 +173,7 @@ pub(crate) fn evaluate(
             zero,
             needs_truth: scoring.truth.is_some(),
             held_out: scoring.held_out,
+            in_air: in_air.as_ref(),
             known_touches: scoring.known_touches,
             touch,
             jobs: scoring.jobs.map_or(every.jobs, |jobs| jobs.max(1)),
@@ -197,6 +213,8 @@ pub(crate) fn calibrate(
     calibrate_first_s: Option<f64>,
     by_sensor: bool,
     told: Vec<Told>,
+    in_air: Option<String>,
+    zero_load_below_n: Option<f64>,
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(String, Vec<(String, f64, f64, f64, usize)>)> {
     let cfg = with_model(parameters, model.as_deref())?;
@@ -207,7 +225,9 @@ pub(crate) fn calibrate(
         (false, false) => Some(KnownForces::Told(told_touches(&regions, told)?)),
     };
     let first_s = calibrate_first_s.map(|seconds| positive("calibrate_first_s", seconds)).transpose()?;
-    let request = calibrating::Request { first_s, known_forces, ..calibrating::Request::new(&bags) };
+    let in_air = told_in_air(in_air.as_deref(), zero_load_below_n)?;
+    let in_air = in_air.as_ref();
+    let request = calibrating::Request { first_s, in_air, known_forces, ..calibrating::Request::new(&bags) };
     let Calibrated { calibration, from, touches } =
         work::run::<_, CalibrateError>(watcher, |observer| calibrating::run(cfg, &request, observer))?;
     calibration.save(&output).map_err(|error| raise(&error))?;
@@ -242,6 +262,7 @@ pub(crate) fn characterize(
     bags: Vec<PathBuf>,
     parameters: &Parameters,
     in_air: Option<String>,
+    zero_load_below_n: Option<f64>,
     truth: Option<String>,
     min_gain: Option<f64>,
     calibration: Option<PathBuf>,
@@ -249,9 +270,7 @@ pub(crate) fn characterize(
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(String, Vec<String>)> {
     let cfg = parameters.with_truth(truth.as_deref())?;
-    let in_air: Option<InAir> = in_air
-        .map(|text| text.parse().map_err(|line: String| exception(Kind::Parameter, format!("in_air: {line}"))))
-        .transpose()?;
+    let in_air = told_in_air(in_air.as_deref(), zero_load_below_n)?;
     let min_gain = min_gain.unwrap_or(characterization::MIN_GAIN);
     if !(0.0..1.0).contains(&min_gain) {
         return Err(exception(Kind::Parameter, format!("min_gain: {min_gain} is outside of [0, 1)")));
@@ -282,6 +301,8 @@ pub(crate) struct Exporting {
     truth: Option<String>,
     calibration: Option<PathBuf>,
     calibrate_first_s: Option<f64>,
+    in_air: Option<String>,
+    zero_load_below_n: Option<f64>,
 }
 
 /// Writes datasets and tables; returns the summary as JSON, and warnings.
@@ -299,6 +320,7 @@ pub(crate) fn export(
     }
     let cfg = parameters.with_truth(wanted.truth.as_deref())?;
     let zero = zero(&wanted.calibration, wanted.calibrate_first_s)?;
+    let in_air = told_in_air(wanted.in_air.as_deref(), wanted.zero_load_below_n)?;
     let targets = Targets {
         lerobot: wanted.lerobot.as_deref(),
         parquet: wanted.parquet.as_deref(),
@@ -314,6 +336,7 @@ pub(crate) fn export(
             task: wanted.task.as_deref().unwrap_or(usual.task),
             model: wanted.model.as_deref(),
             zero,
+            in_air: in_air.as_ref(),
             needs_truth: wanted.truth.is_some(),
             ..usual
         };

@@ -54,6 +54,24 @@ def test_characterize_gives_what_tpf_characterize_prints(bag: Path, params: Path
     assert "joints: [" in expected["parameters"]
 
 
+def test_spans_in_the_air_and_a_low_true_force_stand_for_annotations(bag: Path, params: Path, tmp_path: Path) -> None:
+    by_force = tpf.evaluate(bag, params, split=None, zero_load_below_n=0.1)
+    expected = json.loads(tpf_out("eval", bag, "--params-file", params, "--whole", "--zero-load-below", "0.1N", "--json"))
+    assert by_force["models"][-1]["by"] == expected["models"][-1]["by"]
+    tpf_out("calibrate", bag, "--params-file", params, "-o", tmp_path / "tpf.yaml", "--in-air", "0..10,20..25")
+    for name, spans in [("a", [(0.0, 10.0), (20, 25)]), ("b", "0..10,20..25")]:
+        tpf.calibrate(bag, tmp_path / name, params, in_air=spans)  # type: ignore[arg-type]
+        assert (tmp_path / name).read_text() == (tmp_path / "tpf.yaml").read_text()
+    for arguments, line in [
+        ({"in_air": (5.0, 2.0)}, "must be before"),
+        ({"in_air": "soon"}, "in_air: expected FROM..TO"),
+        ({"zero_load_below_n": 0.0}, "zero_load_below_n: expected a force above 0 N"),
+        ({"in_air": "all", "zero_load_below_n": 0.1}, "give one"),
+    ]:
+        with pytest.raises(tpf.ParameterError, match=line):
+            tpf.evaluate(bag, params, **arguments)  # type: ignore[arg-type]
+
+
 def test_exports_are_those_of_tpf_export(bag: Path, params: Path, tmp_path: Path) -> None:
     tpf_out("export", bag, "--params-file", params, "--csv", tmp_path / "tpf.csv", "--lerobot", tmp_path / "tpf")
     tpf.export_tables(bag, params, csv=tmp_path / "python.csv")

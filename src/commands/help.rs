@@ -24,7 +24,7 @@ const GROUPS: [(&str, &[(&str, &str)]); 5] = [
     (
         "Prepare a glove",
         &[
-            ("init", "write a parameter file from what is in bags"),
+            ("init", "write a parameter file from what is in bags, or on a live graph"),
             ("calibrate", "measure the zero, from a bag or a glove that is worn now"),
             ("collect", "lead a person through the collection protocol, and record it"),
             ("train", "train a force model on recordings"),
@@ -33,7 +33,11 @@ const GROUPS: [(&str, &[(&str, &str)]); 5] = [
     ),
     (
         "Judge",
-        &[("eval", "score force and contact against a force sensor"), ("diff", "compare the estimates of two bags")],
+        &[
+            ("eval", "score force and contact against a force sensor"),
+            ("merge", "put together what several processes evaluated or exported"),
+            ("diff", "compare the estimates of two bags"),
+        ],
     ),
     (
         "Give away",

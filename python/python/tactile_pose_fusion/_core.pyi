@@ -105,12 +105,15 @@ def calibrate(
     calibrate_first_s: float | None,
     by_sensor: bool,
     told: Sequence[tuple[str | None, float, float, float]],
+    in_air: str | None,
+    zero_load_below_n: float | None,
     watcher: _Watcher,
 ) -> tuple[str, list[tuple[str, float, float, float, int]]]: ...
 def characterize(
     bags: Sequence[str],
     parameters: Parameters,
     in_air: str | None,
+    zero_load_below_n: float | None,
     truth: str | None,
     min_gain: float | None,
     calibration: str | None,

@@ -69,3 +69,16 @@ def optional(given: Path | None) -> str | None:
 def parameters(given: Parameters | Path) -> Parameters:
     """Parameters, read if a file is given."""
     return given if isinstance(given, Parameters) else Parameters(given)
+
+
+#: When nothing touches the glove: `"all"`, spans as `tpf` takes them such as `"0..10,60..75"`, from and to, or several; in s
+#: from the first taxels of each bag.
+InAir = Union[str, tuple[float, float], Sequence[tuple[float, float]]]
+
+
+def in_air_text(given: InAir | None) -> str | None:
+    """Spans as `tpf` takes them, if there are some."""
+    if given is None or isinstance(given, str):
+        return given
+    spans = [given] if given and isinstance(given[0], (int, float)) else given
+    return ",".join(f"{span[0]}..{span[1]}" for span in spans)  # type: ignore[index]

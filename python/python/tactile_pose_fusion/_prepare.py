@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Union
 
 from . import _core
-from ._parameters import Parameters, Path, Paths, optional, parameters, paths
+from ._parameters import InAir, Parameters, Path, Paths, in_air_text, optional, parameters, paths
 from ._watch import Progress, Watcher, warn
 
 
@@ -159,13 +159,15 @@ def train(
     test_share: float = 0.2,
     validation_share: float = 0.08,
     hold_out: Literal["users", "donnings"] | None = None,
+    in_air: InAir | None = None,
+    zero_load_below_n: float | None = None,
     plain_graph: bool = False,
     resume: bool = False,
     overwrite: bool = False,
     on_validation: Callable[[dict[str, Any]], object] | None = None,
     progress: Progress = True,
 ) -> Trained:
-    """Trains a force model on annotated recordings and writes it as ONNX with a report beside it, as `tpf train`.
+    """Trains a force model on recordings with a true force and writes it as ONNX with a report beside it, as `tpf train`.
 
     Args:
         bags: Bags, or folders of bags: one recording each, of one donning of the glove.
@@ -190,6 +192,9 @@ def train(
         test_share: Share of the time that is kept for the test.
         validation_share: Share of the time that picks the best step; 0 keeps the last step.
         hold_out: Also train a model without each user or donning, and score it on what it never saw.
+        in_air: When nothing touches the glove, in s from the first taxels of each bag: `(from, to)`, several of these, or
+            `"all"`; instead of annotations.
+        zero_load_below_n: The same by the true force, N: nothing touches the glove where it stays below.
         plain_graph: Write the graph layer by layer instead of in the form that runs fastest.
         resume: Go on from the checkpoint that an interrupted run left.
         overwrite: Replace a model that is already there.
@@ -222,6 +227,8 @@ def train(
         "test_share": test_share,
         "validation_share": validation_share,
         "hold_out": hold_out,
+        "in_air": in_air_text(in_air),
+        "zero_load_below_n": zero_load_below_n,
         "plain_graph": plain_graph,
         "resume": resume,
         "overwrite": overwrite,

@@ -10,7 +10,7 @@ from typing import Any, Literal, Union
 
 from . import _core
 from ._estimates import Estimates
-from ._parameters import Parameters, Path, Paths, optional, parameters, paths
+from ._parameters import InAir, Parameters, Path, Paths, in_air_text, optional, parameters, paths
 from ._watch import Progress, Watcher, warn
 
 
@@ -117,6 +117,8 @@ def evaluate(
     known_touches: int | None = None,
     touch: Union[Literal["force"], float, None] = None,
     truth: str | None = None,
+    in_air: InAir | None = None,
+    zero_load_below_n: float | None = None,
     calibration: Path | None = None,
     calibrate_first_s: float | None = None,
     jobs: int | None = None,
@@ -137,6 +139,9 @@ def evaluate(
         known_touches: Take the first touches of each session as known, at least 3: they fit a gain of its forces.
         touch: Judge touch by `"force"`, or by this probability of touch; `None` as the node decides contact.
         truth: Topic of the true force instead of the one in the parameters.
+        in_air: When nothing touches the glove, in s from the first taxels of each bag: `(from, to)`, several of these, or
+            `"all"`; instead of annotations.
+        zero_load_below_n: The same by the true force, N: nothing touches the glove where it stays below.
         calibration: Calibration file with the zero of the forces.
         calibrate_first_s: Take the zero from the first seconds, in which nothing may touch the glove.
         jobs: Bags that are read side by side; the result is the same for any number.
@@ -161,6 +166,8 @@ def evaluate(
         "touch": touch if isinstance(touch, (int, float)) else None,
         "touch_by_force": touch == "force",
         "truth": truth,
+        "in_air": in_air_text(in_air),
+        "zero_load_below_n": zero_load_below_n,
         "calibration": optional(calibration),
         "calibrate_first_s": calibrate_first_s,
         "jobs": jobs,
@@ -228,6 +235,8 @@ def calibrate(
     model: Path | None = None,
     calibrate_first_s: float | None = None,
     touches: Union[Literal["sensor"], Sequence[KnownTouch], None] = None,
+    in_air: InAir | None = None,
+    zero_load_below_n: float | None = None,
 ) -> Calibrated:
     """Takes the zero of a recording, checks that the models read no force in it, and keeps it in a file.
 
@@ -240,6 +249,9 @@ def calibrate(
             annotated stretches.
         touches: Also fit what forces are multiplied by: to the touches that the force sensor in the bag measured
             (`"sensor"`), or to these; at least three.
+        in_air: When nothing touches the glove, in s from the first taxels of the bag: `(from, to)`, several of these, or
+            `"all"`; instead of annotations.
+        zero_load_below_n: The same by the true force, N: nothing touches the glove where it stays below.
 
     Raises:
         ParameterError, ModelError, BagError, CalibrationError: The line says what is wrong; nothing is written then.
@@ -257,6 +269,8 @@ def calibrate(
             calibrate_first_s,
             touches == "sensor",
             told,
+            in_air_text(in_air),
+            zero_load_below_n,
             watcher,
         )
     return Calibrated(os.fspath(output), zero, {gain[0]: ForceGain(gain[1], gain[2], gain[3], gain[4]) for gain in gains})
@@ -266,7 +280,8 @@ def characterize(
     bags: Paths,
     params: Parameters | Path,
     *,
-    in_air: Union[Literal["all"], tuple[float, float], None] = None,
+    in_air: InAir | None = None,
+    zero_load_below_n: float | None = None,
     truth: str | None = None,
     min_gain: float | None = None,
     calibration: Path | None = None,
@@ -278,8 +293,9 @@ def characterize(
     Args:
         bags: Bags, or folders of bags: one recording each, of one donning of the glove.
         params: A parameter file, or `Parameters`.
-        in_air: When nothing touches the glove, from and to in s from the first taxels of each bag, or `"all"`; without it
-            what annotations say.
+        in_air: When nothing touches the glove, in s from the first taxels of each bag: `(from, to)`, several of these, or
+            `"all"`; instead of annotations.
+        zero_load_below_n: The same by the true force, N: nothing touches the glove where it stays below.
         truth: Topic of the true force instead of the one in the parameters.
         min_gain: Suggest joints as long as each adds this share to what is explained of the artifact.
         calibration: Calibration file with the zero of the taxels.
@@ -293,12 +309,12 @@ def characterize(
         ParameterError, BagError, CalibrationError: The line says what is wrong.
         KeyboardInterrupt: At Ctrl-C.
     """
-    span = in_air if in_air is None or isinstance(in_air, str) else f"{in_air[0]}..{in_air[1]}"
     with Watcher("characterize", progress) as watcher:
         result, warnings = _core.characterize(
             paths(bags),
             parameters(params)._core,
-            span,
+            in_air_text(in_air),
+            zero_load_below_n,
             truth,
             min_gain,
             optional(calibration),
@@ -320,6 +336,8 @@ def export_lerobot(
     model: Path | None = None,
     calibration: Path | None = None,
     calibrate_first_s: float | None = None,
+    in_air: InAir | None = None,
+    zero_load_below_n: float | None = None,
     progress: Progress = True,
 ) -> dict[str, Any]:
     """Writes sessions as a LeRobotDataset v3, as `tpf export --lerobot`.
@@ -334,6 +352,9 @@ def export_lerobot(
         model: The model that makes estimates; without it those in the bags, else the models of the parameters.
         calibration: Calibration file with the zero of the forces.
         calibrate_first_s: Take the zero from the first seconds, in which nothing may touch the glove.
+        in_air: When nothing touches the glove, in s from the first taxels of each bag: `(from, to)`, several of these, or
+            `"all"`; instead of annotations.
+        zero_load_below_n: The same by the true force, N: nothing touches the glove where it stays below.
         progress: Whether to show a bar, or a function of the bags done and of how many.
 
     Returns:
@@ -346,6 +367,7 @@ def export_lerobot(
     wanted: dict[str, Any] = {"lerobot": os.fspath(output), "parquet": None, "csv": None, "overwrite": False, "truth": None}
     wanted |= {"fps": fps, "tactile_window_ms": tactile_window_ms, "task": task, "model": optional(model)}
     wanted |= {"calibration": optional(calibration), "calibrate_first_s": calibrate_first_s}
+    wanted |= {"in_air": in_air_text(in_air), "zero_load_below_n": zero_load_below_n}
     return _export(bags, params, wanted, progress)
 
 
@@ -360,6 +382,8 @@ def export_tables(
     truth: str | None = None,
     calibration: Path | None = None,
     calibrate_first_s: float | None = None,
+    in_air: InAir | None = None,
+    zero_load_below_n: float | None = None,
     progress: Progress = True,
 ) -> dict[str, Any]:
     """Writes every frame of every region as a table, beside joint angles and the true force, as `tpf export`.
@@ -374,6 +398,9 @@ def export_tables(
         truth: Topic of the true force instead of the one in the parameters.
         calibration: Calibration file with the zero of the forces.
         calibrate_first_s: Take the zero from the first seconds, in which nothing may touch the glove.
+        in_air: When nothing touches the glove, in s from the first taxels of each bag: `(from, to)`, several of these, or
+            `"all"`; instead of annotations.
+        zero_load_below_n: The same by the true force, N: nothing touches the glove where it stays below.
         progress: Whether to show a bar, or a function of the bags done and of how many.
 
     Returns:
@@ -388,6 +415,7 @@ def export_tables(
     wanted: dict[str, Any] = {"lerobot": None, "parquet": optional(parquet), "csv": optional(csv), "overwrite": overwrite}
     wanted |= {"fps": 30, "tactile_window_ms": 100, "task": None, "model": optional(model), "truth": truth}
     wanted |= {"calibration": optional(calibration), "calibrate_first_s": calibrate_first_s}
+    wanted |= {"in_air": in_air_text(in_air), "zero_load_below_n": zero_load_below_n}
     return _export(bags, params, wanted, progress)
 
 
