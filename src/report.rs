@@ -3,6 +3,8 @@
 
 pub mod characterization;
 pub mod checks;
+#[cfg(feature = "ros")]
+pub(crate) mod collection;
 pub mod comparison;
 pub mod evaluation;
 pub mod inspection;

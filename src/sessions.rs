@@ -1,6 +1,7 @@
 //! Recorded sessions as evaluation and export read them: what was asked for, the true force, tared, and the
 //! estimates of models or of the recording itself.
 
+mod compared;
 mod error;
 mod in_air;
 mod labelled;
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
+pub use compared::{Compared, compare};
 pub use error::SessionError;
 pub use in_air::{InAir, MARGIN, annotated, without_annotations};
 pub use labelled::{Labelled, NeedsTruth};

@@ -5,7 +5,6 @@ mod collection;
 mod desk;
 mod folder;
 mod screen;
-mod view;
 
 use std::path::PathBuf;
 
@@ -13,11 +12,11 @@ use super::live::RosArguments;
 use super::setup::ParamArgs;
 use super::{Failure, Outcome, print, say};
 use crate::leave;
+use crate::report::collection::clock;
 use begun::Begun;
 use collection::{Collection, End};
 use desk::Desk;
 use screen::Screen;
-use view::clock;
 
 /// The node that collects, unless it is given another name.
 const NODE: &str = "/tpf_collect";

@@ -9,10 +9,10 @@ use super::begun::Begun;
 use super::desk::Desk;
 use super::folder::About;
 use super::screen::{Key, Screen};
-use super::view::{Mood, View};
 use crate::collect::{Command, Happened, Preflight, Session, StageQuality, State, done};
 use crate::config::Config;
 use crate::protocol::Annotation;
+use crate::report::collection::{Mood, View};
 use crate::ros::system_now;
 use crate::units::Stamp;
 

@@ -6,7 +6,7 @@ use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
 /// In what mood a prompt is: it decides its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Mood {
+pub(crate) enum Mood {
     /// Something is looked at, or got ready for.
     Ready,
     /// In the air: nothing may touch the glove.
@@ -21,56 +21,56 @@ pub(super) enum Mood {
 
 /// A bar: what it is of, how far it is, from 0 to 1, and its value in words.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Bar {
-    pub(super) name: String,
-    pub(super) part: f64,
-    pub(super) value: String,
+pub(crate) struct Bar {
+    pub(crate) name: String,
+    pub(crate) part: f64,
+    pub(crate) value: String,
 }
 
 /// A stream of a sensor.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Health {
-    pub(super) name: String,
-    pub(super) rate_hz: f64,
-    pub(super) is_silent: bool,
+pub(crate) struct Health {
+    pub(crate) name: String,
+    pub(crate) rate_hz: f64,
+    pub(crate) is_silent: bool,
 }
 
 /// The substages: stage, name, how many of how many items are done, and whether it is the one that goes on.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Row {
-    pub(super) stage: u8,
-    pub(super) name: String,
-    pub(super) done: usize,
-    pub(super) items: usize,
-    pub(super) is_current: bool,
+pub(crate) struct Row {
+    pub(crate) stage: u8,
+    pub(crate) name: String,
+    pub(crate) done: usize,
+    pub(crate) items: usize,
+    pub(crate) is_current: bool,
 }
 
 /// What a person sees.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct View {
-    pub(super) title: String,
-    pub(super) place: String,
-    pub(super) mood: Mood,
-    pub(super) prompt: String,
-    pub(super) next: String,
+pub(crate) struct View {
+    pub(crate) title: String,
+    pub(crate) place: String,
+    pub(crate) mood: Mood,
+    pub(crate) prompt: String,
+    pub(crate) next: String,
     /// How much of the step is over, from 0 to 1, and how much is left, s.
-    pub(super) countdown: Option<(f64, f64)>,
-    pub(super) rows: Vec<Row>,
-    pub(super) left: String,
-    pub(super) taxels: Vec<(String, Vec<f64>)>,
-    pub(super) joints: Vec<Bar>,
+    pub(crate) countdown: Option<(f64, f64)>,
+    pub(crate) rows: Vec<Row>,
+    pub(crate) left: String,
+    pub(crate) taxels: Vec<(String, Vec<f64>)>,
+    pub(crate) joints: Vec<Bar>,
     /// Force now over its zero, N.
-    pub(super) force: Option<f64>,
-    pub(super) levels: ForceLevels,
-    pub(super) health: Vec<Health>,
-    pub(super) notes: Vec<String>,
-    pub(super) keys: &'static str,
-    pub(super) synthetic: bool,
+    pub(crate) force: Option<f64>,
+    pub(crate) levels: ForceLevels,
+    pub(crate) health: Vec<Health>,
+    pub(crate) notes: Vec<String>,
+    pub(crate) keys: &'static str,
+    pub(crate) synthetic: bool,
 }
 
 impl View {
     /// What is to be seen of a session and the sensors; the caller says what goes on.
-    pub(super) fn new(title: &str, session: &Session, senses: &Senses, zero: f64, now: Stamp) -> Self {
+    pub(crate) fn new(title: &str, session: &Session, senses: &Senses, zero: f64, now: Stamp) -> Self {
         View {
             title: title.to_owned(),
             place: String::new(),
@@ -92,7 +92,7 @@ impl View {
     }
 
     /// What is asked for in a session.
-    pub(super) fn of_session(mut self, session: &Session, now: Stamp) -> Self {
+    pub(crate) fn of_session(mut self, session: &Session, now: Stamp) -> Self {
         let protocol = session.protocol();
         let wording =
             |item: usize, step: usize| protocol.prompt(&session.plan().trials()[item], session.step(item, step));
@@ -142,7 +142,7 @@ impl View {
     }
 
     /// What is asked for in the checks.
-    pub(super) fn of_checks(mut self, checks: &Preflight, now: Stamp) -> Self {
+    pub(crate) fn of_checks(mut self, checks: &Preflight, now: Stamp) -> Self {
         let (at, n) = checks.progress();
         self.mood = Mood::Ready;
         self.place = format!("checks  {at} of {n}");
@@ -160,7 +160,7 @@ fn countdown((from, to): (Stamp, Stamp), now: Stamp) -> (f64, f64) {
 }
 
 /// Minutes and seconds.
-pub(super) fn clock(seconds: f64) -> String {
+pub(crate) fn clock(seconds: f64) -> String {
     let seconds = seconds.ceil().max(0.0) as u64;
     format!("{}:{:02}", seconds / 60, seconds % 60)
 }

@@ -1,0 +1,7 @@
+//! What a person sees while a session is collected.
+
+mod screen;
+mod view;
+
+pub(crate) use screen::draw;
+pub(crate) use view::{Mood, View, clock};
