@@ -16,7 +16,7 @@ const GROUPS: [(&str, &[(&str, &str)]); 5] = [
     (
         "Run",
         &[
-            ("run", "run the live node: taxels and joint angles in, wrench and contact out"),
+            ("run", "run the live node: wrench and contact from taxels and joints"),
             ("play", "publish the messages of a bag, to try a node without hardware"),
             ("replay", "compute wrench and contact of bags, into new bags"),
         ],
