@@ -41,7 +41,7 @@ impl Ask for Person<'_> {
         let Question { words, options, likeliest, because } = question;
         let answer = Python::attach(|py| {
             let answer = self.0.call1(py, (words, options.clone(), *likeliest, because))?;
-            answer.extract::<Option<usize>>(py).map_err(PyErr::from)
+            answer.extract::<Option<usize>>(py)
         });
         match answer {
             Ok(Some(idx)) if idx < options.len() => Answer::Chosen(idx),

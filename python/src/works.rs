@@ -199,6 +199,9 @@ fn split(by: &str, test_share: f64) -> PyResult<Split> {
     Split::new(by, 0.0, test_share).map_err(|error| exception(Kind::Parameter, error.to_string()))
 }
 
+/// A gain as Python takes it: region, factor, its bounds, touches that it was fitted to.
+type Gain = (String, f64, f64, f64, usize);
+
 /// A touch as Python tells it: region, force in N, from and to in s.
 type Told = (Option<String>, f64, f64, f64);
 
@@ -216,7 +219,7 @@ pub(crate) fn calibrate(
     in_air: Option<String>,
     zero_load_below_n: Option<f64>,
     watcher: &Bound<'_, PyAny>,
-) -> PyResult<(String, Vec<(String, f64, f64, f64, usize)>)> {
+) -> PyResult<(String, Vec<Gain>)> {
     let cfg = with_model(parameters, model.as_deref())?;
     let regions: Vec<String> = cfg.fusion.regions.iter().map(|region| region.name.clone()).collect();
     let known_forces = match (by_sensor, told.is_empty()) {
@@ -307,6 +310,7 @@ pub(crate) struct Exporting {
 
 /// Writes datasets and tables; returns the summary as JSON, and warnings.
 #[pyfunction]
+#[allow(clippy::result_large_err)] // of the library; nothing hot
 pub(crate) fn export(
     bags: Vec<PathBuf>,
     parameters: &Parameters,

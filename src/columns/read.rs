@@ -12,7 +12,7 @@ use parquet::errors::{ParquetError, Result as ParquetResult};
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::Type;
 
-use super::{Cells, ColumnsError, Kind};
+use super::{Cells, ColumnsError, Kind, seal};
 use crate::units::Stamp;
 
 /// Most values of a column in a group: a list of a week at 100 Hz. A few bytes can stand for any number of equal values, so
@@ -44,6 +44,22 @@ impl TableReader {
         };
         let columns = fields.iter().map(|field| column(field)).collect::<Result<_, _>>()?;
         Ok(TableReader { path: path.to_path_buf(), columns, reader })
+    }
+
+    /// Opens a table that [`ColumnFile::seal`](super::ColumnFile::seal) sealed, if it is still what was sealed.
+    ///
+    /// # Errors
+    /// [`ColumnsError`] as [`open`](Self::open), and when it was changed. A table that has no seal is opened.
+    pub fn open_sealed(path: &Path) -> Result<Self, ColumnsError> {
+        let table = Self::open(path)?;
+        let Some(noted) = table.note(seal::NOTE) else { return Ok(table) };
+        let groups = table.reader.metadata().row_groups().iter();
+        let found = seal::n_bytes(noted).map(|n_bytes| seal::of(path, n_bytes, groups)).transpose();
+        let found = found.map_err(|error| ColumnsError::Io { path: path.to_path_buf(), error })?;
+        if found.as_deref() != Some(noted) {
+            return Err(damaged(path, "it was changed after it was written".to_owned()));
+        }
+        Ok(table)
     }
 
     /// Its columns.

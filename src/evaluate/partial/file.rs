@@ -101,6 +101,7 @@ impl PartialFile {
         let text = serde_json::to_string(&notes).map_err(|error| EvaluateError::OfCaller(error.into()))?;
         file.note(CHECKSUM_NOTE, hex(Sha256::digest(&text)));
         file.note(HEAD_NOTE, text);
+        file.seal()?;
         Ok(file.finish()?)
     }
 }
@@ -116,7 +117,7 @@ impl PartialReader {
     /// Opens a partial of this version.
     pub(super) fn open(path: &Path) -> Result<Self, MergeError> {
         let damaged = |reason: String| MergeError::Damaged { path: path.to_path_buf(), reason };
-        let table = TableReader::open(path)?;
+        let table = TableReader::open_sealed(path)?;
         let no_partial = || MergeError::NoPartial { path: path.to_path_buf() };
         let format = table.note(FORMAT_NOTE).ok_or_else(no_partial)?;
         let (made_by_ours, got) = (made_by(env!("CARGO_PKG_VERSION")), table.note(VERSION_NOTE).unwrap_or("nobody"));
