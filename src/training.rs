@@ -23,7 +23,7 @@ use self::data::Data;
 use crate::config::Config;
 use crate::eval::{Part, Split, SplitBy};
 use crate::files;
-use crate::observer::{self, Observer};
+use crate::observer::Observer;
 use crate::sessions::InAir;
 use crate::train::{
     Checkpoint, Dataset, GraphForm, Kind, LossConfig, ModelCard, Progress, Schedule, TrainConfig, Trainer,
@@ -233,7 +233,16 @@ fn train_without(
         let touch = calibrate_touch(&mut outcome.best, &data.dataset, data.rate_hz, request.threads)?;
         report.handle_outcome(*lambda, trainer.config(), outcome, touch);
     }
-    report.finish(&data.dataset, started.elapsed(), observer)?;
+    report.finish(&data.dataset, started.elapsed(), observer).map_err(|error| match error {
+        // Every step is in the checkpoint of the last run.
+        TrainingError::Cancelled(_) => {
+            let lambda = lambdas[lambdas.len() - 1];
+            let steps =
+                request.settings(lambda, data.dataset.n_windows(Part::Train), data.touch_scale()).schedule.steps;
+            TrainingError::Interrupted { step: steps, steps, checkpoint: request.checkpoint(lambda) }
+        }
+        error => error,
+    })?;
     let card = ModelCard {
         rate_hz: data.rate_hz,
         joints: cfg.fusion.regions[0].joints.clone(),
@@ -261,7 +270,6 @@ fn trainer<'d>(
     checkpoint: &Path,
     observer: &dyn Observer,
 ) -> Result<Trainer<'d>, TrainingError> {
-    observer::check(observer)?;
     if !request.resume || !checkpoint.exists() {
         return Ok(Trainer::new(settings, dataset, request.threads)?);
     }
