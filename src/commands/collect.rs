@@ -75,7 +75,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     if cfg.use_sim_time {
         return Err(Failure(
-            "use_sim_time is true, and a collection goes by the clock of the room; set it to false".to_owned(),
+            "use_sim_time is true, but a collection needs real time; set it to false".to_owned(),
         ));
     }
     let place = args.ros.place(NODE)?;

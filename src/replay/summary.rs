@@ -167,7 +167,7 @@ impl fmt::Display for Summary<'_> {
         for region in &self.counters.regions {
             let c = &region.counts;
             let degraded = listed(&[
-                ("tactile-only for want of pose", c.base_only),
+                ("tactile-only because of missing joint angles", c.base_only),
                 ("with held pose", c.held_pose),
                 ("with pose out of range", c.pose_out_of_range),
                 ("late", c.late),
