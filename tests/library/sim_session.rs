@@ -12,8 +12,8 @@ use tactile_pose_fusion::sim::hand::{Finger, JOINTS};
 use tactile_pose_fusion::sim::manipulation::{Episode, MIN_MANIPULATION_MINUTES, Start};
 use tactile_pose_fusion::sim::touch::TouchKind;
 use tactile_pose_fusion::sim::{
-    Activity, Axes, Conditions, FULL_MINUTES, Fingers, MIN_MINUTES, Physics, Record, SessionSpec, Tracking, TrackingErrors,
-    simulate,
+    Activity, Axes, Conditions, FULL_MINUTES, Fingers, MIN_MINUTES, Physics, Record, SessionSpec, Tracking,
+    TrackingErrors, simulate,
 };
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 

@@ -175,7 +175,7 @@ fn each_flaw_has_its_own_line() {
             Flaw::LongerPose,
             "input pose is [N, 9, 2], but the window of input tactile has 8 frames; both inputs take the same frames",
         ),
-        (Flaw::TwoForces, "output force has shape [N, 2], expected [N] or [N, 1], one force a window"),
+        (Flaw::TwoForces, "output force has shape [N, 2], expected [N] or [N, 1], one force a window, or [N, 3], its x, y and z in the frame of the patch"),
         (
             Flaw::TwoForcesUntold,
             "a trial run of 3 windows failed: output force gave 6 values for 3 windows, expected one each",
@@ -374,7 +374,7 @@ fn a_force_of_three_axes_comes_as_three_numbers_a_window_in_each_runtime() {
 fn branches_have_the_axes_of_the_force_and_three_axes_are_told_by_the_file() {
     let three = || sound().axes([1.0, 1.0, 1.0]);
     let text = refusal(&three().flaw(Flaw::BaseOfOneAxis));
-    assert_eq!(text, "output force_base is [N, 1], expected [N, 3], as the force of the model");
+    assert_eq!(text, "output force_base has shape [N, 1], expected [N, 3], as the force of the model");
     let text = refusal(&three().flaw(Flaw::ForceUntold).force_only());
     assert!(text.ends_with("a force of three axes needs the shape [N, 3] in the file"), "{text}");
     let text = refusal(&sound().flaw(Flaw::TwoForces));
