@@ -22,6 +22,7 @@ mod scoring;
 mod split;
 mod statistics;
 mod table;
+mod tangential;
 mod timing;
 mod truth;
 
@@ -46,5 +47,6 @@ pub use scoring::{BIN_WIDTH, MDF_BALANCED_ACCURACY, MissingEstimate, Scoring, Sc
 pub use split::{Cuts, Part, Split, SplitBy, SplitError, StageSpan};
 pub use statistics::{Distribution, StatisticsError, Wilcoxon, cohens_dz, wilcoxon_greater};
 pub use table::{Cell, Improvement, ModelRow, ResultTable};
+pub use tangential::TangentialScore;
 pub use timing::Timing;
 pub use truth::{TareBuilder, TareCurve, TareKnot, TruthError, ZeroLoad, ZeroLoadCheck};

@@ -27,7 +27,7 @@ use crate::units::{GramForce, Stamp};
 pub use episode::{Episode, Layout};
 pub use lerobot::{Dataset, DatasetSpec, Joined, join};
 pub use request::{Request, Targets};
-pub use rows::{columns, rows};
+pub use rows::{TableLayout, rows};
 pub use run::run;
 pub use summary::{BagSummary, EpisodeSummary, Failed, Summary};
 
@@ -42,6 +42,8 @@ pub struct Session<'a> {
     pub estimates: &'a [EstimateTrack],
     /// `[regions]`: the true force at each estimate; `None` where the bag tells none.
     pub truth: &'a [Option<Vec<Option<GramForce>>>],
+    /// `[regions]`: its tangential part, x y z in the frame of the patch; `None` where the bag tells none.
+    pub tangential_truth: &'a [Option<Vec<Option<[GramForce; 3]>>>],
     /// Taxels and joint angles.
     pub samples: &'a Samples,
     /// What the protocol asked for.
@@ -81,6 +83,10 @@ pub enum ExportError {
         "tactile source {source_name} sends {got:.0} samples a second, in the first bag {expected:.0}: export it to a dataset of its own"
     )]
     OtherRate { source_name: String, expected: f64, got: f64 },
+    #[error(
+        "region {region} has tangential forces, in the first bag it has none: export it to a dataset and tables of its own"
+    )]
+    OtherAxes { region: String },
     #[error("it has the joints {got}, the first bag {expected}: export it to a dataset of its own")]
     OtherJoints { expected: String, got: String },
     #[error(

@@ -39,12 +39,13 @@ pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceI
 pub use features::{FeatureWindow, NewestWindow, TaxelFeatures};
 pub use frames::{Frame, FrameCutter, TactileCounters};
 pub use gain::{ForceGain, GainError, KnownTouch};
-pub use geometry::{Patch, Wrench};
+pub use geometry::{Patch, Wrench, split};
 pub use health::{RateFault, SourceFault, SourceHealth};
 pub use joints::{JointAngle, JointCounters, JointTimelines, PoseTrust};
 pub use region::RegionCounters;
 pub use regressor::{
-    Contract, ForceUnit, Forces, PoseRange, RegressError, Regressor, SharedWindows, TouchLevels, TouchOutput, Windows,
+    Contract, ForceAxes, ForceUnit, Forces, PoseRange, RegressError, Regressor, SharedWindows, TouchLevels,
+    TouchOutput, Windows,
 };
 
 use crate::units::{Stamp, nanos};

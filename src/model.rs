@@ -20,7 +20,7 @@ use self::metadata::Metadata;
 use self::onnx::{Message, ModelProto};
 use self::paper::Paper;
 use self::session::{Runtime, Session};
-use crate::fusion::{ForceUnit, Regressor};
+use crate::fusion::{ForceAxes, ForceUnit, Regressor};
 
 mod causal;
 mod comparison;
@@ -195,6 +195,7 @@ enum Own {
 fn own_network(model: &ModelProto, terms: &Terms) -> Result<Own, String> {
     match (terms.batch, &terms.tensors.touch) {
         (Batch::One, _) => Err("its batch is fixed at 1".to_owned()),
+        (Batch::Dynamic, _) if terms.contract.axes == ForceAxes::Patch => Err("its force has three axes".to_owned()),
         (Batch::Dynamic, Some(_)) => causal::find(model, terms).map(|causal| Own::Causal(Box::new(causal))),
         (Batch::Dynamic, None) => paper::find(model, terms).map(|paper| Own::Paper(Box::new(paper))),
     }

@@ -26,7 +26,7 @@ pub use notes::{Notes, SESSION_NOTES};
 pub use pose_quality::{PoseDegrader, PoseQuality, PoseQualityError};
 pub use rows::{RowCollector, Rows};
 pub use samples::{JointTrack, SampleError, Samples, TactileTrack, newest_at, rate_hz};
-pub use truth::{TruthCounters, TruthTrack, aligned};
+pub use truth::{AxisTares, TruthCounters, TruthTrack, aligned};
 
 /// The topics of a recording that feed this configuration, without those of true force.
 pub fn input_topics(cfg: &Config) -> InputTopics {

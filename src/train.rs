@@ -19,7 +19,7 @@ mod reference_tests;
 mod touch;
 mod trainer;
 
-pub use architecture::{Architecture, Kind, N_FEATURES, Parameter};
+pub use architecture::{Architecture, ContactAxes, Kind, N_FEATURES, Parameter};
 pub use artifact::fit_artifact;
 pub use dataset::{Batch, Dataset, Session, SessionFrames, TOUCH_GF, WindowSpec, pose_range, smoothed_change};
 pub use error::{DatasetError, TrainError};

@@ -23,10 +23,11 @@ use self::data::Data;
 use crate::config::Config;
 use crate::eval::{Part, Split, SplitBy};
 use crate::files;
+use crate::fusion::ForceAxes;
 use crate::observer::Observer;
 use crate::sessions::InAir;
 use crate::train::{
-    Checkpoint, Dataset, GraphForm, Kind, LossConfig, ModelCard, Progress, Schedule, TrainConfig, Trainer,
+    Checkpoint, ContactAxes, Dataset, GraphForm, Kind, LossConfig, ModelCard, Progress, Schedule, TrainConfig, Trainer,
     calibrate_touch, onnx_model,
 };
 
@@ -56,6 +57,8 @@ pub struct Request {
     pub lambdas: Vec<f32>,
     /// Frames from one training window to the next.
     pub stride: usize,
+    /// Axes of the force: the normal force, or all three, for which the true force must have them.
+    pub axes: ForceAxes,
     /// What tells when nothing touches the glove; `None` for the annotations of the recordings.
     pub in_air: Option<InAir>,
     /// What is kept apart from training.
@@ -88,6 +91,7 @@ impl Request {
             epochs: None,
             lambdas: Vec::new(),
             stride: 1,
+            axes: ForceAxes::Normal,
             in_air: None,
             split: Split::new(SplitBy::Stage, VALIDATION_SHARE, TEST_SHARE).expect("these shares are less than all"),
             threads: std::thread::available_parallelism().map_or(1, NonZero::get),
@@ -109,6 +113,9 @@ impl Request {
         }
         if self.train.light_touches > 0.0 && self.train.kind != Kind::Adaptive {
             return Err(TrainingError::LightTouches);
+        }
+        if self.axes == ForceAxes::Patch && self.train.kind == Kind::Adaptive {
+            return Err(TrainingError::AdaptiveAxes);
         }
         if self.overwrite {
             return Ok(());
@@ -140,7 +147,7 @@ impl Request {
     }
 
     /// The settings of a run, for so many training windows.
-    fn settings(&self, lambda: f32, n_windows: usize, touch_scale: f32) -> TrainConfig {
+    fn settings(&self, lambda: f32, n_windows: usize, touch_scale: f32, axes: Option<ContactAxes>) -> TrainConfig {
         let steps = match self.epochs {
             Some(epochs) => (epochs * (n_windows / self.train.batch.clamp(1, n_windows.max(1))) as f64).ceil() as u64,
             None => self.train.schedule.steps,
@@ -149,6 +156,7 @@ impl Request {
             schedule: Schedule { steps, ..self.train.schedule },
             loss: LossConfig { lambda, ..self.train.loss },
             touch_scale,
+            axes,
             ..self.train.clone()
         }
     }
@@ -214,7 +222,7 @@ fn train_without(
     let started = Instant::now();
     let mut report = Report::new(request, &data.dataset, &data.notes);
     for (idx, lambda) in lambdas.iter().enumerate() {
-        let settings = request.settings(*lambda, data.dataset.n_windows(Part::Train), data.touch_scale());
+        let settings = request.settings(*lambda, data.dataset.n_windows(Part::Train), data.touch_scale(), data.axes);
         if lambdas.len() > 1 {
             observer.note(&format!("lambda {lambda}, {} of {}", idx + 1, lambdas.len()));
         }

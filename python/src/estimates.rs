@@ -26,6 +26,7 @@ use crate::error::{Kind, exception};
 pub(crate) struct Track {
     stamp_ns: Vec<i64>,
     force_n: Vec<f64>,
+    tangential_n: [Vec<f64>; 3],
     base_n: Vec<f64>,
     artifact_n: Vec<f64>,
     touch: Vec<f64>,
@@ -51,6 +52,9 @@ impl Track {
         let newtons = |force: Option<Newton>| force.map_or(f64::NAN, |force| force.0);
         self.stamp_ns.push(stamp_ns);
         self.force_n.push(newtons(estimate.force));
+        for (axis, column) in self.tangential_n.iter_mut().enumerate() {
+            column.push(newtons(estimate.tangential.map(|force| force[axis])));
+        }
         self.base_n.push(newtons(estimate.force_base));
         self.artifact_n.push(newtons(estimate.artifact()));
         self.touch.push(estimate.touch.unwrap_or(f64::NAN));
@@ -81,9 +85,13 @@ impl Track {
         };
         let numbers = |name, values: Vec<f64>| column(name, "<f8", Buffer::from_vec(values));
         let bytes = |name, typestr, values: Vec<u8>| column(name, typestr, Buffer::from_vec(values));
+        let [tangential_x_n, tangential_y_n, tangential_z_n] = self.tangential_n;
         let columns = vec![
             column("stamp_ns", "<i8", Buffer::from_vec(self.stamp_ns)),
             numbers("force_n", self.force_n),
+            numbers("tangential_x_n", tangential_x_n),
+            numbers("tangential_y_n", tangential_y_n),
+            numbers("tangential_z_n", tangential_z_n),
             numbers("base_n", self.base_n),
             numbers("artifact_n", self.artifact_n),
             numbers("touch", self.touch),
@@ -176,6 +184,9 @@ fn schema() -> SchemaRef {
         ("region", DataType::Utf8),
         ("stamp", stamp()),
         ("force_n", DataType::Float64),
+        ("tangential_x_n", DataType::Float64),
+        ("tangential_y_n", DataType::Float64),
+        ("tangential_z_n", DataType::Float64),
         ("base_n", DataType::Float64),
         ("artifact_n", DataType::Float64),
         ("touch", DataType::Float64),

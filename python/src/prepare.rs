@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use tactile_pose_fusion::eval::{Split, SplitBy};
+use tactile_pose_fusion::fusion::ForceAxes;
 use tactile_pose_fusion::init as initializing;
 use tactile_pose_fusion::init::{Answer, Ask, BestGuess, InitFileError, Question};
 use tactile_pose_fusion::inspect::{self as inspecting, BagReport, InspectError, Inspected};
@@ -142,6 +143,7 @@ pub(crate) struct Training {
     batch: Option<usize>,
     learning_rate: Option<f64>,
     light_touches: Option<f32>,
+    axes: usize,
     stride: usize,
     seed: u64,
     threads: Option<usize>,
@@ -196,6 +198,11 @@ impl Training {
             epochs: self.epochs,
             lambdas: if self.lambdas.len() > 1 { self.lambdas.clone() } else { Vec::new() },
             stride: self.stride,
+            axes: match self.axes {
+                1 => ForceAxes::Normal,
+                3 => ForceAxes::Patch,
+                got => return Err(exception(Kind::Parameter, format!("axes: expected 1 or 3, got {got}"))),
+            },
             split,
             threads: self.threads.unwrap_or(usual.threads).max(1),
             form: if self.plain_graph { GraphForm::Plain } else { GraphForm::Fast },

@@ -15,7 +15,7 @@ use tactile_pose_fusion::glove::replace_model;
 use tactile_pose_fusion::recording::ToldTouch;
 use tactile_pose_fusion::replay::{self as replaying, Options, Recording};
 use tactile_pose_fusion::sessions::{InAir, KnownForces, find_bags};
-use tactile_pose_fusion::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking};
+use tactile_pose_fusion::sim::{Activity, Axes, Conditions, FULL_MINUTES, SessionSpec, Tracking};
 use tactile_pose_fusion::synthetic;
 use tactile_pose_fusion::units::Newton;
 use tactile_pose_fusion::zero::Wanted;
@@ -361,6 +361,7 @@ pub(crate) fn simulate(
     minutes: Option<f64>,
     activity: &str,
     tracking: &str,
+    axes: usize,
     overwrite: bool,
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<u64> {
@@ -372,7 +373,13 @@ pub(crate) fn simulate(
         minutes: minutes.unwrap_or(FULL_MINUTES),
         activity: of_name("activity", activity, &[Activity::Protocol, Activity::Manipulation], Activity::name)?,
         tracking: of_name("tracking", tracking, &[Tracking::Markers, Tracking::Camera], Tracking::name)?,
-        conditions: Default::default(),
+        conditions: Conditions {
+            axes: [Axes::One, Axes::Three]
+                .into_iter()
+                .find(|known| known.n() == axes)
+                .ok_or_else(|| exception(Kind::Parameter, format!("axes: expected 1 or 3, got {axes}")))?,
+            ..Conditions::default()
+        },
     };
     work::run(watcher, |observer| synthetic::write(&spec, &output, overwrite, observer))
 }

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import ROOT, run_tpf, tpf_out
 
@@ -129,3 +130,20 @@ def test_train_holds_out_each_donning(bag: Path, params: Path, tmp_path: Path) -
     assert trained.held_out is not None and trained.held_out["hold_out"] == "users"
     assert trained.held_out["n_groups"] == 2 and len(trained.held_out["scores"]) >= 2
     assert len(list(tmp_path.glob("model.without-*.onnx"))) == 2
+
+
+def test_a_model_of_three_axes_is_trained_and_its_tangential_forces_are_columns(tmp_path: Path) -> None:
+    bag, params, model = tmp_path / "bag", tmp_path / "shear.yaml", tmp_path / "model.onnx"
+    tpf.simulate(bag, glove=1, seed=5, minutes=1.7, axes=3, progress=False)
+    page = (ROOT / "docs/src/how-to/three-axes.md").read_text()
+    shown = page.split("```yaml\n")[1].split("```")[0]
+    params.write_text(shown + "    calibration.max_force: 1000.0\n")  # a model of a few steps reads force in the air
+    trained = tpf.train(bag, model, params, kind="tactile-only", axes=3, steps=5, stride=20, progress=False)
+    assert trained.report["test"]["final"]["tangential"]["n_frames"] > 100
+    index = tpf.replay(bag, params)["index"]
+    is_known = ~np.isnan(index.force_n)
+    assert is_known.sum() > 5_000
+    assert np.array_equal(is_known, ~np.isnan(index.tangential_x_n)) and np.ptp(index.tangential_y_n[is_known]) > 0.0
+    wrong: Any = 2
+    with pytest.raises(tpf.ParameterError, match="axes: expected 1 or 3, got 2"):
+        tpf.train(bag, tmp_path / "other.onnx", params, axes=wrong)

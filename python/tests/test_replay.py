@@ -38,6 +38,7 @@ def test_the_columns_are_those_of_what_tpf_replay_writes(file: str, bag: Path, t
         assert np.array_equal(got.view(np.int64), column(name).astype(np.float64).view(np.int64)) or np.array_equal(
             got, column(name).astype(np.float64), equal_nan=True
         ), name
+    assert np.isnan([index.tangential_x_n, index.tangential_y_n, index.tangential_z_n]).all(), "a model of one axis"
     is_known = ~np.isnan(index.force_n)
     assert is_known.sum() > 10_000
     assert np.array_equal(index.contact[is_known], column("contact")[is_known].astype(bool))

@@ -58,7 +58,8 @@ def expected(bag: Path, params: Path, calibration: Path) -> tpf.RegionEstimates:
 
 
 NAMES = (
-    "stamp_ns force_n base_n artifact_n touch contact contact_raw event since_ns pose_age_ms adaptation artifact_change flags"
+    "stamp_ns force_n tangential_x_n tangential_y_n tangential_z_n base_n artifact_n touch contact contact_raw event since_ns "
+    "pose_age_ms adaptation artifact_change flags"
 ).split()
 
 

@@ -15,7 +15,8 @@ use super::write::{RECEIPTS_KEY, RECEIPTS_LIVE};
 use super::{BagChannel, BagError, BagMessage, BagReader, SchemaError};
 use crate::fusion::{Event, JointSource, JointSourceIdx, Receipts, TactileSourceIdx};
 use crate::msg::binding::{
-    BindingError, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic, TruthBinding, TruthFields,
+    BindingError, ForceReading, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic,
+    TruthBinding, TruthFields,
 };
 use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{AngleWatch, Stage, WireType, canonical_type_name, from_cdr};
@@ -56,8 +57,8 @@ pub enum Input<'a> {
         source: usize,
         /// When it was measured.
         stamp: Stamp,
-        /// The force as it was sent, in the unit and with the sign of the source.
-        force: f64,
+        /// The force as it was sent, in the unit and with the signs of the source.
+        force: ForceReading,
     },
     /// What the protocol asks for from the stamp of its header on: among others, that nothing touches the glove.
     Stage(Stage),

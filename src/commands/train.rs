@@ -12,6 +12,7 @@ use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::split::SplitArgs;
 use super::{Failure, Outcome, interrupt, print};
+use crate::fusion::ForceAxes;
 use crate::observer::Observer;
 use crate::report;
 use crate::train::{GraphForm, Kind, LossConfig, Progress, Schedule, TrainConfig};
@@ -37,6 +38,10 @@ pub(super) struct Args {
     /// others are what it is compared with
     #[arg(long, value_enum, default_value_t = KindArg::PoseAware)]
     kind: KindArg,
+    /// Axes of the model's force: 1 is the normal force; 3 is all of it, for a true force of three axes (truth.*.fields in the
+    /// parameters). Not for adaptive
+    #[arg(long, value_name = "N", default_value = "1", value_parser = ["1", "3"])]
+    axes: String,
     /// Model to write
     #[arg(short, long, value_name = "MODEL.onnx")]
     output: PathBuf,
@@ -211,6 +216,7 @@ impl Args {
             epochs: self.run.epochs,
             lambdas: self.loss.sweep_lambda.clone(),
             stride: self.run.stride,
+            axes: if self.axes == "3" { ForceAxes::Patch } else { ForceAxes::Normal },
             in_air: self.in_air.told().cloned(),
             split: self.split.split(self.validation_share)?,
             threads: self.run.threads.map_or(of_kind.threads, NonZero::get),

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 pub use live::LiveConfig;
+use nalgebra::{Unit, Vector3};
 use reader::Reader;
 
 use super::error::ConfigError;
@@ -24,7 +25,7 @@ use super::text::list;
 use crate::fusion::{Following, ForceUnit, FusionConfig, Receipts, Timing};
 use crate::model::{BackendChoice, ModelSpec, TensorNames};
 use crate::msg::Stage;
-use crate::msg::binding::{JointFields, TaxelFields, Topic, TruthFields};
+use crate::msg::binding::{ForceReading, JointFields, TaxelFields, Topic, TruthFields};
 use crate::units::{GramForce, Newton, from_millis};
 
 /// A model by name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is an index into these.
@@ -47,15 +48,45 @@ pub struct TruthSource {
     pub inverted: bool,
     /// Unit of its readings.
     pub unit: ForceUnit,
+    /// Its axes, where it has three.
+    pub axes: Option<TruthAxes>,
+}
+
+/// The axes of a force sensor that measures all three.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TruthAxes {
+    /// Whether each axis is the other way: x, y, z of the patch.
+    pub inverted: [bool; 3],
+    /// The contact normal of the regions whose force it measures, in the frame of the patch.
+    pub normal: Unit<Vector3<f64>>,
+}
+
+impl Default for TruthAxes {
+    /// Axes as they are sent, pressed along z.
+    fn default() -> Self {
+        TruthAxes { inverted: [false; 3], normal: Vector3::z_axis() }
+    }
 }
 
 impl TruthSource {
-    /// A reading as a force, positive under pressure.
-    pub fn force(&self, reading: f64) -> GramForce {
-        let reading = if self.inverted { -reading } else { reading };
+    /// A reading as a force: the normal force, positive under pressure; and where the reading has three axes, all of the
+    /// force on the hand by the object, x y z in the frame of the patch.
+    pub fn force(&self, reading: ForceReading) -> (GramForce, Option<[GramForce; 3]>) {
+        let signed = |reading: f64, inverted: bool| self.in_gf(if inverted { -reading } else { reading });
+        match reading {
+            ForceReading::Normal(reading) => (signed(reading, self.inverted), None),
+            ForceReading::Axes(reading) => {
+                let TruthAxes { inverted, normal } = self.axes.unwrap_or_default();
+                let force: [GramForce; 3] = std::array::from_fn(|axis| signed(reading[axis], inverted[axis]));
+                (GramForce(normal.dot(&Vector3::from(force.map(|force| force.0)))), Some(force))
+            }
+        }
+    }
+
+    fn in_gf(&self, force: f64) -> GramForce {
         match self.unit {
-            ForceUnit::GramForce => GramForce(reading),
-            other => other.to_newton(reading).into(),
+            ForceUnit::GramForce => GramForce(force),
+            other => other.to_newton(force).into(),
         }
     }
 }
@@ -152,7 +183,7 @@ impl Config {
 
         let (tactile_sources, tactile) = source::all(&reader, &tactile_names, source::tactile)?;
         let (joint_sources, joints) = source::all(&reader, &joint_names, source::joint)?;
-        let (truth_sources, truth) = source::all(&reader, &truth_names, source::truth)?;
+        let (mut truth_sources, truth) = source::all(&reader, &truth_names, source::truth)?;
         source::one_type_a_topic(
             &reader,
             &[
@@ -164,6 +195,7 @@ impl Config {
         )?;
         let truth_of_region = region::truths(&reader, &region_names, &truth_names)?;
         let regions = region::all(&reader, &region_names, &models, &tactile_sources, &joints)?;
+        region::turn_truths(&reader, &regions, &truth_of_region, &mut truth_sources)?;
         let calibration = calibration(&reader)?;
         let (timing, receipts) = (timing(&reader)?, Receipts::default());
         let following = match reader.text("adaptation")?.as_str() {

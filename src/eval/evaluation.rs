@@ -138,7 +138,11 @@ impl Evaluation {
             let add = |tally: &mut Tally| {
                 for idx in range.clone() {
                     let touched = frames.touched.get(idx).copied();
-                    tally.add_judged(frames.truth_gf[idx], frames.estimate_gf[idx], touched);
+                    let (truth, estimate) = (frames.truth_gf[idx], frames.estimate_gf[idx]);
+                    tally.add_judged(truth, estimate, touched);
+                    let of = |column: &[Option<[f64; 3]>]| column.get(idx).copied().flatten();
+                    tally
+                        .add_tangential((truth, of(&frames.true_tangential_gf)), (estimate, of(&frames.tangential_gf)));
                 }
             };
             add(self.all.at(origin.clone()));

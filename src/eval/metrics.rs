@@ -8,6 +8,7 @@ use super::class::Class;
 use super::curve::{ForceCurve, Mdf};
 use super::metric::{Metric, Undefined};
 use super::scoring::Scoring;
+use super::tangential::{TangentialScore, TangentialTally};
 
 /// Arrays or tallies that don't belong together.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -132,6 +133,9 @@ pub struct Score {
     /// Force gain: estimated force as a share of the true one, the sums over all frames of touch. By session it shows
     /// the gain of each donning.
     pub force_gain: Metric,
+    /// The tangential force; absent where truth or model has one axis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tangential: Option<TangentialScore>,
 }
 
 /// The frames of a stretch of data, as far as the metrics need them. A few kilobytes however many frames went in.
@@ -146,6 +150,7 @@ pub struct Tally {
     pub(super) truth_mean: f64,
     pub(super) truth_m2: f64,
     pub(super) squared_error: f64,
+    pub(super) tangential: TangentialTally,
 }
 
 impl Tally {
@@ -201,6 +206,19 @@ impl Tally {
         self.squared_error += (estimate - truth_gf).powi(2);
     }
 
+    /// Adds the tangential force of a frame, gF, x y z in the frame of the patch, beside its normal force. Frames that lack
+    /// one of them are left out.
+    pub fn add_tangential(
+        &mut self,
+        (truth_gf, true_tangential): (f64, Option<[f64; 3]>),
+        (estimate_gf, tangential): (Option<f64>, Option<[f64; 3]>),
+    ) {
+        if let (Some(true_tangential), Some(estimate), Some(tangential)) = (true_tangential, estimate_gf, tangential) {
+            let is_touch = self.scoring.is_touch(truth_gf);
+            self.tangential.add(is_touch, (truth_gf, true_tangential), (estimate, tangential));
+        }
+    }
+
     /// Adds the frames of another tally, as if they had been added here.
     ///
     /// # Errors
@@ -226,6 +244,7 @@ impl Tally {
             self.bins.entry(bin).or_default().merge(class);
         }
         self.beyond_bins += other.beyond_bins;
+        self.tangential.merge(&other.tangential);
         Ok(())
     }
 
@@ -274,6 +293,7 @@ impl Tally {
             mae_gf: Metric::mean(self.touch.abs_error + self.no_touch.abs_error, self.n_scored(), Undefined::NoFrames),
             r2: self.r2(),
             force_gain: self.force_gain(),
+            tangential: self.tangential.score(),
         }
     }
 

@@ -6,6 +6,7 @@ use super::groups::Origin;
 use super::held;
 use super::metrics::Tally;
 use super::scoring::{MAX_BINS, Scoring};
+use super::tangential::TangentialTally;
 
 /// Counts beyond this are no counts of frames: at 1 kHz it is 35 years. Sums of many of them still fit.
 const MAX_COUNT: i64 = 1 << 40;
@@ -18,7 +19,7 @@ const MAX_NANOS: i64 = 1 << 53;
 pub struct StatRow {
     /// What it is of: `frames`, `touch_by`, `pose_age`, `held`, `in_air`, `detection` or `preservation`.
     pub of: String,
-    /// Which of its statistics: `touch` or `bin` of frames, `n_missed` of detection.
+    /// Which of its statistics: `touch`, `bin` or `tangential` of frames, `n_missed` of detection.
     pub name: String,
     /// Where its frames come from; of contacts the glove alone.
     pub origin: Origin,
@@ -28,7 +29,7 @@ pub struct StatRow {
     pub bin: Option<i64>,
     /// Frames, touches, or nanoseconds.
     pub n: Option<i64>,
-    /// Of these, those in which touch was detected.
+    /// Of these, those in which touch was detected; of tangential forces, those that have an angle.
     pub n_detected: Option<i64>,
     /// Besides these, those without an estimate.
     pub n_missing: Option<i64>,
@@ -47,6 +48,7 @@ pub struct StatRow {
     /// Sum of the squares of the errors, gF^2.
     pub squared_error: Option<f64>,
     /// Every value, where quantiles are taken: latencies and delays in ms, sizes of forces in the air in gF.
+    /// Of tangential forces the sums of their errors along x, y and z, gF, and of the angles, degrees.
     pub samples: Option<Vec<f64>>,
 }
 
@@ -132,6 +134,16 @@ fn rows_of_frames(rows: &mut Vec<StatRow>, origin: &Origin, tally: &Tally) {
     rows.push(class("no_touch", None, &tally.no_touch));
     rows.push(class("touch", None, &tally.touch));
     rows.extend(tally.bins.iter().map(|(bin, of_bin)| class("bin", Some(*bin), of_bin)));
+    let TangentialTally { n, abs_error, error: [x, y, z], n_angles, angle_deg } = tally.tangential;
+    if n > 0 {
+        rows.push(StatRow {
+            n: Some(whole(n)),
+            n_detected: Some(whole(n_angles)),
+            abs_error_gf: Some(abs_error),
+            samples: Some(vec![x, y, z, angle_deg]),
+            ..row("tangential")
+        });
+    }
 }
 
 fn read_frames(tally: &mut Tally, row: &StatRow) -> Result<(), RowError> {
@@ -148,6 +160,19 @@ fn read_frames(tally: &mut Tally, row: &StatRow) -> Result<(), RowError> {
         "bin" => {
             let bin = row.bin_below(MAX_BINS as usize)?;
             tally.bins.insert(bin as u32, row.class()?);
+        }
+        "tangential" => {
+            let n = row.within("n", row.n, MAX_COUNT)?;
+            let &[x, y, z, angle_deg] = row.samples()? else {
+                return Err(row.wrong("samples", row.samples.as_ref().map(Vec::len), "4 sums"));
+            };
+            tally.tangential = TangentialTally {
+                n: n.unsigned_abs(),
+                abs_error: row.number("abs_error_gf", row.abs_error_gf)?,
+                error: [x, y, z],
+                n_angles: row.within("n_detected", row.n_detected, n)?.unsigned_abs(),
+                angle_deg,
+            };
         }
         _ => return Err(row.unknown()),
     }

@@ -15,6 +15,10 @@ pub struct ScoredFrames {
     pub truth_gf: Vec<f64>,
     /// Estimated force, gF; `None` where there is no estimate.
     pub estimate_gf: Vec<Option<f64>>,
+    /// True tangential force, gF, tared: x y z in the frame of the patch. Empty where the truth has one axis.
+    pub true_tangential_gf: Vec<Option<[f64; 3]>>,
+    /// Estimated tangential force, gF: x y z in the frame of the patch. Empty where the model gives one axis.
+    pub tangential_gf: Vec<Option<[f64; 3]>>,
     /// Base force, gF, where the model gives it; else empty.
     pub base_gf: Vec<Option<f64>>,
     /// Probability of touch, where contact is decided on it; else empty.

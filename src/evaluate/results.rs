@@ -11,7 +11,7 @@ use super::stretches::{Stretch, Stretches};
 use super::{EvaluateError, what_is_scored};
 use crate::eval::{
     Check, ContactReport, Evaluation, ForceCurve, GroupBy, GroupScore, Improvement, MetricError, PairedTest,
-    ResultTable, Score, Scoring, Split, group_scores, paired_by_user,
+    ResultTable, Score, Scoring, Split, TangentialScore, group_scores, paired_by_user,
 };
 use crate::recording::PoseQuality;
 
@@ -146,6 +146,19 @@ impl Evaluated {
     /// Names of the series whose touch was judged by the probability that a model gives.
     pub fn judged_by_touch(&self) -> Vec<&str> {
         self.models.iter().filter(|model| model.is_by_touch()).map(|model| model.name.as_str()).collect()
+    }
+
+    /// Glove, series and score of the tangential force, where truth and model have three axes.
+    pub fn tangential(&self) -> Vec<(&str, &str, TangentialScore)> {
+        let mut found = Vec::new();
+        for model in &self.models {
+            for group in model.by.get(GroupBy::Glove.name()).into_iter().flatten() {
+                let glove = group.group.glove.as_deref().unwrap_or_default();
+                found.extend(group.score.tangential.map(|score| (glove, model.name.as_str(), score)));
+            }
+        }
+        found.sort_by_key(|(glove, _, _)| *glove); // stable: models stay in their order
+        found
     }
 
     /// What sessions lack, and which of them.

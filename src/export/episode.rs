@@ -35,6 +35,8 @@ struct Region {
     name: String,
     source: usize,
     taxels: Vec<usize>,
+    /// Whether its estimates have tangential forces.
+    tangential: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -62,11 +64,12 @@ pub struct Episode {
 }
 
 impl Layout {
-    /// The layout of a dataset whose first session sent these samples.
+    /// The layout of a dataset whose first session is this one.
     ///
     /// # Errors
     /// [`ExportError`] when a tactile source is slower than the dataset, or a window holds none of its samples.
-    pub fn new(cfg: &FusionConfig, fps: u32, window_ms: u32, first: &Samples) -> Result<Self, ExportError> {
+    pub fn new(cfg: &FusionConfig, fps: u32, window_ms: u32, first: &Session<'_>) -> Result<Self, ExportError> {
+        let (tracks, first) = (first.estimates, first.samples);
         let mut sources = Vec::new();
         for (source, track) in cfg.tactile_sources.iter().zip(&first.tactile) {
             let what = format!("tactile source {}", source.name);
@@ -79,10 +82,11 @@ impl Layout {
             }
             sources.push(Source { name: source.name.clone(), n_taxels: source.n_taxels, rate_hz, window });
         }
-        let regions = cfg.regions.iter().map(|region| Region {
+        let regions = cfg.regions.iter().zip(tracks).map(|(region, track)| Region {
             name: region.name.clone(),
             source: region.source.0,
             taxels: region.taxels.clone(),
+            tangential: track.has_tangential(),
         });
         Ok(Layout {
             fps,
@@ -124,11 +128,26 @@ impl Layout {
                 Cells::Single(newest.iter().zip(&is_known).map(value).map(or_nan).collect())
             };
             let name = |feature: &str| format!("{feature}.{}", region.name);
+            if !region.tangential && track.has_tangential() {
+                return Err(ExportError::OtherAxes { region: region.name.clone() });
+            }
             features.extend([
                 Feature::plain(name("observation.force"), single(&|idx| track.force[idx].map(|force| force.0))),
                 Feature::plain(name("observation.contact"), single(&|idx| Some(f64::from(track.contact[idx])))),
                 Feature::plain(name("observation.artifact"), single(&|idx| track.artifact(idx).map(|force| force.0))),
             ]);
+            if region.tangential {
+                let value = |(idx, known): (&Option<usize>, &bool)| {
+                    idx.filter(|_| *known).and_then(|idx| track.tangential[idx])
+                };
+                let values = newest.iter().zip(&is_known).map(value);
+                let values = values.flat_map(|force| (0..3).map(move |axis| or_nan(force.map(|force| force[axis].0))));
+                features.push(Feature {
+                    name: name("observation.force_tangential"),
+                    names: Some(["x", "y", "z"].map(str::to_owned).to_vec()),
+                    cells: Cells::Vector { len: 3, values: values.collect() },
+                });
+            }
             let (tactile, tactile_stamps) = self.windows(region, &stamps, session.samples);
             features.push(Feature { name: name("observation.tactile"), names: None, cells: tactile });
             let flags = newest.iter().map(|idx| idx.map_or(NO_FRAME, |idx| i64::from(track.flags[idx].bits())));

@@ -36,6 +36,8 @@ pub(super) struct Loaded {
     pub(super) estimates: Vec<EstimateTrack>,
     /// `[regions]`
     truth: Vec<Option<Vec<Option<GramForce>>>>,
+    /// `[regions]`
+    tangential_truth: Vec<Option<Vec<Option<[GramForce; 3]>>>>,
     pub(super) samples: Samples,
     labelled: Labelled,
     /// Where the zero of the estimates comes from; `None` where they were in the bag.
@@ -68,13 +70,18 @@ impl<'a> Loader<'a> {
         } else {
             self.compute(bag, &labelled)?
         };
-        let truth = self.cfg.truth_of_region.iter().zip(&estimates);
+        let of_regions = || self.cfg.truth_of_region.iter().zip(&estimates);
         let max_gap = self.cfg.fusion.timing.max_gap;
-        let truth = truth.map(|(truth_idx, track)| labelled.truth_at(*truth_idx, &track.stamp, max_gap));
+        let truth = of_regions().map(|(truth_idx, track)| labelled.truth_at(*truth_idx, &track.stamp, max_gap));
+        let truth = truth.collect();
+        let tangential_truth = of_regions()
+            .map(|(truth_idx, track)| labelled.tangential_truth_at(*truth_idx, &track.stamp, max_gap))
+            .collect();
         Ok(Loaded {
             name: session_name(bag),
             synthetic: labelled.notes().synthetic,
-            truth: truth.collect(),
+            truth,
+            tangential_truth,
             estimates,
             samples,
             labelled,
@@ -135,6 +142,7 @@ impl Loaded {
             synthetic: self.synthetic,
             estimates: &self.estimates,
             truth: &self.truth,
+            tangential_truth: &self.tangential_truth,
             samples: &self.samples,
             annotations: self.labelled.annotations(),
         }

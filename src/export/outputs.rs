@@ -5,7 +5,7 @@ use std::path::Path;
 use super::lerobot::ShardNotes;
 use super::loaded::Loaded;
 use super::summary::BagSummary;
-use super::{Dataset, DatasetSpec, Episode, ExportError, Layout, Request, Targets, columns, rows};
+use super::{Dataset, DatasetSpec, Episode, ExportError, Layout, Request, TableLayout, Targets, rows};
 use crate::columns::{Cells, ColumnFile, CsvFile, Kind};
 use crate::config::Config;
 
@@ -15,8 +15,8 @@ pub(super) struct Outputs<'a> {
     cfg: &'a Config,
     dataset: Option<Dataset>,
     layout: Option<Layout>,
-    /// Joints of the tables: those of the first bag.
-    joints: Option<Vec<String>>,
+    /// Of the tables: that of the first bag.
+    table: Option<TableLayout>,
     parquet: Option<ColumnFile>,
     csv: Option<CsvFile>,
 }
@@ -32,7 +32,7 @@ impl<'a> Outputs<'a> {
     pub(super) fn create(request: &'a Request<'a>, cfg: &'a Config) -> Result<Self, ExportError> {
         let spec = DatasetSpec { fps: request.fps, task: request.task.to_owned(), robot_type: cfg.glove.clone() };
         let dataset = request.targets.lerobot.map(|path| Dataset::create(path, spec)).transpose()?;
-        Ok(Outputs { request, cfg, dataset, layout: None, joints: None, parquet: None, csv: None })
+        Ok(Outputs { request, cfg, dataset, layout: None, table: None, parquet: None, csv: None })
     }
 
     fn has_tables(&self) -> bool {
@@ -51,17 +51,15 @@ impl<'a> Outputs<'a> {
         if self.dataset.is_some() {
             let layout = match &self.layout {
                 Some(layout) => layout.clone(),
-                None => {
-                    Layout::new(&self.cfg.fusion, self.request.fps, self.request.tactile_window_ms, session.samples)?
-                }
+                None => Layout::new(&self.cfg.fusion, self.request.fps, self.request.tactile_window_ms, &session)?,
             };
             episode = Some(layout.episode(&session)?);
             self.layout = Some(layout);
         }
         let rows = match self.has_tables() {
             true => {
-                let joints = self.joints.as_deref().unwrap_or(&session.samples.joint_names);
-                rows(&self.cfg.fusion, joints, &session)?
+                let layout = self.table.clone().unwrap_or_else(|| TableLayout::of(self.cfg, &session));
+                rows(&self.cfg.fusion, &layout, &session)?
             }
             false => Vec::new(),
         };
@@ -74,7 +72,7 @@ impl<'a> Outputs<'a> {
         if let (Some(dataset), Some(episode)) = (&mut self.dataset, episode) {
             dataset.handle_episode(episode)?;
         }
-        if self.joints.is_none() && self.has_tables() {
+        if self.table.is_none() && self.has_tables() {
             self.create_tables(&loaded)?;
         }
         for cells in &rows {
@@ -85,15 +83,15 @@ impl<'a> Outputs<'a> {
     }
 
     fn create_tables(&mut self, first: &Loaded) -> Result<(), ExportError> {
-        let joints = first.samples.joint_names.clone();
-        let columns = columns(&joints);
+        let layout = TableLayout::of(self.cfg, &first.session());
+        let columns = layout.columns();
         let columns: Vec<(&str, Kind)> = columns.iter().map(|(name, kind)| (name.as_str(), *kind)).collect();
         let made_by = format!("tactile_pose_fusion {}", env!("CARGO_PKG_VERSION"));
         let notes = [("synthetic", first.synthetic.to_string()), ("made_by", made_by)];
         let Targets { parquet, csv, .. } = self.request.targets;
         self.parquet = parquet.map(|path| ColumnFile::create(path, &columns, &notes)).transpose()?;
         self.csv = csv.map(|path| CsvFile::create(path, &columns)).transpose()?;
-        self.joints = Some(joints);
+        self.table = Some(layout);
         Ok(())
     }
 

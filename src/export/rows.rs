@@ -2,6 +2,7 @@
 
 use super::{ExportError, Session};
 use crate::columns::{Cells, Kind};
+use crate::config::Config;
 use crate::fusion::{FusionConfig, RegionConfig};
 use crate::protocol::Annotation;
 use crate::recording::EstimateTrack;
@@ -26,17 +27,55 @@ const COLUMNS: [(&str, Kind); 16] = [
     ("synthetic", Kind::Flag),
 ];
 
-/// The columns of a table with these joints.
-pub fn columns(joints: &[String]) -> Vec<(String, Kind)> {
-    let fixed = COLUMNS.iter().map(|(name, kind)| ((*name).to_owned(), *kind));
-    fixed.chain(joints.iter().map(|joint| (format!("joint.{joint}"), Kind::Number))).collect()
+/// Where a model gives forces of three axes: x, y, z in the frame of the patch.
+const TANGENTIAL: [&str; 3] = ["tangential_x_n", "tangential_y_n", "tangential_z_n"];
+
+/// The same of the truth, where force sensors of the parameters have three axes.
+const TANGENTIAL_TRUTH: [&str; 3] = ["truth_tangential_x_n", "truth_tangential_y_n", "truth_tangential_z_n"];
+
+/// What a table holds beside its fixed columns, as its first session decides.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TableLayout {
+    joints: Vec<String>,
+    /// `[regions]`: whether its estimates have tangential forces. The columns are there if one has.
+    tangential: Vec<bool>,
+    tangential_truth: bool,
+}
+
+impl TableLayout {
+    /// The layout of a table whose first session is this one.
+    pub fn of(cfg: &Config, session: &Session<'_>) -> Self {
+        TableLayout {
+            joints: session.samples.joint_names.clone(),
+            tangential: session.estimates.iter().map(EstimateTrack::has_tangential).collect(),
+            tangential_truth: cfg.truth_sources.iter().any(|source| source.axes.is_some()),
+        }
+    }
+
+    fn has_tangential(&self) -> bool {
+        self.tangential.contains(&true)
+    }
+
+    /// The columns of the table.
+    pub fn columns(&self) -> Vec<(String, Kind)> {
+        let fixed = COLUMNS.iter().map(|(name, kind)| ((*name).to_owned(), *kind));
+        let tangential = TANGENTIAL.iter().filter(|_| self.has_tangential());
+        let tangential = tangential.map(|name| ((*name).to_owned(), Kind::Number));
+        let joints = self.joints.iter().map(|joint| (format!("joint.{joint}"), Kind::Number));
+        let truth = TANGENTIAL_TRUTH.iter().filter(|_| self.tangential_truth);
+        let truth = truth.map(|name| ((*name).to_owned(), Kind::Number));
+        fixed.chain(tangential).chain(truth).chain(joints).collect()
+    }
 }
 
 /// The rows of a session, region by region.
 ///
 /// # Errors
-/// [`ExportError::OtherJoints`] when the session lacks a joint of the table.
-pub fn rows(cfg: &FusionConfig, joints: &[String], session: &Session<'_>) -> Result<Vec<Vec<Cells>>, ExportError> {
+/// [`ExportError::OtherJoints`] when the session lacks a joint of the table, [`ExportError::OtherAxes`] when it has
+/// tangential forces and the table does not.
+pub fn rows(cfg: &FusionConfig, layout: &TableLayout, session: &Session<'_>) -> Result<Vec<Vec<Cells>>, ExportError> {
+    let joints = &layout.joints;
+    refuse_other_axes(cfg, &layout.tangential, session)?;
     if let Some(missing) = joints.iter().find(|joint| !session.samples.joints.contains_key(*joint)) {
         let (expected, got) = (missing.clone(), session.samples.joint_names.join(", "));
         return Err(ExportError::OtherJoints { expected, got });
@@ -47,6 +86,16 @@ pub fn rows(cfg: &FusionConfig, joints: &[String], session: &Session<'_>) -> Res
             let truth = session.truth.get(region_idx).and_then(Option::as_deref).unwrap_or_default();
             let truth = (0..track.stamp.len()).map(|idx| finite(Newton::from((*truth.get(idx)?)?)));
             let mut cells = of_region(session, region, track, truth.collect());
+            if layout.has_tangential() {
+                let axis = |axis: usize| track.tangential.iter().map(move |force| finite((*force)?[axis])).collect();
+                cells.extend((0..TANGENTIAL.len()).map(|idx| Cells::Number(axis(idx))));
+            }
+            if layout.tangential_truth {
+                let truth = session.tangential_truth.get(region_idx).and_then(Option::as_deref).unwrap_or_default();
+                let at = |idx: usize, axis: usize| finite(Newton::from((*truth.get(idx)?)?[axis]));
+                let axis = |axis: usize| (0..track.stamp.len()).map(|idx| at(idx, axis)).collect();
+                cells.extend((0..TANGENTIAL_TRUTH.len()).map(|idx| Cells::Number(axis(idx))));
+            }
             let max_age_ns = nanos(cfg.timing.usual_pose_age());
             cells.extend(
                 joints
@@ -57,6 +106,16 @@ pub fn rows(cfg: &FusionConfig, joints: &[String], session: &Session<'_>) -> Res
             cells
         })
         .collect())
+}
+
+/// Refuses tangential forces that have no place: they would be lost.
+fn refuse_other_axes(cfg: &FusionConfig, tangential: &[bool], session: &Session<'_>) -> Result<(), ExportError> {
+    let regions = cfg.regions.iter().zip(session.estimates).zip(tangential);
+    let mut regions = regions.filter(|((_, track), has_place)| track.has_tangential() && !**has_place);
+    match regions.next() {
+        Some(((region, _), _)) => Err(ExportError::OtherAxes { region: region.name.clone() }),
+        None => Ok(()),
+    }
 }
 
 fn of_region(

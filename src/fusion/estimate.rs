@@ -110,7 +110,10 @@ pub struct Estimate {
     pub region: usize,
     /// Normal force; `None` where there is no estimate, and the flags say why.
     pub force: Option<Newton>,
-    /// Force of the tactile branch alone, where the model gives it.
+    /// Tangential force on the hand by the object: x, y, z in the patch's own frame, perpendicular to its normal. `None`
+    /// where the model gives the normal force alone, and where there is no estimate.
+    pub tangential: Option<[Newton; 3]>,
+    /// Normal force of the tactile branch alone, where the model gives it.
     pub force_base: Option<Newton>,
     /// Probability that something touches the region, where the model gives it.
     pub touch: Option<f64>,

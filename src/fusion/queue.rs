@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::features::NewestWindow;
-use super::regressor::{Forces, RegressError, Regressor, SharedWindows};
+use super::regressor::{ForceAxes, ForceUnit, Forces, RegressError, Regressor, SharedWindows};
 use crate::units::Newton;
 
 /// Windows of one model that wait to be run, region by region in the order of their frames.
@@ -20,11 +20,31 @@ pub(super) struct ModelQueue {
 /// Model output for one window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Answer {
-    pub(super) force: Newton,
+    pub(super) force: ModelForce,
     /// Of the tactile branch alone.
-    pub(super) base: Option<Newton>,
+    pub(super) base: Option<ModelForce>,
     /// Probability of touch.
     pub(super) touch: Option<f64>,
+}
+
+/// A force as a model gives it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum ModelForce {
+    /// The normal force.
+    Normal(Newton),
+    /// x, y, z in the patch's own frame.
+    Patch([Newton; 3]),
+}
+
+impl ModelForce {
+    /// That of the window at `idx`.
+    fn at(forces: &[f32], idx: usize, axes: ForceAxes, unit: ForceUnit) -> Option<Self> {
+        let start = idx * axes.n();
+        match (axes, forces.get(start..start + axes.n())?) {
+            (ForceAxes::Patch, &[x, y, z]) => Some(ModelForce::Patch([x, y, z].map(|force| unit.to_newton(force)))),
+            (_, forces) => forces.first().map(|&force| ModelForce::Normal(unit.to_newton(force))),
+        }
+    }
 }
 
 /// The frames of one region, and the windows in them that wait.
@@ -94,11 +114,11 @@ impl ModelQueue {
 
     /// What the model said of the next window of a lane, of those that were run.
     pub(super) fn pop(&mut self, lane: usize) -> Option<Answer> {
-        let unit = self.regressor.contract().unit;
+        let (unit, axes) = (self.regressor.contract().unit, self.regressor.contract().axes);
         let idx = self.lanes[lane].next_force;
         self.lanes[lane].next_force += 1;
-        let force = unit.to_newton(*self.forces.force.get(idx)?);
-        let base = self.forces.base.get(idx).map(|&base| unit.to_newton(base));
+        let force = ModelForce::at(&self.forces.force, idx, axes, unit)?;
+        let base = ModelForce::at(&self.forces.base, idx, axes, unit);
         Some(Answer { force, base, touch: self.forces.touch.get(idx).map(|&touch| f64::from(touch)) })
     }
 }

@@ -10,8 +10,9 @@ use super::estimate::{Estimate, Flags};
 use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
 use super::gain::ForceGain;
+use super::geometry::Patch;
 use super::joints::{JointTimelines, PoseTrust};
-use super::queue::Answer;
+use super::queue::{Answer, ModelForce};
 use super::regressor::{Contract, PoseRange};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
@@ -89,6 +90,7 @@ pub(super) struct Place {
 pub(super) struct Region {
     pub(super) place: Place,
     features: TaxelFeatures,
+    patch: Patch,
     joints: Vec<usize>,
     pose_range: Option<Vec<PoseRange>>,
     has_base: bool,
@@ -134,6 +136,7 @@ impl Region {
         Region {
             place,
             features: TaxelFeatures::new(cfg, source),
+            patch: cfg.patch.clone(),
             joints,
             pose_range: contract.pose_range.clone(),
             has_base: contract.has_base,
@@ -260,19 +263,21 @@ impl Region {
     /// Turns the model's output, if it was run, into the estimate of the frame at `stamp`.
     pub(super) fn estimate(&mut self, stamp: Stamp, readiness: &Readiness, answer: Option<Answer>) -> Estimate {
         let mut flags = readiness.flags;
-        let (mut force, mut force_base, mut touch) = match answer {
+        let (given, given_base, mut touch) = match answer {
             // Touch is of taxels and pose together, as the force is that is not used.
             Some(Answer { base, .. }) if readiness.base_only => (base, base, None),
             Some(Answer { force, base, touch }) => (Some(force), base, touch),
             None => (None, None, None),
         };
-        let gain = self.gain.map_or(1.0, |known| known.gain);
-        let of_donning = |force: Option<Newton>| force.map(|force| Newton(gain * force.0));
-        (force, force_base) = (of_donning(force), of_donning(force_base));
-        let numbers = [force.map(|force| force.0), force_base.map(|force| force.0), touch];
-        if numbers.into_iter().flatten().any(|number| !number.is_finite()) {
+        let (mut force, mut tangential) = self.along_and_across(given);
+        let (mut force_base, base_tangential) = self.along_and_across(given_base);
+        let forces = [force, force_base]
+            .into_iter()
+            .chain([tangential, base_tangential].into_iter().flatten().flatten().map(Some));
+        let numbers = forces.map(|force| force.map(|force| force.0)).chain([touch]);
+        if numbers.flatten().any(|number| !number.is_finite()) {
             flags.insert(Flags::NON_FINITE);
-            (force, force_base, touch) = (None, None, None);
+            (force, tangential, force_base, touch) = (None, None, None, None);
         }
         let counters = &mut self.counters;
         match force {
@@ -296,7 +301,33 @@ impl Region {
         counters.offsets += u64::from(contact.event == ContactEvent::Offset);
         let Readiness { pose_age_ns, adaptation, artifact_change, .. } = *readiness;
         let region = self.place.region;
-        Estimate { region, force, force_base, touch, contact, pose_age_ns, flags, adaptation, artifact_change }
+        Estimate {
+            region,
+            force,
+            tangential,
+            force_base,
+            touch,
+            contact,
+            pose_age_ns,
+            flags,
+            adaptation,
+            artifact_change,
+        }
+    }
+
+    /// Normal and tangential force of what the model gave, in this donning. The gain of the donning is that of all axes:
+    /// known touches tell how much the glove feels, and change no direction.
+    fn along_and_across(&self, given: Option<ModelForce>) -> (Option<Newton>, Option<[Newton; 3]>) {
+        let gain = self.gain.map_or(1.0, |known| known.gain);
+        let of_donning = |force: Newton| Newton(gain * force.0);
+        match given {
+            None => (None, None),
+            Some(ModelForce::Normal(force)) => (Some(of_donning(force)), None),
+            Some(ModelForce::Patch(force)) => {
+                let (along, across) = self.patch.split(force);
+                (Some(of_donning(along)), Some(across.map(of_donning)))
+            }
+        }
     }
 
     fn no_estimate(&mut self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {

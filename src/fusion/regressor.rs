@@ -76,6 +76,27 @@ impl Default for TouchOutput {
     }
 }
 
+/// Axes of a model's forces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ForceAxes {
+    /// One number: the normal force, positive under pressure.
+    #[default]
+    Normal,
+    /// Three numbers: x, y, z of the force on the hand by the object, in the frame of the patch.
+    Patch,
+}
+
+impl ForceAxes {
+    /// Numbers of a force.
+    pub fn n(self) -> usize {
+        match self {
+            ForceAxes::Normal => 1,
+            ForceAxes::Patch => 3,
+        }
+    }
+}
+
 /// Contract of a model: read from the file once, checked against the parameters at start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contract {
@@ -89,6 +110,8 @@ pub struct Contract {
     pub rate_hz: f64,
     /// The unit of every force output.
     pub unit: ForceUnit,
+    /// Axes of every force output.
+    pub axes: ForceAxes,
     /// True if the model also gives the force of its tactile branch alone, unmoved by pose.
     pub has_base: bool,
     /// The model's touch output, where it has one: contact is decided on it.
@@ -136,9 +159,10 @@ pub struct SharedWindows<'a> {
 /// The forces of a batch, in the model's unit, and the touch. Buffers are reused from call to call.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Forces {
-    /// `[N]`: the estimate, pose-corrected where the model knows pose.
+    /// `[N, axes]`, row-major, with the [axes](Contract::axes) of the model: the estimate, pose-corrected where the model
+    /// knows pose.
     pub force: Vec<f32>,
-    /// `[N]` where the model gives its tactile branch, else empty.
+    /// `[N, axes]` where the model gives its tactile branch, else empty.
     pub base: Vec<f32>,
     /// `[N]` where the model gives the probability of touch, else empty.
     pub touch: Vec<f32>,

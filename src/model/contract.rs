@@ -9,7 +9,7 @@ use super::info::{Batch, Dim, Origin, TensorInfo, unit_name};
 use super::metadata::Metadata;
 use super::onnx::GraphProto;
 use super::{ModelSpec, TensorNames};
-use crate::fusion::{Contract, ForceUnit, TouchLevels, TouchOutput};
+use crate::fusion::{Contract, ForceAxes, ForceUnit, TouchLevels, TouchOutput};
 
 /// Model frames a second when neither the model nor the parameters say it: the paper's rate.
 const DEFAULT_RATE_HZ: f64 = 100.0;
@@ -114,9 +114,16 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
     check_artifact(path, metadata, n_taxels)?;
     check_joints(path, metadata, &tensors, n_joints)?;
     check_outputs(path, &spec.names)?;
+    let axes = named(&outputs, &tensors.force).map_or(ForceAxes::Normal, |force| axes_of(&force));
     for (name, output) in tensors.outputs().iter().filter_map(|name| Some((name, named(&outputs, name)?))) {
-        let what = if tensors.touch.as_ref() == Some(name) { "probability" } else { "force" };
-        check_output(path, name, &output, what)?;
+        let expected = if tensors.touch.as_ref() == Some(name) {
+            Expected::Probability
+        } else if *name == tensors.force {
+            Expected::Force
+        } else {
+            Expected::PartOf(axes)
+        };
+        check_output(path, name, &output, expected)?;
     }
 
     let (unit, unit_from) = settle_unit(path, metadata, spec)?;
@@ -144,6 +151,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
         n_joints,
         rate_hz,
         unit,
+        axes,
         has_base: tensors.base.is_some(),
         touch: tensors.touch.as_ref().map(|_| metadata.touch.unwrap_or_default()),
         artifact: metadata.artifact.clone().map(Arc::new),
@@ -327,23 +335,54 @@ fn check_outputs(path: &Path, names: &TensorNames) -> Result<(), ModelError> {
     }
 }
 
-/// A force is `[N]` or `[N, 1]`; what the file leaves open is settled by the trial runs.
-fn check_output(path: &Path, name: &str, tensor: &TensorInfo, what: &str) -> Result<(), ModelError> {
+/// What an output must be.
+#[derive(Debug, Clone, Copy)]
+enum Expected {
+    Probability,
+    /// The force.
+    Force,
+    /// The force of a branch: it has the axes of the force.
+    PartOf(ForceAxes),
+}
+
+/// The axes of a force: three where the file says so.
+fn axes_of(force: &TensorInfo) -> ForceAxes {
+    match force.shape.as_deref() {
+        Some([_, Dim::Fixed(3)]) => ForceAxes::Patch,
+        _ => ForceAxes::Normal,
+    }
+}
+
+/// A force is `[N]`, `[N, 1]` or `[N, 3]`; what the file leaves open is one number, and settled by the trial runs.
+fn check_output(path: &Path, name: &str, tensor: &TensorInfo, expected: Expected) -> Result<(), ModelError> {
     check_float32(path, "output", tensor)?;
+    let n = match expected {
+        Expected::Probability => 1,
+        Expected::Force => axes_of(tensor).n(),
+        Expected::PartOf(axes) => axes.n(),
+    };
     let fits = match tensor.shape.as_deref() {
-        None | Some([Dim::Dynamic(_) | Dim::Fixed(1)]) => true,
-        Some([Dim::Dynamic(_) | Dim::Fixed(1), second]) => matches!(second, Dim::Dynamic(_) | Dim::Fixed(1)),
+        None => true,
+        Some([Dim::Dynamic(_) | Dim::Fixed(1)]) => n == 1,
+        Some([Dim::Dynamic(_) | Dim::Fixed(1), Dim::Fixed(second)]) => *second == n as u64,
+        Some([Dim::Dynamic(_) | Dim::Fixed(1), Dim::Dynamic(_)]) => true,
         Some(_) => false,
     };
     if fits {
         return Ok(());
     }
+    let expected = match expected {
+        Expected::Probability => "[N] or [N, 1], one probability a window",
+        Expected::Force => "[N] or [N, 1], one force a window, or [N, 3], its x, y and z in the frame of the patch",
+        Expected::PartOf(ForceAxes::Normal) => "[N] or [N, 1], one force a window, as the force of the model",
+        Expected::PartOf(ForceAxes::Patch) => "[N, 3], as the force of the model",
+    };
     Err(ModelError::Shape {
         path: path.to_path_buf(),
         kind: "output",
         name: one_line(name),
         got: one_line(&tensor.shape_text()),
-        expected: format!("[N] or [N, 1], one {what} a window"),
+        expected: expected.to_owned(),
     })
 }
 

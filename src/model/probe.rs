@@ -62,9 +62,12 @@ pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result
         for window_idx in 0..N {
             let alone = run(path, session, names.len(), trial.window(window_idx))?;
             for (idx, ((name, batched), alone)) in names.iter().zip(&batched).zip(&alone).enumerate() {
-                let (batched, alone) = (batched[window_idx], alone[0]);
                 let size = if Some(idx) == touch_idx { 1.0 } else { largest };
-                if differ(batched, alone, BATCH_TOLERANCE * size) {
+                let batched = batched.chunks(session.axes_of(idx)).nth(window_idx).unwrap_or_default();
+                let mut pairs = batched.iter().copied().zip(alone.iter().copied());
+                if let Some((batched, alone)) =
+                    pairs.find(|(batched, alone)| differ(*batched, *alone, BATCH_TOLERANCE * size))
+                {
                     let (path, output, scale) = (path.to_path_buf(), name.clone(), scale.name);
                     return Err(ModelError::MixesWindows { path, output, scale, alone, batched });
                 }
@@ -97,7 +100,7 @@ fn check_finite(path: &Path, names: &[String], outputs: &[Vec<f32>]) -> Result<(
                 path: path.to_path_buf(),
                 output: name.clone(),
                 value: *value,
-                window: WINDOW_NAMES[idx].to_string(),
+                window: WINDOW_NAMES[idx * N / output.len()].to_string(),
             });
         }
     }
@@ -146,7 +149,9 @@ fn check_convention(
     scale: f32,
 ) -> Result<(), ModelError> {
     let far = |a: f32, b: f32| differ(a, b, BATCH_TOLERANCE * scale);
-    let windows: Vec<[f32; 3]> = (0..N).map(|idx| [forces[idx], bases[idx], residuals[idx]]).collect();
+    // Of each window, or of each axis of it.
+    let windows = forces.iter().zip(bases).zip(residuals).map(|((force, base), residual)| [*force, *base, *residual]);
+    let windows: Vec<[f32; 3]> = windows.collect();
     // Where one of them is no number, nothing says how they belong together.
     let windows: Vec<[f32; 3]> =
         windows.into_iter().filter(|window| window.iter().all(|value| value.is_finite())).collect();

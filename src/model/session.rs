@@ -27,6 +27,8 @@ pub(super) struct Session {
     contract: Contract,
     max_batch: usize,
     output_names: Vec<String>,
+    /// Place of the touch among them.
+    touch_idx: Option<usize>,
     /// Windows that share frames, one below the other.
     tactile: Vec<f32>,
     pose: Vec<f32>,
@@ -44,6 +46,7 @@ impl Session {
             contract: terms.contract.clone(),
             max_batch,
             output_names: terms.tensors.outputs(),
+            touch_idx: terms.tensors.touch_idx(),
             tactile: Vec::new(),
             pose: Vec::new(),
         }
@@ -52,6 +55,11 @@ impl Session {
     /// The file's name, for errors.
     pub(super) fn label(&self) -> &str {
         &self.label
+    }
+
+    /// Numbers that an output gives for a window.
+    pub(super) fn axes_of(&self, output_idx: usize) -> usize {
+        if self.touch_idx == Some(output_idx) { 1 } else { self.contract.axes.n() }
     }
 
     /// Says that the base output can't stand in for the force.
@@ -72,11 +80,17 @@ impl Session {
                 pose: one_below_the_other(windows.pose, starts, window, n_joints, &mut self.pose),
             };
             self.runtime.infer(part, outputs).map_err(|said| one_line(&said))?;
-            for (name, output) in self.output_names.iter().zip(outputs.iter()) {
-                let (given, n) = (output.len().saturating_sub(done), starts.len());
-                if given != n {
+            for (idx, (name, output)) in self.output_names.iter().zip(outputs.iter()).enumerate() {
+                let (axes, n) = (self.axes_of(idx), starts.len());
+                let given = output.len().saturating_sub(done * axes);
+                if given != n * axes {
                     let name = one_line(name);
-                    return Err(format!("output {name} gave {given} values for {n} windows, expected one each"));
+                    let expected = if axes == 1 { "one each".to_owned() } else { format!("{axes} each") };
+                    let hint =
+                        if given == 3 * n { "; a force of three axes needs the shape [N, 3] in the file" } else { "" };
+                    return Err(format!(
+                        "output {name} gave {given} values for {n} windows, expected {expected}{hint}"
+                    ));
                 }
             }
             done += starts.len();

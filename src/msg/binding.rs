@@ -16,7 +16,7 @@ pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use stamp::{Since, StampFrom, StampUnit};
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
-pub use truth::{TruthBinding, TruthFields};
+pub use truth::{ForceFields, ForceReading, TruthBinding, TruthFields};
 
 use super::cdr::CdrError;
 use super::definition::TypeTree;

@@ -187,7 +187,7 @@ impl Outgoing {
 
     /// The wrench of an estimate at `stamp`; `None` where there is no force, because a wrench has no way to say so.
     pub fn wrench(&mut self, stamp: Stamp, estimate: &Estimate) -> Option<&WrenchStamped> {
-        let wrench = self.regions[estimate.region].patch.wrench(estimate.force?);
+        let wrench = self.regions[estimate.region].patch.wrench(estimate.force?, estimate.tangential);
         let message = &mut self.wrenches[estimate.region];
         message.header.stamp = time(stamp);
         let vector = |v: nalgebra::Vector3<f64>| Vector3 { x: v.x, y: v.y, z: v.z };

@@ -1,8 +1,13 @@
 //! The estimates of one region over time: made by a model, or read out of a bag.
 
-use crate::fusion::{ContactDetector, ContactThresholds, Estimate, Flags, ForceGain};
+use std::collections::BTreeMap;
+
+use crate::fusion::{ContactDetector, ContactThresholds, Estimate, Flags, ForceGain, Patch};
 use crate::msg::ContactState;
 use crate::units::{Newton, Stamp};
+
+/// What turning a force into the frame of a wrench and back leaves of it, as a share of it, at most.
+const ROUNDING: f64 = 1e-9;
 
 /// The estimates of one region, frame by frame.
 ///
@@ -14,6 +19,8 @@ pub struct EstimateTrack {
     pub stamp: Vec<Stamp>,
     /// Normal force; `None` where there is no estimate, and the flags say why.
     pub force: Vec<Option<Newton>>,
+    /// Tangential force, x y z in the frame of the patch; `None` where the model gives the normal force alone.
+    pub tangential: Vec<Option<[Newton; 3]>>,
     /// Force of the tactile branch alone.
     pub base: Vec<Option<Newton>>,
     /// Probability that something touches the region, where the model gives it.
@@ -35,6 +42,7 @@ impl EstimateTrack {
     pub fn handle_estimate(&mut self, stamp: Stamp, estimate: &Estimate) {
         self.stamp.push(stamp);
         self.force.push(estimate.force);
+        self.tangential.push(estimate.tangential);
         self.base.push(estimate.force_base);
         self.touch.push(estimate.touch);
         self.contact_raw.push(estimate.contact.raw);
@@ -44,11 +52,13 @@ impl EstimateTrack {
         self.flags.push(estimate.flags);
     }
 
-    /// Takes an estimate as it was published.
+    /// Takes an estimate as it was published, but for its tangential force, which is in its wrench: that is told by
+    /// [`EstimateTrack::handle_wrenches`].
     pub fn handle_state(&mut self, stamp: Stamp, state: &ContactState) {
         let force = |value: f64| Some(Newton(value)).filter(|force| force.0.is_finite());
         self.stamp.push(stamp);
         self.force.push(force(state.force));
+        self.tangential.push(None);
         self.base.push(force(state.force_base));
         self.touch.push(Some(state.touch).filter(|touch| touch.is_finite()));
         self.contact_raw.push(state.contact_raw);
@@ -56,6 +66,32 @@ impl EstimateTrack {
         self.by_touch |= state.touch_on.is_finite();
         self.pose_age_ns.push(state.pose_age.is_finite().then(|| (state.pose_age * 1e9).round() as i64));
         self.flags.push(Flags::from_bits(state.flags));
+    }
+
+    /// Takes the wrenches that were published of it, by their stamps: force x y z in the frame of the patch.
+    ///
+    /// A wrench belongs to the estimate of its stamp, or to the next one where the contacts of several sources are told
+    /// together; the normal force of both is the same. A recording whose wrenches have no tangential force at all is of a
+    /// model that gives the normal force alone.
+    pub fn handle_wrenches(&mut self, patch: &Patch, wrenches: &BTreeMap<Stamp, [Newton; 3]>) {
+        let found = self.stamp.iter().zip(&self.force).map(|(stamp, force)| {
+            let (_, wrench) = wrenches.range(..=*stamp).next_back()?;
+            let (along, across) = patch.split(*wrench);
+            let force = (*force)?;
+            ((along.0 - force.0).abs() <= ROUNDING * force.0.abs().max(1.0)).then_some((along, across))
+        });
+        let found: Vec<_> = found.collect();
+        let is_tangential = |(along, across): &(Newton, [Newton; 3])| {
+            across.iter().any(|force| force.0.abs() > ROUNDING * along.0.abs().max(1.0))
+        };
+        if found.iter().flatten().any(is_tangential) {
+            self.tangential = found.into_iter().map(|found| found.map(|(_, across)| across)).collect();
+        }
+    }
+
+    /// Whether some frame has a tangential force.
+    pub fn has_tangential(&self) -> bool {
+        self.tangential.iter().any(Option::is_some)
     }
 
     /// What the pose correction removed at a frame; `None` where there was no correction.
@@ -71,7 +107,11 @@ impl EstimateTrack {
             forces.iter().map(|force| force.map(|force| Newton(gain.gain * force.0))).collect()
         };
         let (force, base) = (times(&self.force), times(&self.base));
-        let scaled = EstimateTrack { force, base, ..self.clone() };
+        // Known touches tell how much the glove feels, and change no direction.
+        let tangential = self.tangential.iter();
+        let tangential =
+            tangential.map(|of| of.map(|forces| forces.map(|force| Newton(gain.gain * force.0)))).collect();
+        let scaled = EstimateTrack { force, tangential, base, ..self.clone() };
         if self.by_touch {
             return scaled;
         }
@@ -89,6 +129,7 @@ impl EstimateTrack {
             contact,
             by_touch: false,
             force: self.base.clone(),
+            tangential: vec![None; self.base.len()],
             base: vec![None; self.base.len()],
             pose_age_ns: self.pose_age_ns.clone(),
             flags: self.flags.clone(),

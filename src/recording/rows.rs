@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use crate::fusion::{
-    ArtifactModel, Contract, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError,
+    ArtifactModel, Contract, ForceAxes, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError,
     SharedWindows, Tick,
 };
 use crate::units::Stamp;
@@ -91,6 +91,7 @@ impl RowCollector {
             n_taxels,
             n_joints,
             rate_hz,
+            axes: ForceAxes::Normal,
             unit: ForceUnit::GramForce,
             has_base: false,
             touch: None,

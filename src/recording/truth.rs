@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use crate::config::TruthSource;
 use crate::eval::{TareBuilder, TareCurve, TruthError, ZeroLoad};
-use crate::fusion::ForceUnit;
+use crate::fusion::{ForceUnit, split};
+use crate::msg::binding::ForceReading;
 use crate::units::{GramForce, Newton, Stamp, nanos};
 
 /// What became of the readings of a force sensor.
@@ -23,24 +24,40 @@ pub struct TruthCounters {
 pub struct TruthTrack {
     source: TruthSource,
     stamps: Vec<Stamp>,
+    /// Normal forces, gF.
     forces: Vec<f64>,
+    /// x y z in the frame of the patch, gF; empty for a sensor of one axis.
+    vectors: Vec<[f64; 3]>,
     counters: TruthCounters,
 }
+
+/// The tares of the axes of a sensor with three: x y z in the frame of the patch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AxisTares([TareCurve; 3]);
 
 impl TruthTrack {
     /// A track without readings.
     pub fn new(source: TruthSource) -> Self {
-        TruthTrack { source, stamps: Vec::new(), forces: Vec::new(), counters: TruthCounters::default() }
+        TruthTrack {
+            source,
+            stamps: Vec::new(),
+            forces: Vec::new(),
+            vectors: Vec::new(),
+            counters: TruthCounters::default(),
+        }
     }
 
     /// Takes a reading in the source's own unit.
-    pub fn handle_reading(&mut self, stamp: Stamp, reading: f64) {
+    ///
+    /// A force is finite if all of its axes are.
+    pub fn handle_reading(&mut self, stamp: Stamp, reading: ForceReading) {
         let stamp = stamp.offset(self.source.stamp_offset_ns);
         if self.stamps.last().is_some_and(|newest| stamp <= *newest) {
             self.counters.late += 1;
             return;
         }
-        let force = self.source.force(reading);
+        let (force, vector) = self.source.force(reading);
+        self.vectors.extend(vector.map(|vector| vector.map(|force| force.0)));
         self.counters.used += 1;
         self.counters.non_finite += u64::from(!force.0.is_finite());
         self.stamps.push(stamp);
@@ -77,22 +94,57 @@ impl TruthTrack {
         builder.finish()
     }
 
+    /// The tares of the axes over time, from the stretches without load; `None` for a sensor of one axis.
+    ///
+    /// # Errors
+    /// As [`TruthTrack::tare`].
+    pub fn axis_tares(&self, zero_load: &[ZeroLoad]) -> Result<Option<AxisTares>, TruthError> {
+        if self.vectors.is_empty() {
+            return Ok(None);
+        }
+        let axis = |axis: usize| {
+            let mut builder = TareBuilder::new(zero_load)?;
+            let readings = self.stamps.iter().zip(&self.vectors);
+            readings.for_each(|(stamp, force)| builder.handle_force(*stamp, GramForce(force[axis])));
+            builder.finish()
+        };
+        Ok(Some(AxisTares([axis(0)?, axis(1)?, axis(2)?])))
+    }
+
     /// The force at a stamp, untared, between the readings around it; `None` where they are further apart than
     /// `max_gap`, and before the first and after the last.
     pub fn at(&self, stamp: Stamp, max_gap: Duration) -> Option<GramForce> {
+        self.between(stamp, max_gap, |idx| self.forces[idx]).map(GramForce)
+    }
+
+    /// The tangential force at a stamp, tared: x y z in the frame of the patch, perpendicular to its normal. `None` where
+    /// [`TruthTrack::at`] has none, and for a sensor of one axis.
+    pub fn tangential_at(&self, tares: &AxisTares, stamp: Stamp, max_gap: Duration) -> Option<[GramForce; 3]> {
+        let normal = self.source.axes?.normal;
+        let axis = |axis: usize| {
+            let force = self.between(stamp, max_gap, |idx| self.vectors[idx][axis])?;
+            // Newton only by name: a force is split alike in any unit.
+            Some(Newton(tares.0[axis].tared(stamp, GramForce(force)).0))
+        };
+        let (_, tangential) = split(&normal, [axis(0)?, axis(1)?, axis(2)?]);
+        Some(tangential.map(|force| GramForce(force.0)))
+    }
+
+    /// A value at a stamp, between those of the readings around it.
+    fn between(&self, stamp: Stamp, max_gap: Duration, value: impl Fn(usize) -> f64) -> Option<f64> {
         let after = self.stamps.partition_point(|known| *known <= stamp);
         let before = after.checked_sub(1)?;
-        let (from, force) = (self.stamps[before], self.forces[before]);
+        let from = self.stamps[before];
         if from == stamp {
-            return Some(GramForce(force));
+            return Some(value(before));
         }
-        let (to, next) = (*self.stamps.get(after)?, self.forces[after]);
+        let to = *self.stamps.get(after)?;
         let span = to.nanos_since(from);
         if span > nanos(max_gap) {
             return None;
         }
         let share = stamp.nanos_since(from) as f64 / span as f64;
-        Some(GramForce(force + (next - force) * share))
+        Some(value(before) + (value(after) - value(before)) * share)
     }
 }
 
@@ -160,13 +212,15 @@ pub fn aligned(track: &TruthTrack, tare: &TareCurve, stamps: &[Stamp], max_gap: 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::TruthAxes;
 
     const GAP: Duration = Duration::from_nanos(50);
 
     fn track(readings: &[(i64, f64)], inverted: bool) -> TruthTrack {
-        let source = TruthSource { name: "cell".into(), stamp_offset_ns: 5, inverted, unit: ForceUnit::GramForce };
+        let source =
+            TruthSource { name: "cell".into(), stamp_offset_ns: 5, inverted, unit: ForceUnit::GramForce, axes: None };
         let mut track = TruthTrack::new(source);
-        readings.iter().for_each(|(stamp, force)| track.handle_reading(Stamp(*stamp), *force));
+        readings.iter().for_each(|(stamp, force)| track.handle_reading(Stamp(*stamp), ForceReading::Normal(*force)));
         track
     }
 
@@ -189,10 +243,10 @@ mod tests {
     #[test]
     fn a_press_that_is_negative_and_a_unit_nobody_presses_in_are_doubted_by_the_name_of_the_parameter() {
         let doubts = |unit: ForceUnit, inverted: bool, press: f64| {
-            let source = TruthSource { name: "cell".into(), stamp_offset_ns: 0, inverted, unit };
+            let source = TruthSource { name: "cell".into(), stamp_offset_ns: 0, inverted, unit, axes: None };
             let mut track = TruthTrack::new(source);
             let reading = |k: i64| if k >= 200 && k % 100 < 50 { press } else { 0.02 * (k % 3) as f64 };
-            (0..1000).for_each(|k| track.handle_reading(Stamp(k), 7.0 + reading(k)));
+            (0..1000).for_each(|k| track.handle_reading(Stamp(k), ForceReading::Normal(7.0 + reading(k))));
             let tare = track.tare(&[ZeroLoad { from: Stamp(0), to: Stamp(200) }]).unwrap();
             track.doubts(&tare)
         };
@@ -220,5 +274,30 @@ mod tests {
         let tare = track.tare(&[at(0, 20), at(30, 50)]).unwrap();
         let forces = aligned(&track, &tare, &[Stamp(10), Stamp(25), Stamp(40)], GAP);
         assert_eq!(forces, [Some(GramForce(0.0)), Some(GramForce(100.0)), Some(GramForce(0.0))]);
+    }
+
+    #[test]
+    fn three_axes_are_turned_to_the_hand_tared_each_and_split_at_the_normal() {
+        // A cell of which x is the other way, under a patch that is pressed along -y.
+        let normal = nalgebra::Unit::new_normalize(nalgebra::Vector3::new(0.0, -2.0, 0.0));
+        let axes = Some(TruthAxes { inverted: [true, false, false], normal });
+        let source =
+            TruthSource { name: "cell".into(), stamp_offset_ns: 0, inverted: false, unit: ForceUnit::GramForce, axes };
+        let mut track = TruthTrack::new(source);
+        let zero = [7.0, 8.0, 9.0];
+        let reading = |of: [f64; 3]| ForceReading::Axes(std::array::from_fn(|axis| zero[axis] + of[axis]));
+        for (stamp, force) in [(0, [0.0; 3]), (10, [0.0; 3]), (20, [-3.0, -50.0, 4.0]), (40, [-5.0, -70.0, 8.0])] {
+            track.handle_reading(Stamp(stamp), reading(force));
+        }
+        let zero_load = [ZeroLoad { from: Stamp(0), to: Stamp(15) }];
+        let (tare, tares) = (track.tare(&zero_load).unwrap(), track.axis_tares(&zero_load).unwrap().unwrap());
+        let forces = aligned(&track, &tare, &[Stamp(20), Stamp(30)], GAP);
+        assert_eq!(forces, [Some(GramForce(50.0)), Some(GramForce(60.0))]);
+        let across = |stamp| track.tangential_at(&tares, Stamp(stamp), GAP).map(|force| force.map(|force| force.0));
+        assert_eq!([20, 30].map(across), [Some([3.0, 0.0, 4.0]), Some([4.0, 0.0, 6.0])]);
+        assert_eq!(across(41), None);
+        // One axis that is no number is no force.
+        track.handle_reading(Stamp(50), reading([f64::NAN, 0.0, 0.0]));
+        assert!(track.at(Stamp(50), GAP).unwrap().0.is_nan() && track.counters().non_finite == 1);
     }
 }

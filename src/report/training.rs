@@ -17,6 +17,10 @@ pub fn of_step(progress: &Progress, kind: Kind) -> Option<String> {
         Kind::Adaptive => format!("touch {:.4}", loss.touch),
         _ => format!("base {:.4}, artifact {:.4}", loss.base, loss.artifact),
     };
+    let terms = match loss.tangential {
+        0.0 => terms,
+        tangential => format!("{terms}, tangential {tangential:.4}"),
+    };
     let mut line = format!(
         "step {:>6}  loss {:.4} (force {:.4}, {terms})  validation {:.4}, BA {}, MAE {:.1} gF",
         progress.step,
@@ -28,6 +32,9 @@ pub fn of_step(progress: &Progress, kind: Kind) -> Option<String> {
     );
     if let Some(base) = validation.base_mae_gf {
         line += &format!(" (base {}, {base:.1} gF)", percent(validation.base_balanced_accuracy));
+    }
+    if let Some(mae) = validation.tangential_mae_gf {
+        line += &format!(", tangential {mae:.1} gF");
     }
     Some(line + if progress.is_best { "  best" } else { "" })
 }
@@ -89,8 +96,11 @@ fn line(score: &Score) -> String {
     let number = |metric: crate::eval::Metric, scale: f64, digits: usize| {
         metric.value().map_or("-".to_owned(), |value| format!("{:.digits$}", value * scale))
     };
+    let tangential = score.tangential.map_or(String::new(), |of| {
+        format!("  tangential MAE {} gF  angle {} deg", number(of.mae_gf, 1.0, 2), number(of.angle_deg, 1.0, 1))
+    });
     format!(
-        "BA {} %  F1 {} %  MDF {}  MAE {} gF  R2 {}",
+        "BA {} %  F1 {} %  MDF {}  MAE {} gF  R2 {}{tangential}",
         number(score.ba, 100.0, 2),
         number(score.f1, 100.0, 2),
         mdf(&score.mdf),

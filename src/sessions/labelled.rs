@@ -12,8 +12,8 @@ use crate::msg::Stage;
 use crate::observer::{Observer, check};
 use crate::protocol::Annotations;
 use crate::recording::{
-    self, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, end_of_touches, input_topics, known_touches,
-    read,
+    self, AxisTares, EstimateTrack, Labels, Listener, Notes, TruthTrack, aligned, end_of_touches, input_topics,
+    known_touches, read,
 };
 use crate::units::{GramForce, Stamp};
 
@@ -36,6 +36,8 @@ pub enum NeedsTruth {
 struct Truth {
     track: TruthTrack,
     tare: TareCurve,
+    /// Of a sensor with three axes.
+    axes: Option<AxisTares>,
 }
 
 /// Labels of a session, and where it is cut.
@@ -130,7 +132,9 @@ impl Labelled {
             let tare = track.tare(&zero_load);
             let tare = tare.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
             track.doubts(&tare).iter().for_each(|doubt| observer.note(&format!("{}: {doubt}", bag.display())));
-            truth[idx] = Some(Truth { track, tare });
+            let axes = track.axis_tares(&zero_load);
+            let axes = axes.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
+            truth[idx] = Some(Truth { track, tare, axes });
         }
         let heads = vec![None; truth.len()];
         Ok(Labelled { notes, annotations, told: cfg.told_stages.clone(), cuts, truth, missing, heads })
@@ -142,7 +146,7 @@ impl Labelled {
     /// [`SessionError`] when a sensor has fewer touches that are strong and long enough to tell a gain.
     pub fn with_known_touches(mut self, bag: &Path, n: usize) -> Result<Self, SessionError> {
         for (head, truth) in self.heads.iter_mut().zip(&self.truth) {
-            let Some(Truth { track, tare }) = truth else { continue };
+            let Some(Truth { track, tare, .. }) = truth else { continue };
             let tared = track.readings().map(|(stamp, force)| (stamp, tare.tared(stamp, force)));
             *head = Some(end_of_touches(tared, n).ok_or_else(|| {
                 let name = track.name();
@@ -221,6 +225,8 @@ impl Labelled {
         let has_base = column.base.iter().any(Option::is_some);
         let base = column.base_alone(thresholds);
         let in_gf = |force: crate::units::Newton| GramForce::from(force).0;
+        let true_tangential = self.tangential_truth_at(truth_idx, &column.stamp, max_gap);
+        let has_tangential = column.has_tangential();
         let mut left_out = true;
         for (idx, stamp) in column.stamp.iter().enumerate() {
             let annotation = match self.annotations.is_empty() {
@@ -237,6 +243,12 @@ impl Labelled {
             frames.stamp.push(*stamp);
             frames.truth_gf.push(truth.as_ref().and_then(|truth| truth[idx]).map_or(f64::NAN, |force| force.0));
             frames.estimate_gf.push(column.force[idx].map(in_gf));
+            if let Some(truth) = &true_tangential {
+                frames.true_tangential_gf.push(truth[idx].map(|force| force.map(|force| force.0)));
+            }
+            if has_tangential {
+                frames.tangential_gf.push(column.tangential[idx].map(|force| force.map(in_gf)));
+            }
             if column.by_touch {
                 frames.touch.push(column.touch[idx]);
                 frames.touched.push(column.contact_raw[idx]);
@@ -259,8 +271,21 @@ impl Labelled {
         stamps: &[Stamp],
         max_gap: std::time::Duration,
     ) -> Option<Vec<Option<GramForce>>> {
-        let Truth { track, tare } = truth_idx.and_then(|idx| self.truth[idx].as_ref())?;
+        let Truth { track, tare, .. } = truth_idx.and_then(|idx| self.truth[idx].as_ref())?;
         Some(aligned(track, tare, stamps, max_gap))
+    }
+
+    /// `[stamps]`: the true tangential force of a force sensor, x y z in the frame of the patch, if there is one with three
+    /// axes.
+    pub fn tangential_truth_at(
+        &self,
+        truth_idx: Option<usize>,
+        stamps: &[Stamp],
+        max_gap: std::time::Duration,
+    ) -> Option<Vec<Option<[GramForce; 3]>>> {
+        let Truth { track, axes, .. } = truth_idx.and_then(|idx| self.truth[idx].as_ref())?;
+        let tares = axes.as_ref()?;
+        Some(stamps.iter().map(|stamp| track.tangential_at(tares, *stamp, max_gap)).collect())
     }
 
     /// What the recorder noted.
@@ -287,7 +312,7 @@ impl Labelled {
     pub fn zero_load_check(&self, bag: &Path, warnings: &mut Vec<String>) -> Option<ZeroLoadCheck> {
         let mut check = ZeroLoadCheck::default();
         let at_rest = |stamp| self.annotations.at(stamp).is_some_and(|annotation| annotation.zero_load);
-        for Truth { track, tare } in self.truth.iter().flatten() {
+        for Truth { track, tare, .. } in self.truth.iter().flatten() {
             let resting = track.readings().filter(|(stamp, _)| at_rest(*stamp));
             resting.for_each(|(stamp, force)| check.handle_force(&Scoring::default(), tare.tared(stamp, force)));
             let counters = track.counters();

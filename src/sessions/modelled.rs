@@ -1,6 +1,7 @@
 //! The estimates of a session: made by models on its inputs, or read out of it.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -11,7 +12,7 @@ use crate::eval::{Origin, ScoredFrames};
 use crate::fusion::{Following, Fusion, Regressor};
 use crate::glove::known;
 use crate::model::ModelInfo;
-use crate::msg::{ContactArray, EstimateTopics, WireType};
+use crate::msg::{ContactArray, EstimateTopics, WireType, WrenchStamped, from_cdr};
 use crate::observer::{Observer, check};
 use crate::recording::{EstimateTrack, Labels, Listener, PoseDegrader, PoseQuality, input_topics, read};
 use crate::units::Stamp;
@@ -148,7 +149,8 @@ pub fn run_models(
     Ok(Modelled { columns, cores, counters, zero: Some(zero.from), verdict, losses })
 }
 
-/// Reads the estimates that a bag holds, and what was lost of it. `[regions]`
+/// Reads the estimates that a bag holds on the contacts topic of a node and on its wrenches, and what was lost of it.
+/// `[regions]`
 ///
 /// # Errors
 /// [`SessionError`] when the bag can't be read.
@@ -163,10 +165,25 @@ pub fn read_estimates(
     let mut inputs = Inputs::new(topics, &mut reader)?;
     let columns = RefCell::new(vec![EstimateTrack::default(); cfg.fusion.regions.len()]);
     let mut contacts = ContactReader::default();
+    // `NODE/contacts` and `NODE/REGION/wrench` are of the same node.
+    let node = topic.rsplit_once('/').map_or("", |(node, _)| node);
+    let wrench_topics = EstimateTopics::of_node(node, &cfg.fusion).wrenches;
+    let wrenches = RefCell::new(vec![BTreeMap::new(); cfg.fusion.regions.len()]);
     let listener = Listener::<SessionError> {
         on_tick: &mut |_, _| {},
         on_other: &mut |message| {
-            if message.channel.topic != topic || message.channel.type_name() != ContactArray::TYPE_NAME {
+            let type_name = message.channel.type_name();
+            if type_name == WrenchStamped::TYPE_NAME
+                && let Some(region) = wrench_topics.iter().position(|name| *name == message.channel.topic)
+            {
+                let WrenchStamped { header, wrench } = from_cdr(message.data)
+                    .map_err(|error| SessionError::at(bag, &format!("{}: {error}", message.channel.topic)))?;
+                let force = [wrench.force.x, wrench.force.y, wrench.force.z];
+                let patch = &cfg.fusion.regions[region].patch;
+                wrenches.borrow_mut()[region].insert(Stamp::from(header.stamp), patch.force_in_patch(force));
+                return Ok(());
+            }
+            if message.channel.topic != topic || type_name != ContactArray::TYPE_NAME {
                 return Ok(());
             }
             let array = contacts.read(message).map_err(|error| SessionError::at(bag, &format!("{topic}: {error}")))?;
@@ -186,7 +203,11 @@ pub fn read_estimates(
     let mut unused = Labels::new(&[]);
     read(&mut reader, &mut inputs, &mut unused, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
     let losses = reader.losses().iter().map(ToString::to_string).collect();
-    Ok((columns.into_inner(), losses))
+    let mut columns = columns.into_inner();
+    for ((column, region), wrenches) in columns.iter_mut().zip(&cfg.fusion.regions).zip(wrenches.into_inner()) {
+        column.handle_wrenches(&region.patch, &wrenches);
+    }
+    Ok((columns, losses))
 }
 
 /// All frames of a bag's first region by the estimates in it.

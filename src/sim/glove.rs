@@ -8,7 +8,7 @@
 //! ```
 //!
 //! then cross-talk, low-pass, noise, and 12-bit counts. `contact` holds the effect of force, `strain` that of pose,
-//! `readout` that of electronics; each gives the source of its terms. Other [`Physics`] of the artifact is in
+//! `readout` that of electronics, `shear` the further axes of taxels that have three; each gives the source of its terms. Other [`Physics`] of the artifact is in
 //! `coupled`.
 //!
 //! A whole-hand glove has such taxels on every fingertip, each strained mostly by the joints of its own finger.
@@ -17,15 +17,17 @@ mod bends;
 mod contact;
 mod coupled;
 mod readout;
+mod shear;
 mod strain;
 
 use contact::ContactField;
 use readout::Readout;
+use shear::ShearField;
 use strain::StrainField;
 
 use super::hand::Finger;
 use super::performance::HandState;
-use super::spec::{Activity, Physics, SessionSpec};
+use super::spec::{Activity, Axes, Physics, SessionSpec};
 use crate::random::{Noise, Wander};
 use crate::units::GramForce;
 
@@ -149,6 +151,8 @@ pub struct WornGlove {
     strain: StrainField,
     contact: ContactField,
     readout: Readout,
+    /// Of taxels with three axes.
+    shear: Option<ShearField>,
     slip: Slip,
     jumps: Option<Jumps>,
     noise: Noise,
@@ -183,7 +187,12 @@ impl WornGlove {
             (None, Activity::Manipulation) => Some(JUMP_EVERY_S),
             (Some(per_min), _) => (per_min > 0.0).then(|| 60.0 / per_min),
         };
+        let shear = (spec.conditions.axes == Axes::Three).then(|| {
+            let hardware = of_finger(format!("{of_glove}, shear"));
+            ShearField::new(design, hardware, of_finger(format!("{of_session}, shear")))
+        });
         WornGlove {
+            shear,
             strain,
             contact: ContactField::new(design, &mut hardware, &mut noise),
             readout: Readout::new(design, &mut hardware, &mut noise),
@@ -196,7 +205,8 @@ impl WornGlove {
     /// The taxel readings, raw counts, `dt_s` after the previous sample.
     ///
     /// # Shapes
-    /// Returns `[taxels]` in the order of [`GloveDesign::taxels`].
+    /// Returns `[taxels]` in the order of [`GloveDesign::taxels`]; of taxels with three axes `[taxels, 3]`: x, y, and z, which is
+    /// pressure.
     pub fn sample(&mut self, dt_s: f64, state: &HandState) -> Vec<f32> {
         if let Some(jumps) = &mut self.jumps {
             jumps.advance(dt_s, &mut self.slip);
@@ -205,7 +215,11 @@ impl WornGlove {
         let (artifacts, bends) = self.strain.advance(dt_s, &state.pose, &slip);
         let touched = self.contact.advance(dt_s, &bends, state.contact, slip.common, &mut self.noise);
         let felt = touched.iter().zip(&artifacts).map(|(touched, artifact)| touched + artifact).collect();
-        self.readout.advance(dt_s, felt, &mut self.noise)
+        let pressed = self.readout.advance(dt_s, felt, &mut self.noise);
+        let Some(shear) = &mut self.shear else { return pressed };
+        let tangential = state.contact.and_then(|contact| contact.tangential).unwrap_or([GramForce(0.0); 2]);
+        let [x, y] = shear.advance(dt_s, &self.contact, tangential, (&touched, &artifacts), &slip);
+        x.into_iter().zip(y).zip(pressed).flat_map(|((x, y), z)| [x, y, z]).collect()
     }
 }
 

@@ -60,7 +60,11 @@ impl LoadCell {
         let [drag_x, drag_y] = self.friction.each_mut().map(|drag| drag.advance(dt_s, noise));
         let [x_m, y_m] = self.spot_mm.each_mut().map(|spot| spot.advance(dt_s, noise) * 1e-3);
         let normal = contact.map_or(0.0, |contact| Newton::from(contact.force).0);
-        let (fx, fy) = (normal * drag_x, normal * drag_y);
+        let (fx, fy) = match contact.and_then(|contact| contact.tangential) {
+            None => (normal * drag_x, normal * drag_y),
+            // On the cell, whose x is that of the patch, and whose y and z are the other way.
+            Some([x, y]) => (-Newton::from(x).0, Newton::from(y).0),
+        };
         let load = [fx, fy, normal, y_m * normal, -x_m * normal, x_m * fy - y_m * fx];
         let warm = 1.0 - libm::exp(-t_s / WARM_UP_S);
         let reading: [f64; 6] = std::array::from_fn(|axis| {

@@ -330,6 +330,8 @@ pub struct Contact {
     pub touch: usize,
     /// Normal force.
     pub force: GramForce,
+    /// Tangential force on the hand along x and y of the patch; `None` where nobody asked for it.
+    pub tangential: Option<[GramForce; 2]>,
 }
 
 /// Hand and contact at one point in time.
@@ -398,6 +400,6 @@ impl Performer {
         for (angle, yielded) in touching.iter_mut().zip(YIELD_RAD) {
             *angle -= yielded * give;
         }
-        HandState { pose, contact: Some(Contact { touch: next, force: GramForce(force) }) }
+        HandState { pose, contact: Some(Contact { touch: next, force: GramForce(force), tangential: None }) }
     }
 }

@@ -14,12 +14,13 @@ pub use error::SimError;
 pub use live::{Fault, LiveSession, Prompt};
 use tracker::Tracker;
 
+use super::drag::Drag;
 use super::glove::{GloveDesign, WornGlove};
 use super::hand::{Finger, Hand, JOINTS};
 use super::load_cell::LoadCell;
 use super::manipulation::{Repertoire, Touching};
 use super::performance::{Annotation, HandState, Performance, Performer};
-use super::spec::{Activity, Conditions, Fingers, SessionSpec, Tracking, TrackingErrors};
+use super::spec::{Activity, Axes, Conditions, Fingers, SessionSpec, Tracking, TrackingErrors};
 use super::touch::ForceStyle;
 use crate::protocol::{Name, Plan, Protocol};
 use crate::random::Noise;
@@ -68,7 +69,7 @@ pub enum Record {
         received: Stamp,
         /// Counts samples, including those that never arrive.
         sequence: u32,
-        /// `[taxels]`, counts; `[fingers, taxels]` if all fingertips have taxels, fingers as in [`Finger::ALL`].
+        /// `[taxels]`, counts, or `[taxels, 3]`: x, y, z of each; `[fingers, taxels]` if all fingertips have taxels, fingers as in [`Finger::ALL`].
         values: Vec<f32>,
     },
     /// A sample of the motion capture.
@@ -163,6 +164,8 @@ pub struct Session {
     annotations: std::vec::IntoIter<Annotation>,
     next_annotation: Option<Annotation>,
     fingertips: Vec<(Finger, WornGlove)>,
+    /// Of a hand that drags.
+    drag: Option<Drag>,
     tracker: Tracker,
     load_cell: LoadCell,
     names: Arc<[String]>,
@@ -212,6 +215,7 @@ impl Session {
             next_annotation: annotations.next(),
             annotations,
             fingertips: user.spec.fingers().iter().map(|f| (*f, WornGlove::on(*f, design, &user.spec))).collect(),
+            drag: (user.spec.conditions.axes == Axes::Three).then(|| Drag::new(user.of_session("drag"))),
             tracker: Tracker::new(&user),
             load_cell: LoadCell::new(user.of_session("load cell")),
             names: JOINTS.iter().map(|joint| (*joint).to_owned()).collect(),
@@ -234,7 +238,13 @@ impl Session {
             ("synthetic", "true".to_owned()),
             ("glove", self.spec.glove_name()),
             ("principle", design.map_or("", |design| design.principle).to_owned()),
-            ("taxels", (self.fingertips.len() * design.map_or(0, |design| design.taxels.len())).to_string()),
+            (
+                "taxels",
+                (self.fingertips.len()
+                    * design.map_or(0, |design| design.taxels.len())
+                    * self.spec.conditions.axes.n())
+                .to_string(),
+            ),
             ("sign", if design.is_some_and(GloveDesign::inverted) { "-1" } else { "1" }.to_owned()),
             ("user", self.spec.user.to_string()),
             ("donning", self.spec.session.to_string()),
@@ -294,7 +304,10 @@ impl Session {
 
     fn sample(&mut self, kind: Kind, sampling: &Sampling) {
         let (stamp, received) = (self.stamp(sampling.stamp_s), self.stamp(sampling.received_s));
-        let state = self.performer.advance(sampling.at_s);
+        let mut state = self.performer.advance(sampling.at_s);
+        if let (Some(drag), Some(contact)) = (&mut self.drag, &mut state.contact) {
+            contact.tangential = Some(drag.advance(sampling.at_s, contact));
+        }
         let record = match kind {
             Kind::Taxels => {
                 let touching = self.performer.performance().finger_at(sampling.at_s);

@@ -2,7 +2,7 @@
 
 mod conditions;
 
-pub use conditions::{Conditions, Fingers, Physics, Tracking, TrackingErrors};
+pub use conditions::{Axes, Conditions, Fingers, Physics, Tracking, TrackingErrors};
 
 use super::hand::Finger;
 use super::manipulation::{Episode, MAX_MANIPULATION_MINUTES, MIN_MANIPULATION_MINUTES, MIN_MINUTES_WITHOUT_GRASP};

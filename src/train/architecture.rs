@@ -81,6 +81,40 @@ pub struct Architecture {
     /// A taxel's reading of a light touch, for the causal network: it also gets the taxels in this unit, limited to 1.
     #[serde(default = "one")]
     pub touch_scale: f32,
+    /// The axes of a force that has three; the decoders give one number each, or these three.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axes: Option<ContactAxes>,
+}
+
+/// The axes in which a network of three decodes its force: it learns the normal force as the paper does, and beside it what
+/// is tangential.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ContactAxes {
+    /// The contact normal, and two tangents, each x, y, z in the frame of the patch; orthonormal.
+    pub in_patch: [[f64; 3]; 3],
+}
+
+impl ContactAxes {
+    /// Axes of a contact normal. The tangents are arbitrary: losses and scores don't depend on them.
+    pub fn of(normal: &nalgebra::Unit<nalgebra::Vector3<f64>>) -> Self {
+        // The axis of the patch that is least along the normal is well away from it.
+        let least = normal.iamin();
+        let aside = nalgebra::Vector3::from_fn(|axis, _| if axis == least { 1.0 } else { 0.0 });
+        let first = (aside - normal.into_inner() * normal.dot(&aside)).normalize();
+        let second = normal.cross(&first);
+        ContactAxes { in_patch: [normal.into_inner(), first, second].map(Into::into) }
+    }
+
+    /// Components of a tangential force along the two tangents.
+    pub fn tangents(&self, [x, y, z]: [f64; 3]) -> [f64; 2] {
+        let along = |axis: [f64; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
+        [along(self.in_patch[1]), along(self.in_patch[2])]
+    }
+
+    /// A tangential force x, y, z of its components along the two tangents.
+    pub fn across(&self, [first, second]: [f64; 2]) -> [f64; 3] {
+        std::array::from_fn(|axis| self.in_patch[1][axis] * first + self.in_patch[2][axis] * second)
+    }
 }
 
 fn one() -> f32 {
@@ -146,10 +180,20 @@ impl Architecture {
         if !scales.iter().all(|scale| scale.is_finite() && *scale > 0.0) {
             return refuse("tactile_scale, force_scale and touch_scale must be positive");
         }
+        if self.kind == Kind::Adaptive && self.axes.is_some() {
+            return refuse(
+                "an adaptive network gives the normal force only; train kind pose-aware or tactile-only for three axes",
+            );
+        }
         if self.kind == Kind::Adaptive && self.window < CAUSAL_FRAMES {
             return refuse("an adaptive network needs a window of 63 frames or more");
         }
         Ok(())
+    }
+
+    /// Numbers of a force: 1, or 3.
+    pub fn n_axes(&self) -> usize {
+        if self.axes.is_some() { 3 } else { 1 }
     }
 
     /// The parameters in their order in [`Network::values`](super::Network::values).
@@ -170,7 +214,7 @@ impl Architecture {
             list.push(&format!("tactile.conv{idx}"), &[N_FEATURES, N_FEATURES, TAPS]);
         }
         if self.kind != Kind::EarlyFusion {
-            list.push_decoder("base", N_FEATURES, BASE_HIDDEN, 1);
+            list.push_decoder("base", N_FEATURES, BASE_HIDDEN, self.n_axes());
         }
         if self.kind.uses_pose() {
             list.push_norm("pose.norm", 2 * self.n_joints);
@@ -187,9 +231,9 @@ impl Architecture {
         }
         match self.kind {
             Kind::TactileOnly | Kind::Adaptive => {}
-            Kind::EarlyFusion => list.push_decoder("fused", 2 * N_FEATURES, FUSION_HIDDEN, 1),
+            Kind::EarlyFusion => list.push_decoder("fused", 2 * N_FEATURES, FUSION_HIDDEN, self.n_axes()),
             Kind::PoseAware => {
-                list.push_decoder("residual", 3 * N_FEATURES, FUSION_HIDDEN, 1);
+                list.push_decoder("residual", 3 * N_FEATURES, FUSION_HIDDEN, self.n_axes());
                 list.push_decoder("auxiliary", N_FEATURES, FUSION_HIDDEN, self.n_taxels);
             }
         }

@@ -146,6 +146,11 @@ impl Dataset {
         self.sessions.first().map_or(0, Session::n_joints)
     }
 
+    /// Axes of the true force: 1 or 3.
+    pub fn n_axes(&self) -> usize {
+        self.sessions.first().map_or(1, Session::n_axes)
+    }
+
     /// The last frame of a window: its session, and its index there.
     pub fn window_end(&self, part: Part, window: usize) -> Option<(usize, usize)> {
         let idx = self.parts[part as usize].get(window)?;
@@ -251,9 +256,11 @@ fn check_widths(sessions: &[Session], needs_pose: bool) -> Result<(), DatasetErr
         if needs_pose && session.n_joints() == 0 {
             return Err(DatasetError::NoJoints { session: name() });
         }
-        for (what, expected, got) in
-            [("taxels", first.n_taxels(), session.n_taxels()), ("joints", first.n_joints(), session.n_joints())]
-        {
+        for (what, expected, got) in [
+            ("taxels", first.n_taxels(), session.n_taxels()),
+            ("joints", first.n_joints(), session.n_joints()),
+            ("axes of the true force", first.n_axes(), session.n_axes()),
+        ] {
             if expected != got {
                 let first = first.name().to_string();
                 return Err(DatasetError::Width { session: name(), first, what, expected, got });

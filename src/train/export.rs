@@ -4,7 +4,7 @@
 
 use serde_json::Value;
 
-use super::architecture::{Architecture, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, TAPS};
+use super::architecture::{Architecture, ContactAxes, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, TAPS};
 use super::error::TrainError;
 use super::network::{NORM_EPSILON, Network};
 use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchOutput};
@@ -222,17 +222,45 @@ impl Writer<'_> {
     fn decoder(&mut self, name: &str, x: &str, scale: f32, output: &str) -> Result<(), TrainError> {
         let hidden = self.linear(&format!("{name}.0"), x, 1.0, &format!("{name}.hidden"))?;
         let hidden = self.graph.node("Relu", &[&hidden], &format!("{name}.relu"), vec![]);
-        self.linear(&format!("{name}.1"), &hidden, scale, output).map(drop)
+        let name = format!("{name}.1");
+        let (weight, bias) = (self.values(&format!("{name}.weight"))?, self.values(&format!("{name}.bias"))?);
+        let (weight, bias) = match &self.network.architecture.axes {
+            Some(axes) => (in_patch(axes, weight), in_patch(axes, bias)),
+            None => (weight.to_vec(), bias.to_vec()),
+        };
+        self.linear_of(&name, &hidden, scale, (&weight, &bias), output).map(drop)
     }
 
     fn linear(&mut self, name: &str, x: &str, scale: f32, output: &str) -> Result<String, TrainError> {
+        let weight = self.values(&format!("{name}.weight"))?.to_vec();
+        let bias = self.values(&format!("{name}.bias"))?.to_vec();
+        self.linear_of(name, x, scale, (&weight, &bias), output)
+    }
+
+    fn linear_of(
+        &mut self,
+        name: &str,
+        x: &str,
+        scale: f32,
+        (weight, bias): (&[f32], &[f32]),
+        output: &str,
+    ) -> Result<String, TrainError> {
         let scaled = |values: &[f32]| values.iter().map(|value| value * scale).collect::<Vec<f32>>();
-        let weight = scaled(self.values(&format!("{name}.weight"))?);
-        let bias = scaled(self.values(&format!("{name}.bias"))?);
+        let (weight, bias) = (scaled(weight), scaled(bias));
         let rows = bias.len();
         let weight_dims = [rows as i64, (weight.len() / rows) as i64];
         let weight = self.graph.weights(&format!("{name}.weight"), &weight_dims, &weight);
         let bias = self.graph.weights(&format!("{name}.bias"), &[rows as i64], &bias);
         Ok(self.graph.gemm(x, &weight, &bias, output))
     }
+}
+
+/// Rows along the axes of the contact, turned to rows along x, y, z of the patch.
+fn in_patch(axes: &ContactAxes, rows: &[f32]) -> Vec<f32> {
+    let width = rows.len() / axes.in_patch.len();
+    let turned = |axis: usize, column: usize| {
+        let along = axes.in_patch.iter().zip(rows.chunks(width));
+        along.map(|(of, row)| of[axis] * f64::from(row[column])).sum::<f64>() as f32
+    };
+    (0..3).flat_map(|axis| (0..width).map(move |column| turned(axis, column))).collect()
 }

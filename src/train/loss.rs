@@ -18,6 +18,9 @@ pub struct LossConfig {
     pub lambda: f32,
     /// Weight of the cross-entropy of touch; 0 disables it. Only the causal network has an output for touch.
     pub touch_weight: f32,
+    /// Weight of the tangential terms beside those of the normal force, of the final force and of the base alike; 0 disables
+    /// them. Only a force of three axes has them.
+    pub tangential_weight: f32,
     /// Added to the true force in the denominator of the relative losses, gF. The paper's is 1, without a unit; read as
     /// 1 N it is 102 gF, read as 1 gF the network avoids reporting light touches (docs/validation).
     pub offset_gf: f32,
@@ -26,7 +29,7 @@ pub struct LossConfig {
 impl Default for LossConfig {
     fn default() -> Self {
         // The paper selects lambda by a sweep; with taxels scaled to about 1, both kinds of term start at about 1.
-        LossConfig { base_weight: 1.0, lambda: 1.0, touch_weight: 0.3, offset_gf: 102.0 }
+        LossConfig { base_weight: 1.0, lambda: 1.0, touch_weight: 0.3, tangential_weight: 1.0, offset_gf: 102.0 }
     }
 }
 
@@ -40,9 +43,12 @@ impl LossConfig {
             let got = self.offset_gf.to_string();
             return Err(TrainError::Setting { key: "offset_gf", got, expected: "a positive number" });
         }
-        for (key, weight) in
-            [("base_weight", self.base_weight), ("lambda", self.lambda), ("touch_weight", self.touch_weight)]
-        {
+        for (key, weight) in [
+            ("base_weight", self.base_weight),
+            ("lambda", self.lambda),
+            ("touch_weight", self.touch_weight),
+            ("tangential_weight", self.tangential_weight),
+        ] {
             if !weight.is_finite() || weight < 0.0 {
                 return Err(TrainError::Setting { key, got: weight.to_string(), expected: "0 or a positive number" });
             }
@@ -63,6 +69,9 @@ pub struct LossTerms {
     /// Cross-entropy of touch; 0 if the network has no such output.
     #[serde(default)]
     pub touch: f32,
+    /// Relative error of the tangential force; 0 for a force of one axis.
+    #[serde(default)]
+    pub tangential: f32,
     /// Their weighted sum.
     pub total: f32,
 }
@@ -74,6 +83,7 @@ impl LossTerms {
         self.base += part.base;
         self.artifact += part.artifact;
         self.touch += part.touch;
+        self.tangential += part.tangential;
         self.total += part.total;
     }
 }
@@ -102,13 +112,29 @@ pub(super) fn share(
         Tensor::<2>::from_data(TensorData::new(values, [n, 1]), device)
     };
     let truth = column(part.truth_gf.clone());
-    let force = relative_error(output.force, truth.clone(), cfg.offset_gf).sum() / measure.truths as f32;
+    let sides = (!part.tangential_gf.is_empty() && cfg.tangential_weight > 0.0).then(|| {
+        let values = part.tangential_gf.clone();
+        let n = values.len() / 2;
+        Tensor::<2>::from_data(TensorData::new(values, [n, 2]), device)
+    });
+    let (force, sideways) = along_and_across(output.force);
+    let force = relative_error(force, truth.clone(), cfg.offset_gf).sum() / measure.truths as f32;
     let mut terms = LossTerms { force: scalar(&force), ..LossTerms::default() };
     let mut total = force;
+    if let Some((sideways, sides)) = sideways.zip(sides.clone()) {
+        let tangential = tangential_error(sideways, sides, cfg.offset_gf).sum() / measure.truths as f32;
+        terms.tangential = scalar(&tangential);
+        total = total + tangential * cfg.tangential_weight;
+    }
     if let Some(base) = output.base.filter(|_| cfg.base_weight > 0.0) {
+        let (base, sideways) = along_and_across(base);
         let base = relative_error(base, truth, cfg.offset_gf).sum() / measure.truths as f32;
         terms.base = scalar(&base);
         total = total + base * cfg.base_weight;
+        if let Some((sideways, sides)) = sideways.zip(sides) {
+            let tangential = tangential_error(sideways, sides, cfg.offset_gf).sum() / measure.truths as f32;
+            total = total + tangential * (cfg.base_weight * cfg.tangential_weight);
+        }
     }
     if let Some(artifact) = output.artifact.filter(|_| cfg.lambda > 0.0 && part.zero_load.contains(&true)) {
         let [frames, n, n_taxels] = artifact.dims();
@@ -147,6 +173,24 @@ fn touch_weight(truth_gf: f32) -> f32 {
 /// |F^ - F| / (offset + F) of each window. A truth below zero is a residue of taring, so it counts as no load.
 fn relative_error(force: Tensor<2>, truth: Tensor<2>, offset_gf: f32) -> Tensor<2> {
     (force - truth.clone()).abs() / (truth.clamp_min(0.0) + offset_gf)
+}
+
+/// The normal force of each window, and where there are three axes its two tangential components.
+fn along_and_across(force: Tensor<2>) -> (Tensor<2>, Option<Tensor<2>>) {
+    let [n, axes] = force.dims();
+    match axes {
+        3 => (force.clone().slice([0..n, 0..1]), Some(force.slice([0..n, 1..3]))),
+        _ => (force, None),
+    }
+}
+
+/// Keeps the length of an error from having no gradient where it is zero, gF^2.
+const LENGTH_EPSILON: f32 = 1e-4;
+
+/// |T^ - T| / (offset + |T|) of each window, where T has two components: it doesn't depend on which tangents they are along.
+fn tangential_error(force: Tensor<2>, truth: Tensor<2>, offset_gf: f32) -> Tensor<2> {
+    let length = |vector: Tensor<2>| (vector.square().sum_dim(1) + LENGTH_EPSILON).sqrt();
+    length(force - truth.clone()) / (length(truth) + offset_gf)
 }
 
 fn scalar(tensor: &Tensor<1>) -> f32 {

@@ -112,11 +112,32 @@ impl Network {
         Ok(())
     }
 
-    /// Forces of windows, in gF, in inference mode: batch normalization uses its running statistics.
+    /// Forces of windows, in gF, in inference mode: batch normalization uses its running statistics. Those of three axes are
+    /// x, y, z in the frame of the patch, as those of the exported model.
     ///
     /// # Errors
     /// [`TrainError::Architecture`] when the windows don't have the network's shape.
     pub fn predict(&self, windows: Windows<'_>) -> Result<Forces, TrainError> {
+        let mut forces = self.predict_in_contact(windows)?;
+        if let Some(axes) = &self.architecture.axes {
+            let turn = |values: &mut Vec<f32>| {
+                for force in values.as_chunks_mut::<3>().0 {
+                    let [normal, first, second] = force.map(f64::from);
+                    let across = axes.across([first, second]);
+                    *force = std::array::from_fn(|axis| (axes.in_patch[0][axis] * normal + across[axis]) as f32);
+                }
+            };
+            turn(&mut forces.force);
+            turn(&mut forces.base);
+        }
+        Ok(forces)
+    }
+
+    /// The same in the axes of the contact: the normal force of each window, and of three axes its two tangential components.
+    ///
+    /// # Errors
+    /// As [`Network::predict`].
+    pub fn predict_in_contact(&self, windows: Windows<'_>) -> Result<Forces, TrainError> {
         let Architecture { window, n_taxels, n_joints, kind, .. } = self.architecture;
         let pose_len = if kind.uses_pose() { window * n_joints } else { 0 };
         let fits = |len: usize, of_one: usize| windows.n.checked_mul(of_one) == Some(len);
@@ -195,9 +216,9 @@ pub(super) struct Input {
 
 /// Outputs of a pass.
 pub(super) struct Output {
-    /// `[N, 1]`, gF; of the causal network `[outputs * N, 1]`, time first.
+    /// `[N, 1]`, gF; of the causal network `[outputs * N, 1]`, time first. Of three axes `[N, 3]`: normal, and two tangents.
     pub(super) force: Tensor<2>,
-    /// `[N, 1]`, gF: from the tactile branch alone.
+    /// As the force: from the tactile branch alone.
     pub(super) base: Option<Tensor<2>>,
     /// `[N, 1]`: log odds of touch.
     pub(super) touch: Option<Tensor<2>>,

@@ -55,6 +55,7 @@ fn reference() -> Reference {
         tactile_scale: TACTILE_SCALE,
         force_scale: 100.0,
         touch_scale: 1.0,
+        axes: None,
     };
     let mut network = Network::new(architecture, 0).unwrap();
     let mut lcg = Lcg(7);
@@ -79,7 +80,12 @@ fn reference() -> Reference {
         }
     }
     let truth_gf = floats(&expected["truth"]).iter().map(|value| *value as f32).collect();
-    Reference { network, batch: Batch { n: N, tactile, pose, truth_gf, zero_load, artifact }, expected, lcg }
+    Reference {
+        network,
+        batch: Batch { n: N, tactile, pose, truth_gf, tangential_gf: Vec::new(), zero_load, artifact },
+        expected,
+        lcg,
+    }
 }
 
 fn floats(value: &Value) -> Vec<f64> {

@@ -105,7 +105,12 @@ impl<'a> Trainer<'a> {
             tactile_scale: cfg.tactile_scale.unwrap_or_else(|| dataset.tactile_scale()),
             force_scale: cfg.force_scale,
             touch_scale: cfg.touch_scale,
+            axes: cfg.axes,
         };
+        if architecture.n_axes() > dataset.n_axes() {
+            let what = "a force of three axes needs a true force of three axes".to_string();
+            return Err(TrainError::Architecture { what });
+        }
         let long = match cfg.kind {
             Kind::Adaptive => Some(dataset.with_outputs(OUTPUTS)?),
             _ => None,

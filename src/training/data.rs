@@ -8,9 +8,9 @@ use super::report::SessionNotes;
 use super::{Request, TrainingError};
 use crate::config::Config;
 use crate::eval::Part;
-use crate::fusion::{ArtifactModel, PoseRange};
+use crate::fusion::{ArtifactModel, ForceAxes, PoseRange};
 use crate::observer::Observer;
-use crate::train::{Dataset, Kind, Session, WindowSpec, fit_artifact, pose_range};
+use crate::train::{ContactAxes, Dataset, Kind, Session, WindowSpec, fit_artifact, pose_range};
 
 /// Frames in a window; the paper's.
 const WINDOW: usize = 64;
@@ -29,6 +29,8 @@ pub(super) struct Data {
     /// Of the joints that a region needs; empty where it needs none.
     pub(super) pose_range: Vec<PoseRange>,
     pub(super) artifact: Option<Arc<ArtifactModel>>,
+    /// The axes of a force that has three.
+    pub(super) axes: Option<ContactAxes>,
 }
 
 impl Data {
@@ -39,7 +41,8 @@ impl Data {
         observer: &dyn Observer,
     ) -> Result<Self, TrainingError> {
         let kind = request.train.kind;
-        let mut loader = Loader::new(cfg, WINDOW, request.split, request.in_air.as_ref())?;
+        let mut loader = Loader::new(cfg, WINDOW, request.split, request.in_air.as_ref(), request.axes)?;
+        note_on_axes(cfg, request, observer);
         let n_passes = if kind == Kind::Adaptive { 2 } else { 1 };
         let total = (n_passes * bags.len()) as u64;
         let (mut artifact, mut ranges) = (None, Vec::new());
@@ -83,7 +86,8 @@ impl Data {
         if kind.uses_pose() {
             ranges = dataset.pose_range();
         }
-        let data = Data { dataset, notes, rate_hz: loader.rate_hz(), glove, pose_range: ranges, artifact };
+        let (rate_hz, axes) = (loader.rate_hz(), loader.axes());
+        let data = Data { dataset, notes, rate_hz, glove, pose_range: ranges, artifact, axes };
         observer.note(&data.summary());
         Ok(data)
     }
@@ -118,5 +122,16 @@ impl Data {
         let fingerprint = self.dataset.fingerprint();
         let what = if self.is_synthetic() { "synthetic sessions" } else { "sessions" };
         format!("{} {what}, data {}", self.notes.len(), &fingerprint[..16.min(fingerprint.len())])
+    }
+}
+
+/// Says that a true force of three axes is trained on for one only, where that is so.
+fn note_on_axes(cfg: &Config, request: &Request, observer: &dyn Observer) {
+    let truth = cfg.truth_of_region.first().copied().flatten().and_then(|idx| cfg.truth_sources.get(idx));
+    let has_three = truth.is_some_and(|truth| truth.axes.is_some());
+    if has_three && request.axes == ForceAxes::Normal && request.train.kind != Kind::Adaptive {
+        observer.note(
+            "the true force has three axes, and the model learns the normal force only; --axes 3 trains all three",
+        );
     }
 }

@@ -53,6 +53,14 @@ pub enum TrainingError {
         "--light-touches is for --kind adaptive: the taxels of other models keep the artifact of pose, which a touch doesn't add to"
     )]
     LightTouches,
+    #[error(
+        "--kind adaptive gives the normal force only; for --axes 3 train --kind pose-aware, tactile-only or early-fusion"
+    )]
+    AdaptiveAxes,
+    #[error(
+        "--axes 3 needs a true force of three axes, and truth.{truth} has one; set truth.{truth}.fields to the paths of x, y and z in the parameters"
+    )]
+    OneAxis { truth: String },
     #[error("{}: expected a name that ends with .onnx", path.display())]
     NotOnnx { path: PathBuf },
     #[error("{}: is already there; choose another name, or give --overwrite", path.display())]

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use super::TrainingError;
 use crate::bag::{BagReader, Inputs};
 use crate::config::Config;
-use crate::eval::Split;
-use crate::fusion::{ArtifactModel, Following, FusionConfig};
+use crate::eval::{Split, TruthError};
+use crate::fusion::{ArtifactModel, Following, ForceAxes, FusionConfig};
 use crate::observer::{self, Observer};
 use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, aligned, input_topics, read};
 use crate::sessions::{InAir, SessionError, annotated, session_name};
-use crate::train::{Session, SessionFrames};
+use crate::train::{ContactAxes, Session, SessionFrames};
 use crate::units::Stamp;
 use crate::zero::{self, KnownModels, Wanted};
 
@@ -31,6 +31,8 @@ pub(super) struct Loader<'c> {
     rate_hz: f64,
     artifact: Option<Arc<ArtifactModel>>,
     in_air: Option<&'c InAir>,
+    /// Of a force that has three.
+    axes: Option<ContactAxes>,
 }
 
 /// A session, and what was noted about it.
@@ -48,19 +50,32 @@ impl<'c> Loader<'c> {
         window: usize,
         split: Split,
         in_air: Option<&'c InAir>,
+        axes: ForceAxes,
     ) -> Result<Self, TrainingError> {
         let region_idx = 0;
         let region = &cfg.fusion.regions[region_idx];
         let Some(truth_idx) = cfg.truth_of_region[region_idx] else {
             return Err(TrainingError::NoTruth { region: region.name.clone() });
         };
+        let axes = match axes {
+            ForceAxes::Normal => None,
+            ForceAxes::Patch if cfg.truth_sources[truth_idx].axes.is_none() => {
+                return Err(TrainingError::OneAxis { truth: cfg.truth_sources[truth_idx].name.clone() });
+            }
+            ForceAxes::Patch => Some(ContactAxes::of(&region.patch.normal_in_patch)),
+        };
         let rate_hz = cfg.models[region.model].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
-        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air })
+        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air, axes })
     }
 
     /// The same, of taxels that this artifact was taken out of, followed as while the glove is worn.
     pub(super) fn with_artifact(self, artifact: Arc<ArtifactModel>) -> Self {
         Loader { artifact: Some(artifact), ..self }
+    }
+
+    /// The axes of a force that has three.
+    pub(super) fn axes(&self) -> Option<ContactAxes> {
+        self.axes
     }
 
     /// Model frames a second.
@@ -142,16 +157,27 @@ impl<'c> Loader<'c> {
         let n_taxels = region.taxels.len();
         let track = &labels.truth[0];
         let end = track.span().map_or(Stamp(i64::MIN), |(_, last)| last);
-        let tare = track.tare(&recording::zero_load(&labels.annotations, end)).map_err(|error| TrainingError::At {
+        let zero_load = recording::zero_load(&labels.annotations, end);
+        let of_truth = |error: TruthError| TrainingError::At {
             path: format!("truth {}", track.name()),
             reason: error.to_string(),
-        })?;
+        };
+        let tare = track.tare(&zero_load).map_err(of_truth)?;
+        let axes = match self.axes {
+            Some(axes) => track.axis_tares(&zero_load).map_err(of_truth)?.map(|tares| (axes, tares)),
+            None => None,
+        };
         track.doubts(&tare).iter().for_each(|doubt| observer.note(&format!("{name}: {doubt}")));
         let cuts = self.split.cuts(&recording::stage_spans(&labels.annotations, end.offset(1)));
         let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing.max_gap);
         let mut frames = SessionFrames { name, n_taxels, n_joints, ..SessionFrames::default() };
         let (mut epoch, mut last, mut n_without_truth) = (0, None, 0);
         for (row, truth) in truth.iter().enumerate() {
+            let stamp = rows.stamp[row];
+            let tangential = axes.as_ref().and_then(|(axes, tares)| {
+                let force = track.tangential_at(tares, stamp, self.cfg.fusion.timing.max_gap)?;
+                Some(axes.tangents(force.map(|force| force.0)))
+            });
             let Some(truth) = truth else {
                 (last, n_without_truth) = (None, n_without_truth + 1);
                 continue;
@@ -159,12 +185,12 @@ impl<'c> Loader<'c> {
             if last != Some(rows.stretch[row]) {
                 (epoch, last) = (epoch + 1, Some(rows.stretch[row]));
             }
-            let stamp = rows.stamp[row];
             // Before the first annotation there is no stage: nothing there is scored either.
             let Some(part) = cuts.part_at(stamp) else { continue };
             frames.tactile.extend_from_slice(&rows.tactile[row * n_taxels..(row + 1) * n_taxels]);
             frames.pose.extend_from_slice(&rows.pose[row * n_joints..(row + 1) * n_joints]);
             frames.truth_gf.push(truth.0 as f32);
+            frames.tangential_gf.extend(tangential.into_iter().flatten().map(|force| force as f32));
             frames.zero_load.push(labels.annotations.at(stamp).is_some_and(|annotation| annotation.zero_load));
             frames.part.push(part);
             frames.epoch.push(epoch);

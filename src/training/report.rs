@@ -142,6 +142,7 @@ impl Report {
                 base: mean(|loss| loss.base),
                 artifact: mean(|loss| loss.artifact),
                 touch: mean(|loss| loss.touch),
+                tangential: mean(|loss| loss.tangential),
                 total: mean(|loss| loss.total),
             };
             run.curve.push(Point { step: progress.step, learning_rate: progress.learning_rate, loss });
@@ -256,6 +257,8 @@ impl Report {
             "mdf_gf": test.corrected.mdf.value(),
             "mae_gf": test.corrected.mae_gf.value(),
             "r2": test.corrected.r2.value(),
+            "tangential_mae_gf": test.corrected.tangential.and_then(|score| score.mae_gf.value()),
+            "angle_deg": test.corrected.tangential.and_then(|score| score.angle_deg.value()),
             "windows": test.windows,
         });
         if let Some(map) = metrics.as_object_mut() {
@@ -283,18 +286,26 @@ fn test(
     let scoring = Scoring::default();
     let (mut corrected, mut base) = (Tally::new(scoring), Tally::new(scoring));
     let windows: Vec<usize> = (0..dataset.n_windows(Part::Test)).collect();
-    let mut has_base = false;
+    let (n_axes, mut has_base) = (network.architecture.n_axes(), false);
     for windows in windows.chunks(TEST_BATCH) {
         observer::check(observer)?;
         let batch = dataset.batch(Part::Test, windows, None);
-        let forces = network.predict(Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose })?;
-        for (idx, (truth, force)) in batch.truth_gf.iter().zip(&forces.force).enumerate() {
+        let windows = Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose };
+        let forces = network.predict_in_contact(windows)?;
+        for (idx, (truth, force)) in batch.truth_gf.iter().zip(forces.force.chunks(n_axes)).enumerate() {
             let touched = touch.zip(forces.touch.get(idx)).map(|(touch, p)| f64::from(*p) >= touch.levels.on);
-            corrected.add_judged(f64::from(*truth), Some(f64::from(*force)), touched);
+            let (truth, force) = (f64::from(*truth), force.iter().copied().map(f64::from).collect::<Vec<f64>>());
+            corrected.add_judged(truth, force.first().copied(), touched);
+            if let (Some(axes), [normal, first, second]) = (&network.architecture.axes, force.as_slice()) {
+                let of = |of: &[f32]| <[f32; 2]>::try_from(of).ok().map(|of| axes.across(of.map(f64::from)));
+                let true_tangential = batch.tangential_gf.chunks(2).nth(idx).and_then(of);
+                let tangential = axes.across([*first, *second]);
+                corrected.add_tangential((truth, true_tangential), (Some(*normal), Some(tangential)));
+            }
         }
         has_base |= !forces.base.is_empty();
-        for (truth, force) in batch.truth_gf.iter().zip(&forces.base) {
-            base.add(f64::from(*truth), Some(f64::from(*force)));
+        for (truth, force) in batch.truth_gf.iter().zip(forces.base.chunks(n_axes)) {
+            base.add(f64::from(*truth), force.first().copied().map(f64::from));
         }
     }
     let base = has_base.then(|| base.score());

@@ -83,7 +83,9 @@ fn bend_artifact_gf(design: &'static GloveDesign, user: u32) -> f64 {
         for _ in 0..24 {
             touch += 1;
             let rest = hold(&mut glove, INDEX_BASE, None);
-            added += (hold(&mut glove, INDEX_BASE, Some(Contact { touch, force: GramForce(force) })) - rest) / 24.0;
+            added += (hold(&mut glove, INDEX_BASE, Some(Contact { touch, force: GramForce(force), tangential: None }))
+                - rest)
+                / 24.0;
         }
         if added > artifact {
             return before.0 + (force - before.0) * (artifact - before.1) / (added - before.1);

@@ -23,6 +23,7 @@ mod replay_jobs;
 mod replay_memory;
 mod shards;
 mod simulate;
+mod three_axes;
 #[cfg(feature = "train")]
 mod train_command;
 #[cfg(feature = "train")]

@@ -27,6 +27,7 @@ pub fn contract(window: usize, n_taxels: usize, n_joints: usize) -> Contract {
         n_joints,
         rate_hz: 100.0,
         unit: ForceUnit::Newton,
+        axes: ForceAxes::Normal,
         touch: None,
         has_base: true,
         joints: None,

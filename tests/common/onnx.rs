@@ -33,6 +33,8 @@ pub struct LinearModel {
     pub branch_outputs: bool,
     /// Name of a touch output, if there is one: the sigmoid of the force.
     pub touch: Option<String>,
+    /// What the base and the residual are multiplied by for x, y and z, in a model of three axes.
+    pub axes: Option<[f32; 3]>,
     /// Entries of `metadata_props`.
     pub metadata: Vec<(String, String)>,
     /// What is wrong with it.
@@ -54,6 +56,10 @@ pub enum Flaw {
     TwoForces,
     /// `force` is `[N, 2]`, and the file tells no shape.
     TwoForcesUntold,
+    /// The file tells no shape of `force`.
+    ForceUntold,
+    /// `force_base` is `[N, 1]` in a model of three axes.
+    BaseOfOneAxis,
     /// The batch is this number, and nothing else.
     FixedBatch(i64),
     /// A further input that nobody feeds.
@@ -94,6 +100,7 @@ impl LinearModel {
             names: ["tactile", "pose", "force", "force_base", "force_residual"].map(String::from),
             branch_outputs: true,
             touch: None,
+            axes: None,
             metadata: Vec::new(),
             flaw: None,
         }
@@ -102,6 +109,12 @@ impl LinearModel {
     /// With other gains.
     pub fn gains(mut self, tactile_gain: f32, pose_gain: f32) -> Self {
         (self.tactile_gain, self.pose_gain) = (tactile_gain, pose_gain);
+        self
+    }
+
+    /// With forces of three axes: all in this direction.
+    pub fn axes(mut self, direction: [f32; 3]) -> Self {
+        self.axes = Some(direction);
         self
     }
 
@@ -161,7 +174,11 @@ impl LinearModel {
     }
 
     fn graph(&self) -> GraphProto {
-        let [tactile, pose, force, base, residual] = &self.names;
+        let [tactile, pose, force, ..] = &self.names;
+        let [base, residual] = match self.axes {
+            None => [self.names[3].as_str(), self.names[4].as_str()],
+            Some(_) => ["base_along", "residual_along"],
+        };
         let flaw = self.flaw;
         let mut weights = vec![TensorProto::int64("last", &[], &[-1]), self.tactile_weight()];
         let mut nodes = Vec::new();
@@ -201,6 +218,19 @@ impl LinearModel {
             Some(Flaw::BaseMovesWithPose) => node("Sub", &["taxel_sum", residual], base, vec![]),
             _ => node("Identity", &["taxel_sum"], base, vec![]),
         }
+        let [base, residual] = match self.axes {
+            None => [base, residual],
+            Some(direction) => {
+                weights.push(TensorProto::float32("direction", &[1, 3], &direction));
+                let [whole_base, whole_residual] = [self.names[3].as_str(), self.names[4].as_str()];
+                match flaw {
+                    Some(Flaw::BaseOfOneAxis) => node("Identity", &[base], whole_base, vec![]),
+                    _ => node("Mul", &[base, "direction"], whole_base, vec![]),
+                }
+                node("Mul", &[residual, "direction"], whole_residual, vec![]);
+                [whole_base, whole_residual]
+            }
+        };
         match flaw {
             Some(Flaw::ResidualAdded) => node("Add", &[base, residual], force, vec![]),
             Some(Flaw::BaseDoubled) => {
@@ -283,12 +313,22 @@ impl LinearModel {
 
     fn outputs(&self) -> Vec<ValueInfoProto> {
         let n_outputs = if self.branch_outputs { 3 } else { 1 };
-        let width = |idx: usize| if idx == 0 && self.flaw == Some(Flaw::TwoForces) { 2 } else { 1 };
+        let width = |idx: usize| match (self.flaw, idx) {
+            (Some(Flaw::TwoForces), 0) => 2,
+            (Some(Flaw::BaseOfOneAxis), 1) => 1,
+            _ => {
+                if self.axes.is_some() {
+                    3
+                } else {
+                    1
+                }
+            }
+        };
         let names = self.names[2..].iter().take(n_outputs).enumerate();
         let mut outputs: Vec<ValueInfoProto> = names
             .map(|(idx, name)| ValueInfoProto::float32(name, vec![self.batch(), DimensionProto::fixed(width(idx))]))
             .collect();
-        if self.flaw == Some(Flaw::TwoForcesUntold)
+        if matches!(self.flaw, Some(Flaw::TwoForcesUntold | Flaw::ForceUntold))
             && let Some(tensor) = outputs[0].r#type.as_mut().and_then(|r#type| r#type.tensor_type.as_mut())
         {
             tensor.shape = None;

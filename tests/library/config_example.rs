@@ -14,6 +14,7 @@ const OF_THE_EXAMPLE: [&str; 3] = ["joint_sources", "truth_sources", "region.<na
 fn is_commented(pattern: &str) -> bool {
     matches!(pattern, "tactile.<source>.row_period_ms" | "joint.<source>.names" | "timing.max_pose_age_ms")
         || matches!(pattern, "tactile.<source>.fields" | "tactile.<source>.no_reading" | "joint.<source>.hand.points")
+        || matches!(pattern, "truth.<source>.fields" | "truth.<source>.signs")
         || matches!(pattern, "contact.touch_on" | "contact.touch_off")
         || pattern.starts_with("region.<name>.contact.")
 }

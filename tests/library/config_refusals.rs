@@ -3,8 +3,10 @@
 use tactile_pose_fusion::config::{Config, DEFAULT_NODE, ParamTree, parse_param_file};
 use tactile_pose_fusion::fusion::FrameClock;
 use tactile_pose_fusion::msg::binding::{
-    CountFrom, JointFields, NamesFrom, PeriodFrom, Since, StampFrom, StampUnit, TaxelFields,
+    CountFrom, ForceFields, ForceReading, JointFields, NamesFrom, PeriodFrom, Since, StampFrom, StampUnit, TaxelFields,
 };
+
+use tactile_pose_fusion::units::{GramForce, Newton};
 
 const BASE: &str = "\
 /**:
@@ -524,4 +526,67 @@ fn files_that_cannot_be_read_are_refused_by_name() {
     assert_eq!(message, format!("{}: can't be read: it has more than 262144 bytes", long.display()));
     let message = tactile_pose_fusion::config::load(folder.path(), DEFAULT_NODE).unwrap_err().to_string();
     assert!(message.contains("can't be read: Is a directory"), "{message}");
+}
+
+const THREE_AXES: &str = "    truth_sources: [cell]
+    truth.cell.topic: /cell
+    truth.cell.fields: [wrench.force.y, wrench.force.x, wrench.force.z]
+";
+
+#[test]
+fn a_force_sensor_of_three_axes_has_its_fields_its_signs_and_the_normal_of_its_region() {
+    let cfg = with_lines(&format!("{THREE_AXES}    truth.cell.signs: [1, -1, 1]\n")).unwrap();
+    let paths = ["wrench.force.y", "wrench.force.x", "wrench.force.z"].map(str::to_owned);
+    assert_eq!(cfg.truth[0].fields.force, ForceFields::Axes(paths));
+    let (normal, force) = cfg.truth_sources[0].force(ForceReading::Axes([1.0, 2.0, 3.0]));
+    let in_gf = |newtons: f64| GramForce::from(Newton(newtons));
+    assert_eq!((normal, force), (in_gf(3.0), Some([1.0, -2.0, 3.0].map(in_gf))));
+    let turned = with_lines(&format!("{THREE_AXES}    region.index.normal: [0.0, -2.0, 0.0]\n")).unwrap();
+    assert_eq!(turned.truth_sources[0].force(ForceReading::Axes([1.0, 2.0, 3.0])).0, in_gf(-2.0));
+    // One axis, as before.
+    let one = with_lines("    truth_sources: [cell]\n    truth.cell: {topic: /cell, sign: -1}\n").unwrap();
+    assert_eq!(one.truth[0].fields.force, ForceFields::Normal("wrench.force.z".into()));
+    assert_eq!(one.truth_sources[0].force(ForceReading::Normal(2.0)), (in_gf(-2.0), None));
+}
+
+#[test]
+fn what_can_not_be_three_axes_is_refused_in_one_line() {
+    let refused = |lines: &str| with_lines(&format!("{THREE_AXES}{lines}")).unwrap_err();
+    assert_eq!(
+        refused("    truth.cell.sign: -1\n"),
+        "params/index.yaml:13: truth.cell.sign = -1 is for one axis; with truth.cell.fields, set truth.cell.signs"
+    );
+    assert_eq!(
+        refused("    truth.cell.field: wrench.force.z\n"),
+        "params/index.yaml:13: truth.cell.field = \"wrench.force.z\" is for one axis; with truth.cell.fields, set truth.cell.fields"
+    );
+    assert_eq!(
+        refused("    truth.cell.signs: [1, -1]\n"),
+        "params/index.yaml:13: truth.cell.signs = [1, -1] must have three elements, 1 or -1: one for each of the fields"
+    );
+    let told = refused("    truth.cell.signs: [1, 2, 1]\n");
+    assert!(told.starts_with("params/index.yaml:13: truth.cell.signs = [1, 2, 1] must be 1 or -1"), "{told}");
+    let with_fields = |fields: &str| {
+        with_lines(&format!("    truth_sources: [cell]\n    truth.cell: {{topic: /cell, fields: {fields}}}\n"))
+            .unwrap_err()
+    };
+    let told = with_fields("[wrench.force.x, wrench.force.y]");
+    assert!(told.ends_with("must name three fields: the force along x, y and z of the patch"), "{told}");
+    let told = with_fields("[a.x, a.y, a.x]");
+    assert!(told.ends_with("has \"a.x\" twice"), "{told}");
+    let told = with_fields("[a.x, a..y, a.z]");
+    assert!(told.ends_with("has \"a..y\", which is not the path of a field, such as wrench.force.x"), "{told}");
+    let one = "    truth_sources: [cell]\n    truth.cell: {topic: /cell, signs: [1, 1, 1]}\n";
+    let told = with_lines(one).unwrap_err();
+    assert!(told.ends_with("is for truth.cell.fields; set truth.cell.sign for one axis"), "{told}");
+    // Two regions that are pressed from different sides, under one sensor.
+    let two = THREE_AXES.to_owned()
+        + "    region.thumb: {model: tip, joints: [dip, pip], frame_id: thumb_tip, normal: [0.0, 0.0, -1.0]}\n";
+    let text = format!("{BASE}{two}").replace("regions: [index]", "regions: [index, thumb]");
+    let tree = parse_param_file(&text, "params/index.yaml", DEFAULT_NODE).unwrap();
+    let told = Config::from_tree(&tree).unwrap_err().to_string();
+    assert!(
+        told.contains("region.thumb.normal = [0.0, 0.0, -1.0] must be that of region.index.normal: both are measured"),
+        "{told}"
+    );
 }

@@ -608,6 +608,77 @@ fn a_probability_that_is_no_number_is_no_estimate() {
     assert!(only.flags.contains(Flags::NON_FINITE) && !only.contact.raw);
 }
 
+/// Gives the taxels of the last frame as x, y and z of the force, and of the base.
+#[derive(Debug)]
+struct Three(Contract);
+
+impl Three {
+    fn boxed(n_joints: usize) -> Box<dyn Regressor> {
+        Box::new(Three(Contract { axes: ForceAxes::Patch, ..contract(1, 3, n_joints) }))
+    }
+}
+
+impl Regressor for Three {
+    fn contract(&self) -> &Contract {
+        &self.0
+    }
+
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        out.clear();
+        for &start in windows.starts {
+            out.base.extend_from_slice(&windows.tactile[3 * start..3 * start + 3]);
+            out.force.extend(windows.tactile[3 * start..3 * start + 3].iter().map(|taxel| 2.0 * taxel));
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn a_force_of_three_axes_is_split_at_the_normal_and_contact_stays_on_the_normal_force() {
+    let mut one = region("tip", &[0, 1, 2], &[]);
+    one.patch.normal_in_patch = nalgebra::Unit::new_normalize(nalgebra::Vector3::new(0.0, -1.0, 0.0));
+    // Turned by 90 degrees about z: its -y looks along the frame's +x, its +x along the frame's +y.
+    let turn = nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+    one.patch.frame_from_patch = nalgebra::Isometry3::from_parts(nalgebra::Translation3::identity(), turn);
+    let cfg = config(3, vec![one]);
+    let mut core = fusion(cfg.clone(), vec![Three::boxed(0)]);
+    let samples = [
+        Sample::tactile(0.0, &[1.0, -0.5, 0.25]),
+        Sample::tactile(10.0, &[5.0, 0.0, 0.0]),
+        Sample::tactile(20.0, &[1.0, -1.0, f32::MAX]),
+    ];
+    let found = estimates(&mut core, &samples);
+    let newtons = |force: Option<[Newton; 3]>| force.map(|force| force.map(|force| force.0));
+    assert_eq!((found[0].force, newtons(found[0].tangential)), (Some(Newton(1.0)), Some([2.0, 0.0, 0.5])));
+    assert_eq!(found[0].force_base, Some(Newton(0.5)));
+    assert!(found[0].contact.raw, "the threshold is 0.5 N");
+    assert_eq!((found[1].force, newtons(found[1].tangential)), (Some(Newton(0.0)), Some([10.0, 0.0, 0.0])));
+    assert!(!found[1].contact.raw, "a tangential force is no contact by itself");
+    // An infinite number along an axis on which the normal has no part: no estimate.
+    assert_eq!((found[2].force, found[2].tangential, found[2].flags), (None, None, Flags::NON_FINITE));
+
+    let contract = Contract { axes: ForceAxes::Patch, ..contract(1, 3, 0) };
+    let mut outgoing = tactile_pose_fusion::msg::Outgoing::new(&cfg, &[&contract]);
+    let wrench = outgoing.wrench(Stamp(0), &found[0]).unwrap().wrench.force;
+    let off = [(wrench.x, 1.0), (wrench.y, 2.0), (wrench.z, 0.5)].map(|(got, expected)| (got - expected).abs());
+    assert!(off.iter().all(|off| *off < 1e-12), "{wrench:?}"); // rounding of one rotation
+    assert!(outgoing.wrench(Stamp(0), &found[2]).is_none());
+}
+
+#[test]
+fn the_gain_of_known_touches_is_that_of_all_axes_and_a_stale_pose_leaves_the_base_of_all() {
+    let mut core = fusion(config(3, vec![region("tip", &[0, 1, 2], &["dip"])]), vec![Three::boxed(1)]);
+    core.handle_force_gain(0, &ForceGain { gain: 1.5, low: 1.4, high: 1.6, touches: 3 }).unwrap();
+    let mut samples = vec![Sample::tactile(0.0, &[3.0, 4.0, 12.0]), Sample::joints(3.0, &[("dip", 0.0)])];
+    samples.extend((1..20).map(|k| Sample::tactile(10.0 * f64::from(k), &[3.0, 4.0, 12.0])));
+    let found = run(&mut core, &samples);
+    let stale = &found.last().unwrap().1;
+    assert_eq!(stale.flags, Flags::STALE_POSE);
+    assert_eq!((stale.force, stale.tangential), (Some(Newton(18.0)), Some([4.5, 6.0, 0.0].map(Newton))));
+    let fresh = found.iter().find(|(_, estimate)| estimate.flags.is_empty()).unwrap().1;
+    assert_eq!((fresh.force, fresh.tangential), (Some(Newton(36.0)), Some([9.0, 12.0, 0.0].map(Newton))));
+}
+
 /// One taxel that reads 100 for each rad of its joint, and 10 for a gF.
 fn artifact() -> std::sync::Arc<ArtifactModel> {
     std::sync::Arc::new(ArtifactModel {

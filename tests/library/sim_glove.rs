@@ -27,7 +27,7 @@ impl Bench {
 
     fn hold(&mut self, pose: HandPose, force: Option<GramForce>) -> f64 {
         self.touch += 1;
-        let contact = force.map(|force| Contact { touch: self.touch, force });
+        let contact = force.map(|force| Contact { touch: self.touch, force, tangential: None });
         let state = HandState { pose, contact };
         let mut sum = 0.0;
         for k in 0..40 {

@@ -12,8 +12,8 @@ use tactile_pose_fusion::sim::hand::{Finger, JOINTS};
 use tactile_pose_fusion::sim::manipulation::{Episode, MIN_MANIPULATION_MINUTES, Start};
 use tactile_pose_fusion::sim::touch::TouchKind;
 use tactile_pose_fusion::sim::{
-    Activity, Conditions, FULL_MINUTES, Fingers, MIN_MINUTES, Physics, Record, SessionSpec, Tracking, TrackingErrors,
-    simulate,
+    Activity, Axes, Conditions, FULL_MINUTES, Fingers, MIN_MINUTES, Physics, Record, SessionSpec, Tracking,
+    TrackingErrors, simulate,
 };
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 
@@ -619,4 +619,58 @@ fn conditions_that_make_no_sense_are_refused_in_one_line() {
     assert!(refused(ramps, manipulation(1)).contains("light_hold, still_hold or grasp"));
     let bare = Conditions { touching: Some(Finger::Ring), ..none() };
     assert!(refused(bare, spec(5.0)).starts_with("ring finger: this glove has taxels on the index fingertip alone"));
+}
+
+#[test]
+fn a_glove_with_shear_axes_feels_the_drag_and_its_pressure_is_that_of_the_same_session_without() {
+    let spec = spec(1.7);
+    let three = SessionSpec { conditions: Conditions { axes: Axes::Three, ..Conditions::default() }, ..spec.clone() };
+    let (mut taxels, mut truths) = (Vec::new(), Vec::new());
+    let session = simulate(&three).unwrap();
+    assert_eq!((&session.metadata()["axes"], &session.metadata()["taxels"]), (&"3".to_owned(), &"18".to_owned()));
+    let mut n_records = 0;
+    for (one, three) in simulate(&spec).unwrap().zip(session) {
+        n_records += 1;
+        assert_eq!((one.stamp(), one.received()), (three.stamp(), three.received()));
+        match (one, three) {
+            (Record::Taxels { values: pressure, .. }, Record::Taxels { values, .. }) => {
+                assert!(values.iter().skip(2).step_by(3).eq(pressure.iter()), "z is pressure");
+                let mean = |axis: usize| values.iter().skip(axis).step_by(3).sum::<f32>() / pressure.len() as f32;
+                taxels.push([f64::from(mean(0)), f64::from(mean(1))]);
+            }
+            (Record::Truth { force: one, .. }, Record::Truth { force, .. }) => {
+                assert_eq!(one[2], force[2], "the normal force is the same");
+                truths.push(force);
+            }
+            (one, three) => assert_eq!(one, three),
+        }
+    }
+    assert!(n_records > 20_000 && taxels.len().abs_diff(truths.len()) < 100, "{n_records}");
+    // Without load the cell reads its zero; under load the drag is bounded by friction, and the taxels go with it.
+    let zero: [f64; 3] = std::array::from_fn(|axis| {
+        let mut values: Vec<f64> = truths.iter().map(|force| force[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / if axis == 2 { 10 } else { 2 }]
+    });
+    let n = taxels.len().min(truths.len());
+    let (mut most, mut pairs) = (0.0_f64, [Vec::new(), Vec::new()]);
+    for (taxels, truth) in taxels.iter().zip(&truths).take(n) {
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|axis| truth[axis] - zero[axis]);
+        if z < 1.0 {
+            continue;
+        }
+        most = most.max(x.hypot(y) / z);
+        // On the hand along x and y of the patch: the cell's x is the patch's, and its force is that on the cell.
+        pairs[0].push((taxels[0], -x));
+        pairs[1].push((taxels[1], y));
+    }
+    assert!(most > 0.3 && most < 0.8, "{most}: friction is 0.6, and the zero wanders");
+    for (axis, pairs) in pairs.iter().enumerate() {
+        let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
+        let (mean_x, mean_y) = (mean(|pair| pair.0), mean(|pair| pair.1));
+        let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| of(x - mean_x, y - mean_y)).sum::<f64>();
+        let r = sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt();
+        // Bends stretch the skin along y, too.
+        assert!(pairs.len() > 1000 && r > [0.5, 0.3][axis], "axis {axis}: {r} of {}", pairs.len());
+    }
 }

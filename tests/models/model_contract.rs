@@ -5,7 +5,9 @@ use crate::common;
 use std::path::Path;
 
 use common::onnx::{Flaw, LinearModel};
-use tactile_pose_fusion::fusion::{ForceUnit, Forces, PoseRange, SharedWindows, TouchLevels, TouchOutput, Windows};
+use tactile_pose_fusion::fusion::{
+    ForceAxes, ForceUnit, Forces, PoseRange, SharedWindows, TouchLevels, TouchOutput, Windows,
+};
 use tactile_pose_fusion::model::{self, BackendChoice, Batch, Model, ModelError, ModelSpec, Origin};
 
 /// A sound model of 8 frames, 4 taxels, 2 joints.
@@ -173,7 +175,7 @@ fn each_flaw_has_its_own_line() {
             Flaw::LongerPose,
             "input pose is [N, 9, 2], but the window of input tactile has 8 frames; both inputs take the same frames",
         ),
-        (Flaw::TwoForces, "output force has shape [N, 2], expected [N] or [N, 1], one force a window"),
+        (Flaw::TwoForces, "output force has shape [N, 2], expected [N] or [N, 1], one force a window, or [N, 3], its x, y and z in the frame of the patch"),
         (
             Flaw::TwoForcesUntold,
             "a trial run of 3 windows failed: output force gave 6 values for 3 windows, expected one each",
@@ -335,6 +337,50 @@ fn a_force_that_is_not_finite_is_given_on_and_not_hidden() {
     assert!(forces.force[0].is_nan());
     assert_eq!(forces.force[1], 0.0);
     assert_eq!(forces.base[0], 5000.0);
+}
+
+#[test]
+fn a_force_of_three_axes_comes_as_three_numbers_a_window_in_each_runtime() {
+    let linear = sound().gains(0.5, 2.0).axes([0.25, -0.5, 1.0]);
+    for backend in [BackendChoice::Rten, BackendChoice::OnnxRuntime, BackendChoice::Auto] {
+        let mut model = match load_as(&linear, |spec| spec.backend = backend) {
+            Ok(model) => model,
+            Err(missing @ ModelError::NoOnnxRuntime { .. }) => {
+                common::without_onnx_runtime(&missing.to_string());
+                continue;
+            }
+            Err(refused) => panic!("{refused}"),
+        };
+        let contract = model.regressor.contract();
+        assert!(contract.axes == ForceAxes::Patch && contract.has_base, "{backend:?}");
+        let mut tactile = vec![9.0; 2 * 8 * 4];
+        tactile[28..32].copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
+        let mut pose = vec![9.0; 2 * 8 * 2];
+        pose[14..16].copy_from_slice(&[0.25, 0.5]);
+        let forces = run(&mut model, 2, &tactile, &pose);
+        let expected = [linear.expected(&[1.0, 2.0, 3.0, 4.0], &[0.25, 0.5]), linear.expected(&[9.0; 4], &[9.0; 2])];
+        let along = |force: f32| [0.25 * force, -0.5 * force, force];
+        assert_eq!(forces.force, expected.map(|(force, _)| along(force)).concat()); // few binary fractions: exact
+        assert_eq!(forces.base, expected.map(|(_, base)| along(base)).concat());
+    }
+    let info = load(&linear).unwrap().info;
+    assert_eq!(info.not_builtin.as_deref(), Some("its force has three axes"));
+    // With a touch output, and alone.
+    let mut model = load(&linear.clone().touch("touch_of_three").force_only()).unwrap();
+    assert_eq!(run(&mut model, 1, &[1.0; 32], &[0.0; 16]).force, [0.5, -1.0, 2.0]);
+}
+
+#[test]
+fn branches_have_the_axes_of_the_force_and_three_axes_are_told_by_the_file() {
+    let three = || sound().axes([1.0, 1.0, 1.0]);
+    let text = refusal(&three().flaw(Flaw::BaseOfOneAxis));
+    assert_eq!(text, "output force_base has shape [N, 1], expected [N, 3], as the force of the model");
+    let text = refusal(&three().flaw(Flaw::ForceUntold).force_only());
+    assert!(text.ends_with("a force of three axes needs the shape [N, 3] in the file"), "{text}");
+    let text = refusal(&sound().flaw(Flaw::TwoForces));
+    assert!(text.ends_with("one force a window, or [N, 3], its x, y and z in the frame of the patch"), "{text}");
+    let text = refusal(&three().flaw(Flaw::ResidualAdded));
+    assert!(text.contains("this one adds its residual"), "{text}");
 }
 
 #[test]

@@ -168,8 +168,16 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
         for form in [GraphForm::Fast, GraphForm::Plain] {
             let scales = (100.0, 1000.0, 1.0);
             let (tactile_scale, force_scale, touch_scale) = scales;
-            let architecture =
-                Architecture { kind, window, n_taxels: 5, n_joints: 3, tactile_scale, force_scale, touch_scale };
+            let architecture = Architecture {
+                kind,
+                window,
+                n_taxels: 5,
+                n_joints: 3,
+                tactile_scale,
+                force_scale,
+                touch_scale,
+                axes: None,
+            };
             let network = Network::new(architecture, 7).unwrap();
             let card = ModelCard {
                 rate_hz: 100.0,

@@ -11,7 +11,7 @@ use common::parity::Parity;
 use serde_json::json;
 use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::fusion::{
-    ARTIFACT_BASIS, ArtifactModel, ForceUnit, Forces, PoseRange, TouchLevels, TouchOutput, Windows,
+    ARTIFACT_BASIS, ArtifactModel, ForceAxes, ForceUnit, Forces, PoseRange, TouchLevels, TouchOutput, Windows,
 };
 use tactile_pose_fusion::model::{self, BackendChoice, ModelError, ModelSpec};
 use tactile_pose_fusion::train::*;
@@ -111,6 +111,73 @@ fn both_runtimes_give_what_the_network_gives_in_either_form() {
             }
         }
     }
+}
+
+#[test]
+fn both_runtimes_give_the_three_axes_that_a_network_of_three_has_learned() {
+    let folder = tempfile::tempdir().unwrap();
+    let axes = ContactAxes::of(&nalgebra::Unit::new_normalize(nalgebra::Vector3::new(0.3, -0.2, 0.9)));
+    for kind in [Kind::PoseAware, Kind::TactileOnly, Kind::EarlyFusion] {
+        let mut frames = train_common::frames("a", 120);
+        frames.tangential_gf = frames.truth_gf.iter().flat_map(|force| [0.3 * force, -0.2 * force]).collect();
+        let dataset = Dataset::new(vec![Session::new(frames).unwrap()], train_common::all_of_it(kind)).unwrap();
+        let mut trainer = Trainer::new(TrainConfig { axes: Some(axes), ..config(kind, 12) }, &dataset, 2).unwrap();
+        let network = trainer.run(&AtomicBool::new(false), None, &mut |_| {}).unwrap().last;
+        let batch = dataset.batch(Part::Train, &(0..40).collect::<Vec<_>>(), None);
+        let windows = Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose };
+        let expected = network.predict(windows).unwrap();
+        let in_contact = network.predict_in_contact(windows).unwrap();
+        for (force, [normal, first, second]) in expected.force.chunks(3).zip(in_contact.force.as_chunks::<3>().0) {
+            let along: f64 = force.iter().zip(axes.in_patch[0]).map(|(force, axis)| f64::from(*force) * axis).sum();
+            assert!((along - f64::from(*normal)).abs() < 1e-3, "{along} {normal}"); // float32 of some 100 gF
+            let length = |values: &[f32]| values.iter().map(|value| value * value).sum::<f32>().sqrt();
+            assert!((length(force) - length(&[*normal, *first, *second])).abs() < 1e-3);
+        }
+        for form in FORMS {
+            let path = folder.path().join("model.onnx");
+            std::fs::write(&path, onnx_model(&network, &card(kind), form).unwrap()).unwrap();
+            for backend in backends() {
+                let Some(mut model) = load(&path, backend) else { continue };
+                let contract = &model.info.contract;
+                assert_eq!((contract.axes, contract.has_base), (ForceAxes::Patch, kind == Kind::PoseAware));
+                let forces = common::run_windows(&mut model, windows).unwrap();
+                assert_close(&format!("{kind:?} {form:?} {backend:?}"), &forces.force, &expected.force);
+                assert_close(&format!("base of {kind:?} {form:?} {backend:?}"), &forces.base, &expected.base);
+            }
+        }
+    }
+    // What can't be is refused, and a truth of one axis trains no three.
+    let one = train_common::dataset(Kind::TactileOnly, 120);
+    let refused = Trainer::new(TrainConfig { axes: Some(axes), ..config(Kind::TactileOnly, 2) }, &one, 1);
+    assert!(refused.unwrap_err().to_string().contains("needs a true force of three axes"));
+}
+
+#[test]
+fn a_tangential_force_is_learned_beside_the_normal_force() {
+    let kind = Kind::TactileOnly;
+    let mut frames = train_common::frames("a", 400);
+    let part = |frame: usize| if frame < 300 { Part::Train } else { Part::Validation };
+    frames.part = (0..400).map(part).collect();
+    // Half of the touches drag one way, half the other, and one taxel tells which.
+    for frame in 0..400 {
+        let side = if (frame / 40) % 2 == 0 { 1.0 } else { -1.0 };
+        let force = frames.truth_gf[frame];
+        frames.tactile[frame * train_common::TAXELS] = 2.0 * force * side;
+        frames.tangential_gf.extend([0.5 * side * force, 0.0]);
+    }
+    let dataset = Dataset::new(vec![Session::new(frames).unwrap()], train_common::all_of_it(kind)).unwrap();
+    let axes = Some(ContactAxes::of(&nalgebra::Vector3::z_axis()));
+    let tangential = |loss: LossConfig| {
+        let cfg = TrainConfig { axes, loss, ..config(kind, 300) };
+        let outcome = Trainer::new(cfg, &dataset, 2).unwrap().run(&AtomicBool::new(false), None, &mut |_| {}).unwrap();
+        validate(&outcome.last, &dataset, Part::Validation, &LossConfig::default(), 1)
+            .unwrap()
+            .tangential_mae_gf
+            .unwrap()
+    };
+    let learned = tangential(LossConfig::default());
+    let ignored = tangential(LossConfig { tangential_weight: 0.0, ..LossConfig::default() });
+    assert!(learned < 6.0 && learned < 0.5 * ignored, "{learned} gF with its loss, {ignored} gF without");
 }
 
 #[test]
@@ -256,6 +323,7 @@ fn from_pytorch_export(path: &Path) -> Network {
         tactile_scale: 1.0,
         force_scale: 1.0,
         touch_scale: 1.0,
+        axes: None,
     };
     let mut network = Network::new(architecture, 0).unwrap();
     network.statistics.variance.fill(1.0 - 1e-5); // with the epsilon of the normalization: exactly no change

@@ -132,6 +132,7 @@ def simulate(
     minutes: float | None,
     activity: str,
     tracking: str,
+    axes: int,
     overwrite: bool,
     watcher: _Watcher,
 ) -> int: ...

@@ -56,6 +56,21 @@ class RegionEstimates:
         return self._column("force_n")
 
     @cached_property
+    def tangential_x_n(self) -> NDArray[np.float64]:
+        """x of the tangential force in the frame of the patch, N, where the model gives forces of three axes."""
+        return self._column("tangential_x_n")
+
+    @cached_property
+    def tangential_y_n(self) -> NDArray[np.float64]:
+        """y of the tangential force in the frame of the patch, N, where the model gives forces of three axes."""
+        return self._column("tangential_y_n")
+
+    @cached_property
+    def tangential_z_n(self) -> NDArray[np.float64]:
+        """z of the tangential force in the frame of the patch, N, where the model gives forces of three axes."""
+        return self._column("tangential_z_n")
+
+    @cached_property
     def base_n(self) -> NDArray[np.float64]:
         """Force of the tactile branch alone, N, where the model gives it."""
         return self._column("base_n")

@@ -149,6 +149,7 @@ def train(
     batch: int | None = None,
     learning_rate: float | None = None,
     light_touches: float | None = None,
+    axes: Literal[1, 3] = 1,
     stride: int = 1,
     seed: int = 0,
     threads: int | None = None,
@@ -182,6 +183,7 @@ def train(
         batch: Windows in a step.
         learning_rate: Largest learning rate.
         light_touches: For `"adaptive"`: share of the windows in the air to which a light touch is added, 0 to 1.
+        axes: Axes of the model's force: the normal force, or all three where the true force has them; not for `"adaptive"`.
         stride: Frames from one training window to the next.
         seed: The same seed on the same data gives the same model.
         threads: Threads; they change how long it takes and not what comes out.
@@ -217,6 +219,7 @@ def train(
         "batch": batch,
         "learning_rate": learning_rate,
         "light_touches": light_touches,
+        "axes": axes,
         "stride": stride,
         "seed": seed,
         "threads": threads,

@@ -436,6 +436,7 @@ def simulate(
     minutes: float | None = None,
     activity: Literal["protocol", "manipulation"] = "protocol",
     tracking: Literal["markers", "camera"] = "markers",
+    axes: Literal[1, 3] = 1,
     overwrite: bool = False,
     progress: Progress = True,
 ) -> int:
@@ -449,6 +450,7 @@ def simulate(
         session: Number of the donning of the glove by this user, from 1.
         minutes: Length; the whole protocol, 27.7 minutes, if not given.
         activity: The paper's protocol, or free manipulation.
+        axes: Axes of a taxel: pressure, or x, y and z of the patch, for a hand that also drags on the load cell.
         tracking: Joint angles by markers at 100 Hz, or by a camera at 30 Hz, late and noisy.
         overwrite: Replace an output that is already there.
         progress: Whether to show a bar, or a function of the frames done and of how many.
@@ -463,7 +465,7 @@ def simulate(
     """
     with Watcher("simulate", progress) as watcher:
         return _core.simulate(
-            os.fspath(output), glove, user, session, seed, minutes, activity, tracking, overwrite, watcher
+            os.fspath(output), glove, user, session, seed, minutes, activity, tracking, axes, overwrite, watcher
         )
 
 

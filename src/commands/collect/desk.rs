@@ -201,7 +201,7 @@ impl Desk {
                 },
                 Reading::Truth(sensor, binding) => match binding.decode(&cdr, received) {
                     Ok((_, reading)) => {
-                        let force = Newton::from(self.cfg.truth_sources[*sensor].force(reading));
+                        let force = Newton::from(self.cfg.truth_sources[*sensor].force(reading).0);
                         self.senses.handle_force(*sensor, force, received);
                         on_force(*sensor, force);
                     }

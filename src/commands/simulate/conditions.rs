@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::sim::hand::Finger;
 use crate::sim::manipulation::{Episode, Start};
-use crate::sim::{Activity, Conditions, Fingers, Physics, TrackingErrors};
+use crate::sim::{Activity, Axes, Conditions, Fingers, Physics, TrackingErrors};
 
 /// A glove as it is asked for.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +28,10 @@ pub(super) struct ConditionArgs {
     /// with folds that buckle)
     #[arg(long, value_name = "NAME", default_value = "separable", value_parser = physics, help_heading = "Glove")]
     physics: Physics,
+    /// Axes of a taxel: 1 (pressure), or 3: x, y and z of the patch, for a hand that also drags. Then the message has three numbers
+    /// a taxel, and the force truth has a tangential force
+    #[arg(long, value_name = "N", default_value = "1", value_parser = axes, help_heading = "Glove")]
+    axes: Axes,
     /// Sudden slips of the glove per minute, on average, 0 to 60; if not given, 0 in the protocol and 1.33 in free manipulation
     #[arg(long, value_name = "PER_MINUTE", help_heading = "Glove", allow_negative_numbers = true)]
     slips: Option<f64>,
@@ -79,6 +83,7 @@ impl ConditionArgs {
         Conditions {
             physics: self.physics,
             fingers: glove.fingers,
+            axes: self.axes,
             touching,
             episodes: self.episodes.clone(),
             start: self.start,
@@ -112,6 +117,11 @@ fn named<T: Copy>(known: &[T], name: fn(T) -> &'static str, text: &str) -> Resul
 
 fn physics(text: &str) -> Result<Physics, String> {
     named(&[Physics::Separable, Physics::Coupled], Physics::name, text)
+}
+
+fn axes(text: &str) -> Result<Axes, String> {
+    let found = [Axes::One, Axes::Three].into_iter().find(|axes| axes.n().to_string() == text);
+    found.ok_or_else(|| format!("expected 1 or 3, got {text:?}"))
 }
 
 fn finger(text: &str) -> Result<Finger, String> {

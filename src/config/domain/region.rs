@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
 use super::super::text::{list, one_line};
+use super::TruthSource;
 use super::reader::Reader;
 use crate::fusion::{ContactBy, ContactThresholds, Patch, RegionConfig, TactileSource, TactileSourceIdx, TouchLevels};
 use crate::msg::binding::{JointFields, NamesFrom, Topic};
@@ -77,6 +78,29 @@ pub(super) fn truths(
         found.map(Some).ok_or_else(|| reader.refused(&key, format!("is not among truth_sources = [{}]", known())))
     };
     regions.iter().map(one).collect()
+}
+
+/// Tells each force sensor of three axes which of the force is the normal force: the contact normal of its regions.
+pub(super) fn turn_truths(
+    reader: &Reader<'_>,
+    regions: &[RegionConfig],
+    truth_of_region: &[Option<usize>],
+    sources: &mut [TruthSource],
+) -> Result<(), ConfigError> {
+    for (idx, source) in sources.iter_mut().enumerate() {
+        let TruthSource { name, axes: Some(axes), .. } = source else { continue };
+        let mut of_it = regions.iter().zip(truth_of_region).filter(|(_, truth)| **truth == Some(idx));
+        let Some((first, _)) = of_it.next() else { continue };
+        axes.normal = first.patch.normal_in_patch;
+        if let Some((other, _)) = of_it.find(|(region, _)| region.patch.normal_in_patch != axes.normal) {
+            let (key, first_key) = (format!("region.{}.normal", other.name), format!("region.{}.normal", first.name));
+            let problem = format!(
+                "must be that of {first_key}: both are measured by the axes truth.{name}.fields; name a source for each"
+            );
+            return Err(reader.refused_either(&key, &first_key, &problem));
+        }
+    }
+    Ok(())
 }
 
 fn tactile_source(reader: &Reader<'_>, key: &str, sources: &[TactileSource]) -> Result<usize, ConfigError> {

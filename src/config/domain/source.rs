@@ -4,12 +4,15 @@ use std::collections::BTreeMap;
 
 use super::super::error::ConfigError;
 use super::super::scalar::ParamValue;
-use super::TruthSource;
+use super::super::text::one_line;
 use super::fields::{RECEIPT, field_or, millis_to_ns, only, optional_field, stamp};
 use super::hand::{is_hand, of_hand};
 use super::reader::Reader;
+use super::{TruthAxes, TruthSource};
 use crate::fusion::{ForceUnit, FrameClock, JointSource, TactileSource};
-use crate::msg::binding::{CountFrom, JointFields, NamesFrom, PeriodFrom, TaxelFields, Topic, TruthFields};
+use crate::msg::binding::{
+    CountFrom, ForceFields, JointFields, NamesFrom, PeriodFrom, TaxelFields, Topic, TruthFields,
+};
 use crate::msg::dynamic::check_path;
 
 /// Of each source the key of its type, its topic, and its type.
@@ -186,7 +189,14 @@ pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Top
 pub(super) fn truth(reader: &Reader<'_>, name: &str) -> Result<(TruthSource, Topic<TruthFields>), ConfigError> {
     let key = |tail: &str| format!("truth.{name}.{tail}");
     let type_name = message_type(reader, &key("type"))?;
-    let known = TruthFields::for_type(&type_name);
+    let axes = truth_axes(reader, &key)?;
+    let force = match &axes {
+        Some((paths, _)) => ForceFields::Axes(paths.clone()),
+        None => match TruthFields::for_type(&type_name) {
+            Some(known) if !reader.is_set(&key("field")) => known.force,
+            _ => ForceFields::Normal(reader.field(&key("field"))?),
+        },
+    };
     let source = TruthSource {
         name: name.to_owned(),
         stamp_offset_ns: millis_to_ns(reader.double(&key("stamp_offset_ms"))?),
@@ -197,13 +207,46 @@ pub(super) fn truth(reader: &Reader<'_>, name: &str) -> Result<(TruthSource, Top
             "mN" => ForceUnit::Millinewton,
             _ => ForceUnit::Newton,
         },
+        axes: axes.map(|(_, axes)| axes),
     };
-    let fields = TruthFields {
-        stamp: Some(stamp(reader, &key)?),
-        force: field_or(reader, &key("field"), known.as_ref().map(|known| known.force.as_str()))?,
-        only: only(reader, &key)?,
-    };
+    let fields = TruthFields { stamp: Some(stamp(reader, &key)?), force, only: only(reader, &key)? };
     Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
+}
+
+/// The paths of the force along x, y and z of the patch, and their signs, where a force sensor tells all three.
+fn truth_axes(
+    reader: &Reader<'_>,
+    key: &impl Fn(&str) -> String,
+) -> Result<Option<([String; 3], TruthAxes)>, ConfigError> {
+    let (fields_key, signs_key) = (key("fields"), key("signs"));
+    let paths = reader.unique_texts(&fields_key)?;
+    if paths.is_empty() {
+        if reader.is_set(&signs_key) {
+            return Err(reader.refused(&signs_key, format!("is for {fields_key}; set {} for one axis", key("sign"))));
+        }
+        return Ok(None);
+    }
+    let Ok(paths) = <[String; 3]>::try_from(paths) else {
+        return Err(reader.refused(&fields_key, "must name three fields: the force along x, y and z of the patch"));
+    };
+    if let Some(path) = paths.iter().find(|path| check_path(path).is_err()) {
+        let problem = format!("has \"{}\", which is not the path of a field, such as wrench.force.x", one_line(path));
+        return Err(reader.refused(&fields_key, problem));
+    }
+    for (one, instead) in [("field", &fields_key), ("sign", &signs_key)] {
+        if reader.is_set(&key(one)) {
+            return Err(reader.refused(&key(one), format!("is for one axis; with {fields_key}, set {instead}")));
+        }
+    }
+    let signs = match reader.value(&signs_key) {
+        Some(ParamValue::IntArray(signs)) => signs,
+        _ => vec![1; 3],
+    };
+    let Ok(signs) = <[i64; 3]>::try_from(signs) else {
+        return Err(reader.refused(&signs_key, "must have three elements, 1 or -1: one for each of the fields"));
+    };
+    // The normal is that of the region it belongs to, which is not known yet.
+    Ok(Some((paths, TruthAxes { inverted: signs.map(|sign| sign < 0), ..TruthAxes::default() })))
 }
 
 /// Where the types of a family of sources are set, for [`one_type_a_topic`].

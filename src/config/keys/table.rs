@@ -231,6 +231,19 @@ pub static KEYS: &[ParamKey] = &[
         "Path of the force: one number",
     ),
     ParamKey::new(
+        "truth.<source>.fields",
+        Kind::StrArray,
+        EmptyArray,
+        "For a force sensor with three axes, in place of field: paths of the numbers along x, y and z of the patch, in this order",
+    ),
+    ParamKey::new(
+        "truth.<source>.signs",
+        Kind::IntArray,
+        Depends("1, 1, 1"),
+        "For fields: -1 for each axis whose reading is the other way, so that all are of the force on the hand by the object",
+    )
+    .range(ParamRange::Ints(&[1, -1])),
+    ParamKey::new(
         "truth.<source>.stamp",
         Kind::Str,
         Str("header.stamp"),

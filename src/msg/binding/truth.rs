@@ -6,13 +6,31 @@ use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs};
 use crate::units::Stamp;
 
-/// Which field of a message holds the true force.
+/// Where a message holds the true force. Paths lead to one number each.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ForceFields {
+    /// The normal force, positive under pressure once the sign of the source is applied.
+    Normal(String),
+    /// x, y and z of the force in the frame of the patch, once the signs of the source are applied.
+    Axes([String; 3]),
+}
+
+/// What a message says of the force, in the unit and with the signs of the source.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ForceReading {
+    /// The normal force.
+    Normal(f64),
+    /// x, y and z.
+    Axes([f64; 3]),
+}
+
+/// Which fields of a message hold the true force.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TruthFields {
     /// Where the stamp comes from; `None` where the type has none and nobody has said.
     pub stamp: Option<StampFrom>,
-    /// Path of the force: one number, positive under pressure once the sign of the source is applied.
-    pub force: String,
+    /// The force.
+    pub force: ForceFields,
     /// `field=value` that a message must have to be for this source; all messages are where there is none.
     pub only: Option<String>,
 }
@@ -22,24 +40,30 @@ impl TruthFields {
     pub fn for_type(type_name: &str) -> Option<Self> {
         (canonical_type_name(type_name) == "geometry_msgs/msg/WrenchStamped").then(|| TruthFields {
             stamp: Some(StampFrom::Field("header.stamp".to_owned())),
-            force: "wrench.force.z".to_owned(),
+            force: ForceFields::Normal("wrench.force.z".to_owned()),
             only: None,
         })
     }
 }
 
-/// The field of a message type, compiled.
+#[derive(Debug, Clone)]
+enum ForcePlan {
+    Normal(FieldPlan),
+    Axes(Box<[FieldPlan; 3]>),
+}
+
+/// The fields of a message type, compiled.
 #[derive(Debug, Clone)]
 pub struct TruthBinding {
     type_name: String,
     only: OnlyPlan,
     stamp: StampPlan,
-    force: FieldPlan,
+    force: ForcePlan,
     read: Vec<f64>,
 }
 
 impl TruthBinding {
-    /// Compiles the field against a type.
+    /// Compiles the fields against a type.
     ///
     /// # Errors
     /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
@@ -48,7 +72,13 @@ impl TruthBinding {
             type_name: tree.type_name().to_owned(),
             only: OnlyPlan::compile(fields.only.as_ref(), tree)?,
             stamp: StampPlan::compile(fields.stamp.as_ref(), tree)?,
-            force: plan("field", tree, &fields.force, ReadAs::Numbers)?,
+            force: match &fields.force {
+                ForceFields::Normal(path) => ForcePlan::Normal(plan("field", tree, path, ReadAs::Numbers)?),
+                ForceFields::Axes([x, y, z]) => {
+                    let axis = |path: &String| plan("fields", tree, path, ReadAs::Numbers);
+                    ForcePlan::Axes(Box::new([axis(x)?, axis(y)?, axis(z)?]))
+                }
+            },
             read: vec![],
         })
     }
@@ -56,19 +86,27 @@ impl TruthBinding {
     /// Decodes a message that arrived at `received`: when the force was measured, and the force in the source's unit.
     ///
     /// # Errors
-    /// [`SampleError`] when the bytes are not what the definition says, or the field holds another number of values
+    /// [`SampleError`] when the bytes are not what the definition says, or a field holds another number of values
     /// than one, or the message is for another source.
-    pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<(Stamp, f64), SampleError> {
+    pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<(Stamp, ForceReading), SampleError> {
         self.only.admit(cdr)?;
-        self.read.clear();
-        self.force.read_f64(cdr, &mut self.read)?;
-        match self.read.as_slice() {
-            [force] => Ok((self.stamp.read(cdr, received)?, *force)),
-            values => {
-                let (type_name, n_values) = (self.type_name.clone(), values.len());
-                Err(SampleError::NotOneForce { type_name, n_values })
+        let Self { type_name, force, read, stamp, .. } = self;
+        let mut one = |plan: &FieldPlan| {
+            read.clear();
+            plan.read_f64(cdr, read)?;
+            match read.as_slice() {
+                [force] => Ok(*force),
+                values => Err(SampleError::NotOneForce { type_name: type_name.clone(), n_values: values.len() }),
             }
-        }
+        };
+        let force = match force {
+            ForcePlan::Normal(plan) => ForceReading::Normal(one(plan)?),
+            ForcePlan::Axes(plans) => {
+                let [x, y, z] = plans.as_ref();
+                ForceReading::Axes([one(x)?, one(y)?, one(z)?])
+            }
+        };
+        Ok((stamp.read(cdr, received)?, force))
     }
 
     /// How often the device's clock was set or started anew, where stamps are those of its own clock.

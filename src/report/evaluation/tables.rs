@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::columns::{Cells, ColumnFile, ColumnsError, Kind};
-use crate::eval::{GroupScore, Measure, Metric, ScoredFrames};
+use crate::eval::{GroupScore, Measure, Metric, ScoredFrames, TangentialScore};
 use crate::evaluate::{Evaluated, Series, Session};
 
-const SCORES: [(&str, Kind); 20] = [
+const SCORES: [(&str, Kind); 23] = [
     ("model", Kind::Text),
     ("by", Kind::Text),
     ("free_movement", Kind::Flag),
@@ -21,6 +21,9 @@ const SCORES: [(&str, Kind); 20] = [
     ("mdf", Kind::Text),
     ("mae_gf", Kind::Number),
     ("r2", Kind::Number),
+    ("tangential_mae_gf", Kind::Number),
+    ("angle_deg", Kind::Number),
+    ("n_tangential", Kind::Whole),
     ("n_scored", Kind::Whole),
     ("n_without_truth", Kind::Whole),
     ("n_without_estimate", Kind::Whole),
@@ -29,7 +32,7 @@ const SCORES: [(&str, Kind); 20] = [
     ("scored", Kind::Text),
 ];
 
-const FRAMES: [(&str, Kind); 18] = [
+const FRAMES: [(&str, Kind); 24] = [
     ("stamp", Kind::Stamp),
     ("model", Kind::Text),
     ("glove", Kind::Text),
@@ -41,6 +44,12 @@ const FRAMES: [(&str, Kind); 18] = [
     ("zero_load", Kind::Flag),
     ("truth_gf", Kind::Number),
     ("estimate_gf", Kind::Number),
+    ("true_tangential_x_gf", Kind::Number),
+    ("true_tangential_y_gf", Kind::Number),
+    ("true_tangential_z_gf", Kind::Number),
+    ("tangential_x_gf", Kind::Number),
+    ("tangential_y_gf", Kind::Number),
+    ("tangential_z_gf", Kind::Number),
     ("base_gf", Kind::Number),
     ("artifact_gf", Kind::Number),
     ("touch", Kind::Number),
@@ -68,6 +77,10 @@ pub fn write_scores(path: &Path, result: &Evaluated) -> Result<(), ColumnsError>
                 let count = |of: fn(&GroupScore) -> u64| {
                     Cells::Whole(groups.iter().map(|one| i64::try_from(of(one)).ok()).collect())
                 };
+                // Absent where truth or model has one axis.
+                let tangential = |of: fn(TangentialScore) -> Option<f64>| {
+                    Cells::Number(groups.iter().map(|one| one.score.tangential.and_then(of)).collect())
+                };
                 let text = |text: &str| Cells::Text(vec![Some(text.to_owned()); n]);
                 file.write(&[
                     text(&model.name),
@@ -84,6 +97,14 @@ pub fn write_scores(path: &Path, result: &Evaluated) -> Result<(), ColumnsError>
                     Cells::Text(groups.iter().map(|one| Some(one.score.mdf.to_string())).collect()),
                     metric(|one| one.score.mae_gf),
                     metric(|one| one.score.r2),
+                    tangential(|score| score.mae_gf.value()),
+                    tangential(|score| score.angle_deg.value()),
+                    Cells::Whole(
+                        groups
+                            .iter()
+                            .map(|one| one.score.tangential.and_then(|of| i64::try_from(of.n_frames).ok()))
+                            .collect(),
+                    ),
                     count(|one| one.score.coverage.n_scored),
                     count(|one| one.score.coverage.n_without_truth),
                     count(|one| one.score.coverage.n_without_estimate),
@@ -142,6 +163,10 @@ fn cells(model: &str, frames: &ScoredFrames, is_synthetic: bool) -> [Cells; FRAM
     };
     let asked = |idx: &usize| frames.asked.get(*idx);
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+    let axis = |column: &[Option<[f64; 3]>], axis: usize| {
+        let force = |idx: usize| finite((*column.get(idx)?)?[axis]);
+        Cells::Number((0..n).map(force).collect())
+    };
     let base = |idx: usize| frames.base_gf.get(idx).copied().flatten();
     let artifact = |idx: usize| Some(base(idx)? - frames.estimate_gf[idx]?);
     [
@@ -156,6 +181,12 @@ fn cells(model: &str, frames: &ScoredFrames, is_synthetic: bool) -> [Cells; FRAM
         Cells::Flag(frames.origin.iter().map(|idx| asked(idx).map(|asked| asked.zero_load)).collect()),
         Cells::Number(frames.truth_gf.iter().map(|truth| finite(*truth)).collect()),
         Cells::Number(frames.estimate_gf.clone()),
+        axis(&frames.true_tangential_gf, 0),
+        axis(&frames.true_tangential_gf, 1),
+        axis(&frames.true_tangential_gf, 2),
+        axis(&frames.tangential_gf, 0),
+        axis(&frames.tangential_gf, 1),
+        axis(&frames.tangential_gf, 2),
         Cells::Number((0..n).map(base).collect()),
         Cells::Number((0..n).map(artifact).collect()),
         Cells::Number((0..n).map(|idx| frames.touch.get(idx).copied().flatten()).collect()),

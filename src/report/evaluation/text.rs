@@ -6,9 +6,10 @@ use std::fmt::Write as _;
 use comfy_table::{Table, presets};
 
 use super::pose_quality;
-use crate::eval::{Distribution, GroupBy, Improvement, Measure, Metric, ResultTable, Score};
+use crate::eval::{Distribution, GroupBy, Improvement, Measure, Metric, ResultTable, Score, TangentialScore};
 use crate::evaluate::{Evaluated, ModelScores, Pairing};
 use crate::report::checks;
+use crate::units::{GramForce, Newton};
 
 /// The table, and what was gained.
 pub fn short_text(result: &Evaluated) -> String {
@@ -33,6 +34,50 @@ fn heading(text: &mut String, result: &Evaluated) {
         touch_by(result).into_iter().for_each(|line| {
             let _ = writeln!(text, "\n{line}");
         });
+        tangential(text, result);
+    }
+}
+
+/// The tangential force, where truth and some model have three axes.
+fn tangential(text: &mut String, result: &Evaluated) {
+    let scores = result.tangential();
+    if scores.is_empty() {
+        return;
+    }
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN).set_header(TANGENTIAL_HEADER);
+    for (glove, model, score) in scores {
+        let bias: Vec<String> = score.bias_gf.iter().map(|bias| number(*bias, 1)).collect();
+        table.add_row([
+            glove.to_owned(),
+            model.to_owned(),
+            tangential_mae(&score),
+            number(score.angle_deg, 1),
+            bias.join(", "),
+            score.n_frames.to_string(),
+        ]);
+    }
+    let _ = writeln!(text, "\n{TANGENTIAL}\n\n{table}");
+}
+
+/// What the table of the tangential force is called, and its columns.
+pub(super) const TANGENTIAL: &str = "Tangential force: its mean error, the angle between true and estimated force over touch, and its mean error along x, y, z of the patch";
+pub(super) const TANGENTIAL_HEADER: [&str; 6] =
+    ["Glove", "Model", "Tangential MAE N (gF)", "Angle deg", "Bias x, y, z gF", "Frames"];
+
+/// In both units.
+pub(super) fn tangential_mae(score: &TangentialScore) -> String {
+    match score.mae_gf.value() {
+        Some(mae) => format!("{:.3} ({mae:.1})", Newton::from(GramForce(mae)).0),
+        None => number(score.mae_gf, 1),
+    }
+}
+
+/// With so many digits, or in words.
+pub(super) fn number(metric: Metric, digits: usize) -> String {
+    match metric {
+        Metric::Value(value) => format!("{value:.digits$}"),
+        Metric::Undefined { undefined } => undefined.to_string(),
     }
 }
 

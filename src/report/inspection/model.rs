@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::format::{bytes, number, printable, shortened, table};
-use crate::fusion::TouchOutput;
+use crate::fusion::{ForceAxes, TouchOutput};
 use crate::model::{Batch, ModelInfo, Origin, unit_name};
 use crate::units::GramForce;
 
@@ -44,6 +44,9 @@ pub fn text(model: &ModelInfo) -> String {
     }
     line("rate", &format!("{} Hz, {}", number(contract.rate_hz), origin(model.rate_from)));
     line("unit", &format!("{}, {}", unit_name(contract.unit), origin(model.unit_from)));
+    if contract.axes == ForceAxes::Patch {
+        line("force", "three axes: x, y, z in the frame of the patch; contact is decided on the part along its normal");
+    }
     let base = match (contract.has_base, contract.n_joints) {
         (false, 0) if contract.artifact.is_some() => {
             "not given: where pose is missing, the artifact of the last angles is used"

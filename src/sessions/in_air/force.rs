@@ -143,14 +143,22 @@ mod tests {
     use super::*;
     use crate::config::TruthSource;
     use crate::fusion::ForceUnit;
+    use crate::msg::binding::ForceReading;
 
     const MS: i64 = 1_000_000;
 
     /// Readings at 100 Hz for so long.
     fn track(seconds: i64, force: impl Fn(f64) -> f64) -> TruthTrack {
-        let source = TruthSource { name: "cell".into(), stamp_offset_ns: 0, inverted: false, unit: ForceUnit::Newton };
+        let source = TruthSource {
+            name: "cell".into(),
+            stamp_offset_ns: 0,
+            inverted: false,
+            unit: ForceUnit::Newton,
+            axes: None,
+        };
         let mut track = TruthTrack::new(source);
-        (0..seconds * 100).for_each(|k| track.handle_reading(Stamp(k * 10 * MS), force(k as f64 / 100.0)));
+        (0..seconds * 100)
+            .for_each(|k| track.handle_reading(Stamp(k * 10 * MS), ForceReading::Normal(force(k as f64 / 100.0))));
         track
     }
 
@@ -187,11 +195,17 @@ mod tests {
     fn a_gap_is_not_in_the_air_and_several_sensors_must_agree() {
         let source = |idle: std::ops::Range<i64>| {
             let all = track(10, |_| 1.0);
-            let source = TruthSource { name: "b".into(), stamp_offset_ns: 0, inverted: false, unit: ForceUnit::Newton };
+            let source = TruthSource {
+                name: "b".into(),
+                stamp_offset_ns: 0,
+                inverted: false,
+                unit: ForceUnit::Newton,
+                axes: None,
+            };
             let mut track = TruthTrack::new(source);
             all.readings()
                 .filter(|(stamp, _)| !idle.contains(&(stamp.0 / MS)))
-                .for_each(|(stamp, _)| track.handle_reading(stamp, 1.0));
+                .for_each(|(stamp, _)| track.handle_reading(stamp, ForceReading::Normal(1.0)));
             track
         };
         let found = below(&[source(3000..5000), source(8000..9000)], Newton(0.05), 100 * MS).unwrap();

@@ -68,6 +68,18 @@ pub(super) struct ContactField {
     wander_mm: [Wander; 2],
     slow_gain: Wander,
     creep: [Lag; 2],
+    felt: Felt,
+}
+
+/// What the glove feels of a touch at one point in time.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Felt {
+    /// Gain of all taxels.
+    pub(super) gain: f64,
+    /// Where the finger is touched, mm.
+    pub(super) spot_mm: [f64; 2],
+    /// Force after creep, gF.
+    pub(super) force_gf: f64,
 }
 
 impl ContactField {
@@ -89,7 +101,19 @@ impl ContactField {
             wander_mm: std::array::from_fn(|_| Wander::new(SPOT_WANDER_MM, 1.0, noise)),
             slow_gain: Wander::new(design.slow_gain, SLOW_GAIN_S, noise),
             creep: CREEP_S.map(Lag::new),
+            felt: Felt::default(),
         }
+    }
+
+    /// What was felt at the last sample.
+    pub(super) fn felt(&self) -> Felt {
+        self.felt
+    }
+
+    /// The fraction of the touch that a taxel got at the last sample, 0 to 1.
+    pub(super) fn reach_of(&self, taxel_idx: usize) -> f64 {
+        let Felt { spot_mm, force_gf, .. } = self.felt;
+        self.taxels.get(taxel_idx).map_or(0.0, |taxel| reach(taxel.at_mm, spot_mm, force_gf))
     }
 
     /// Readings caused by force, fraction of full scale.
@@ -117,6 +141,7 @@ impl ContactField {
         let force_gf = contact.map_or(0.0, |contact| contact.force.0);
         let [fast, slow] = self.creep.each_mut().map(|creep| creep.advance(dt_s, force_gf));
         let felt_gf = (1.0 - CREEP) * force_gf + CREEP * 0.5 * (fast + slow);
+        self.felt = Felt { gain, spot_mm, force_gf: felt_gf };
         let locality = bends.local();
         let reading = |taxel: &Taxel| {
             let by_pose = (1.0 + taxel.pose_gain * locality).max(0.1);

@@ -11,6 +11,8 @@ const CROSS_TALK_MM: f64 = 6.0; // how far neighbours are
 const DRIFT: f64 = 0.01; // of full scale, sd
 const DRIFT_S: f64 = 300.0;
 const MAX_COUNTS: f64 = 4095.0; // 12 bit
+const SHEAR_REST_COUNTS: f64 = 2048.0; // in the middle
+const SHEAR_SPAN: f64 = 0.8; // of the counts of pressure: room for both ways
 
 #[derive(Debug, Clone)]
 struct Taxel {
@@ -40,6 +42,15 @@ impl Readout {
             low_pass: Lag::new(design.low_pass_s),
         });
         Readout { taxels: taxels.collect(), span_counts: design.span_counts, noise: design.noise }
+    }
+
+    /// The electronics of one shear axis, which reads both ways.
+    pub(super) fn of_shear(design: &GloveDesign, hardware: &mut Noise, noise: &mut Noise) -> Self {
+        let mut readout = Readout::new(design, hardware, noise);
+        let shift = SHEAR_REST_COUNTS - design.rest_counts;
+        readout.taxels.iter_mut().for_each(|taxel| taxel.rest_counts += shift);
+        readout.span_counts = SHEAR_SPAN * design.span_counts.abs();
+        readout
     }
 
     /// Counts as sent, for taxel values as fractions of full scale.

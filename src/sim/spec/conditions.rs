@@ -53,6 +53,26 @@ pub enum Fingers {
     All,
 }
 
+/// Axes of a glove's taxels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Axes {
+    /// Pressure alone.
+    #[default]
+    One,
+    /// x, y and z of the patch: shear along the skin, and pressure. The hand drags, and the truth has three axes.
+    Three,
+}
+
+impl Axes {
+    /// How many.
+    pub fn n(self) -> usize {
+        match self {
+            Axes::One => 1,
+            Axes::Three => 3,
+        }
+    }
+}
+
 /// Errors of joint angles that can be set one by one: added to the markers' own errors, replacing the camera's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TrackingErrors {
@@ -75,6 +95,8 @@ pub struct Conditions {
     pub physics: Physics,
     /// Positions of the glove's taxels.
     pub fingers: Fingers,
+    /// Axes of the glove's taxels.
+    pub axes: Axes,
     /// The finger that touches the load cell. `None`: the index finger in the protocol, and in free manipulation any
     /// finger with taxels.
     pub touching: Option<Finger>,
@@ -112,7 +134,9 @@ impl Conditions {
         let episodes: Vec<&str> = self.episodes.iter().map(|episode| episode.name()).collect();
         let episodes = (!episodes.is_empty()).then(|| episodes.join(","));
         let touching = self.touching.map(|finger| finger.name().to_owned());
-        let words = [("physics", physics), ("start", start), ("episodes", episodes), ("touching", touching)];
+        let axes = (self.axes != Axes::default()).then(|| self.axes.n().to_string());
+        let words =
+            [("physics", physics), ("start", start), ("episodes", episodes), ("touching", touching), ("axes", axes)];
         numbers.chain(words.into_iter().filter_map(|(name, word)| Some((name.to_owned(), word?))))
     }
 }

@@ -13,6 +13,8 @@ pub struct Batch {
     pub pose: Vec<f32>,
     /// `[outputs, N]`, gF, at the last frames; `[N]` for a single output.
     pub truth_gf: Vec<f32>,
+    /// `[outputs, N, 2]`, gF: the tangential force at the same frames; empty for a truth of one axis.
+    pub tangential_gf: Vec<f32>,
     /// `[N]`: true if no frame of the window is loaded.
     pub zero_load: Vec<bool>,
     /// `[L, N, T]`: target of the auxiliary decoder, zero if a window is loaded. Empty if it was not requested.
@@ -67,6 +69,7 @@ pub(super) fn assemble(dataset: &Dataset, windows: &[WindowIdx], smoothing_frame
         tactile: Vec::with_capacity(n * length * n_taxels),
         pose: Vec::with_capacity(n * length * n_joints),
         truth_gf: Vec::with_capacity(n),
+        tangential_gf: Vec::new(),
         zero_load: Vec::with_capacity(n),
         artifact: vec![0.0; if smoothing_frames.is_some() { n * length * n_taxels } else { 0 }],
     };
@@ -89,6 +92,10 @@ pub(super) fn assemble(dataset: &Dataset, windows: &[WindowIdx], smoothing_frame
     for back in (0..dataset.spec.outputs).rev() {
         let truth = |idx: &WindowIdx| dataset.session(idx).frames().truth_gf[idx.end as usize - back];
         batch.truth_gf.extend(windows.iter().map(truth));
+        for idx in windows.iter().filter(|_| dataset.n_axes() == 3) {
+            let start = 2 * (idx.end as usize - back);
+            batch.tangential_gf.extend_from_slice(&dataset.session(idx).frames().tangential_gf[start..start + 2]);
+        }
     }
     batch
 }

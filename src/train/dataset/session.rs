@@ -20,6 +20,8 @@ pub struct SessionFrames {
     pub pose: Vec<f32>,
     /// `[n]`, gF, tared on the zero-load stretches.
     pub truth_gf: Vec<f32>,
+    /// `[n, 2]`, gF: the tangential force along two tangents, tared; empty for a truth of one axis.
+    pub tangential_gf: Vec<f32>,
     /// `[n]`: frames annotated as free of load.
     pub zero_load: Vec<bool>,
     /// `[n]`: part of the split.
@@ -52,6 +54,7 @@ impl Session {
             ("tactile", frames.tactile.len(), width(frames.n_taxels)),
             ("pose", frames.pose.len(), width(frames.n_joints)),
             ("truth_gf", frames.truth_gf.len(), n),
+            ("tangential_gf", frames.tangential_gf.len(), if frames.tangential_gf.is_empty() { 0 } else { width(2) }),
             ("zero_load", frames.zero_load.len(), n),
             ("part", frames.part.len(), n),
             ("epoch", frames.epoch.len(), n),
@@ -64,6 +67,7 @@ impl Session {
             ("tactile", &frames.tactile, frames.n_taxels),
             ("pose", &frames.pose, frames.n_joints),
             ("truth_gf", &frames.truth_gf, 1),
+            ("tangential_gf", &frames.tangential_gf, 2),
         ] {
             if let Some((idx, value)) = values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
                 let frame = idx / width.max(1);
@@ -96,6 +100,11 @@ impl Session {
         self.0.n_joints
     }
 
+    /// Axes of its true force: 1 or 3.
+    pub fn n_axes(&self) -> usize {
+        if self.0.tangential_gf.is_empty() { 1 } else { 3 }
+    }
+
     /// Number of frames.
     pub fn n_frames(&self) -> usize {
         self.0.truth_gf.len()
@@ -107,7 +116,8 @@ impl Session {
         for size in [self.n_frames(), frames.n_taxels, frames.n_joints] {
             hash.update((size as u64).to_le_bytes());
         }
-        for column in [&frames.tactile, &frames.pose, &frames.truth_gf] {
+        // One axis adds nothing, so that data of one axis are what they were before there were three.
+        for column in [&frames.tactile, &frames.pose, &frames.truth_gf, &frames.tangential_gf] {
             column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
         frames.zero_load.iter().for_each(|zero_load| hash.update([u8::from(*zero_load)]));

@@ -78,8 +78,11 @@ impl Graph {
         };
         let made = |name: &str| self.nodes.iter().any(|node| node.output.iter().any(|output| output == name));
         let outputs = ["force", "force_base", "force_residual", "touch"].into_iter().filter(|name| made(name));
-        let dims = vec![DimensionProto::named("N"), DimensionProto::fixed(1)];
-        let output = outputs.map(|name| ValueInfoProto::float32(name, dims.clone())).collect();
+        let output = outputs.map(|name| {
+            let width = if name == "touch" { 1 } else { architecture.n_axes() };
+            ValueInfoProto::float32(name, vec![DimensionProto::named("N"), DimensionProto::fixed(width as i64)])
+        });
+        let output = output.collect();
         let mut inputs = vec![input("tactile", n_taxels)];
         if kind.uses_pose() {
             inputs.push(input("pose", n_joints));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::architecture::Kind;
+use super::super::architecture::{ContactAxes, Kind};
 use super::super::error::TrainError;
 use super::super::loss::LossConfig;
 
@@ -71,6 +71,9 @@ pub struct TrainConfig {
     pub light_touches: f32,
     /// A taxel's reading of a light touch, for the causal network.
     pub touch_scale: f32,
+    /// The axes of a force that has three; `None` for the normal force alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<ContactAxes>,
     /// Steps between validations.
     pub validate_every: u64,
     /// Steps between checkpoints.
@@ -93,6 +96,7 @@ impl Default for TrainConfig {
             tactile_scale: None,
             light_touches: 0.0,
             touch_scale: 1.0,
+            axes: None,
             validate_every: 250,
             checkpoint_every: 250,
         }

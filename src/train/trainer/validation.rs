@@ -18,8 +18,11 @@ const BATCH: usize = 256;
 pub struct Validation {
     /// Number of windows.
     pub n: usize,
-    /// Modified MAPE of the final force.
+    /// Modified MAPE of the final force; with three axes, the weighted relative error of the tangential force is added.
     pub loss: f64,
+    /// Mean length of the error of the tangential force, gF; only of a force of three axes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tangential_mae_gf: Option<f64>,
     /// Mean absolute error of the final force, gF.
     pub mae_gf: f64,
     /// Balanced accuracy of touch from the final force; `None` if the part has one class only.
@@ -46,21 +49,34 @@ pub fn validate(
     let batches: Vec<&[usize]> = windows.chunks(BATCH).collect();
     let results = on_threads(&batches, threads, |windows| -> Result<(Forces, Batch), TrainError> {
         let batch = dataset.batch(part, windows, None);
-        let forces = network.predict(Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose })?;
+        let forces = network.predict_in_contact(Windows { n: batch.n, tactile: &batch.tactile, pose: &batch.pose })?;
         Ok((forces, batch))
     });
+    let n_axes = network.architecture.n_axes();
+    let normal = |forces: Vec<f32>| forces.into_iter().step_by(n_axes);
     let (mut force, mut base, mut truth) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut tangential_error, mut tangential_loss) = (0.0, 0.0);
     for result in results {
         let (forces, batch) = result?;
-        force.extend(forces.force);
-        base.extend(forces.base);
+        if n_axes == 3 {
+            for (force, truth) in forces.force.as_chunks::<3>().0.iter().zip(batch.tangential_gf.as_chunks::<2>().0) {
+                let error = f64::from((force[1] - truth[0]).hypot(force[2] - truth[1]));
+                tangential_error += error;
+                tangential_loss += error / f64::from(loss.offset_gf + truth[0].hypot(truth[1]));
+            }
+        }
+        force.extend(normal(forces.force));
+        base.extend(normal(forces.base));
         truth.extend(batch.truth_gf);
     }
+    let n = truth.len().max(1) as f64;
+    let tangential_loss = f64::from(loss.tangential_weight) * tangential_loss / n; // 0 of one axis
     let has_base = !base.is_empty();
     let relative = |(f, t): (&f32, &f32)| f64::from((f - t).abs() / (loss.offset_gf + t.max(0.0)));
     Ok(Validation {
         n: truth.len(),
-        loss: force.iter().zip(&truth).map(relative).sum::<f64>() / truth.len().max(1) as f64,
+        loss: force.iter().zip(&truth).map(relative).sum::<f64>() / truth.len().max(1) as f64 + tangential_loss,
+        tangential_mae_gf: (n_axes == 3).then_some(tangential_error / n),
         mae_gf: mean_error(&force, &truth),
         balanced_accuracy: balanced_accuracy(&force, &truth),
         base_mae_gf: has_base.then(|| mean_error(&base, &truth)),

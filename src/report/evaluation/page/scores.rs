@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::super::pose_quality::words;
-use super::super::text::{improvement, measure_name, short_list, touch_by};
+use super::super::text::{TANGENTIAL, improvement, measure_name, number, short_list, tangential_mae, touch_by};
 use super::{slug, style};
-use crate::eval::{ForceCurve, Measure, Metric, PairedTest, ResultTable, Verdict};
+use crate::eval::{ForceCurve, Measure, Metric, PairedTest, ResultTable, TangentialScore, Verdict};
 use crate::evaluate::{Evaluated, ModelScores};
 use crate::page::{Cell, Figure, Page, Section, Style, Table};
 use crate::report::checks;
@@ -39,6 +39,10 @@ pub(super) fn summary(page: &mut Page, result: &Evaluated) {
     result.improvements.iter().for_each(|change| {
         section.text(&improvement(change));
     });
+    let tangential = result.tangential();
+    if !tangential.is_empty() {
+        section.table(&tangential_table(&tangential));
+    }
     if result.free_movement_table.rows.iter().any(|row| row.cells.iter().any(Option::is_some)) {
         let caption = "Free movement alone: poses that nobody asked for";
         section.table(&table("table-free", caption, &result.free_movement_table));
@@ -58,6 +62,24 @@ fn table(id: &str, caption: &str, of: &ResultTable) -> Table {
         }
     }
     Table { id: id.to_owned(), caption: caption.to_owned(), header, rows }
+}
+
+fn tangential_table(scores: &[(&str, &str, TangentialScore)]) -> Table {
+    let header = ["Glove, model", "MAE N (gF)", "Angle deg", "Bias x gF", "Bias y gF", "Bias z gF", "Frames"];
+    let row = |(glove, model, score): &(&str, &str, TangentialScore)| {
+        let mae = Cell { text: tangential_mae(score), value: score.mae_gf.value() };
+        let cell = |metric: Metric| Cell { text: number(metric, 1), value: metric.value() };
+        let mut cells: Vec<Cell> = vec![format!("{glove}, {model}").into(), mae, cell(score.angle_deg)];
+        cells.extend(score.bias_gf.map(cell));
+        cells.push(Cell::count(score.n_frames));
+        cells
+    };
+    Table {
+        id: "table-tangential".to_owned(),
+        caption: TANGENTIAL.to_owned(),
+        header: header.map(str::to_owned).to_vec(),
+        rows: scores.iter().map(row).collect(),
+    }
 }
 
 pub(super) fn over_force(page: &mut Page, result: &Evaluated) {
