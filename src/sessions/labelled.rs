@@ -129,7 +129,7 @@ impl Labelled {
         for (idx, track) in there.into_iter().zip(tracks) {
             let tare = track.tare(&zero_load);
             let tare = tare.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
-            track.doubts(&tare).iter().for_each(|doubt| observer.note(&format!("{}: {doubt}", bag.display())));
+            track.doubts(&tare).iter().for_each(|doubt| observer.warn(&format!("{}: {doubt}", bag.display())));
             truth[idx] = Some(Truth { track, tare });
         }
         let heads = vec![None; truth.len()];
