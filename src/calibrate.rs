@@ -73,7 +73,7 @@ pub enum CalibrateError {
 pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Calibrated, CalibrateError> {
     cfg.calibration.file = None; // a new calibration doesn't start from the old one
     let models = Models::load(&cfg)?;
-    models.notes(&cfg).iter().for_each(|note| observer.note(note));
+    models.tell(&cfg, observer);
     let known_models = known(&cfg, &models.infos);
     let wanted = request.first_s.map_or(Wanted::Any, Wanted::First);
     let cfg = annotated(&cfg, request.bags, request.in_air, observer)?;
@@ -117,6 +117,6 @@ fn judge(
             }
         }
     }
-    rest.judge(cfg)?.iter().for_each(|note| observer.note(note));
+    rest.judge(cfg)?.iter().for_each(|note| observer.warn(note));
     Ok(())
 }

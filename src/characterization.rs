@@ -169,7 +169,7 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
     if gloves.len() > 1 {
         let gloves = gloves.into_iter().collect::<Vec<_>>().join(", ");
         observer
-            .note(&format!("the bags are of several gloves, {gloves}, and are taken as one; give those of one glove"));
+            .warn(&format!("the bags are of several gloves, {gloves}, and are taken as one; give those of one glove"));
     }
     let without_truth = cfg.fusion.regions.iter().zip(&cfg.truth_of_region).filter(|(_, truth)| truth.is_none());
     missing.extend(without_truth.map(|(region, _)| {

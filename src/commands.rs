@@ -48,6 +48,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use crate::bag;
 use crate::leave;
 use crate::model::first_run;
+use crate::report::terminal::{Voice, fitted, set_voice, stderr_columns, stdout_columns, voice};
 
 /// Pose-aware tactile force: taxels and joint angles in, wrench and contact out.
 #[derive(Debug, Parser)]
@@ -55,6 +56,12 @@ use crate::model::first_run;
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Print results, and what was lost or is in doubt; no notes, no progress
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Also print how it is done, such as what runs each model
+    #[arg(short, long, global = true)]
+    verbose: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -119,6 +126,7 @@ impl<E: std::error::Error> From<E> for Failure {
 /// # Errors
 /// [`Failure`] with the one line to show.
 pub fn run(cli: Cli) -> Result<Outcome, Failure> {
+    set_voice(cli.quiet, cli.verbose);
     match cli.command {
         Command::Demo(args) => demo::run(&args),
         Command::Replay(args) => replay::run(&args),
@@ -247,8 +255,13 @@ fn exit(program: &str, outcome: Result<Outcome, Failure>) -> u8 {
     }
 }
 
-/// Writes a result to stdout. A reader that has gone away (`| head`) is no failure of ours.
+/// Writes a result to stdout, at the width of a terminal.
 fn print(text: &str) -> Result<(), Failure> {
+    print_as_it_is(&fitted(text, stdout_columns()))
+}
+
+/// Writes a result to stdout. A reader that has gone away (`| head`) is no failure of ours.
+fn print_as_it_is(text: &str) -> Result<(), Failure> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(tame(text).as_bytes()).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure(format!("stdout: {error}"))),
@@ -256,11 +269,19 @@ fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Says something to the person at the terminal; a closed stderr is nobody to tell.
+/// Says something to the person at the terminal, unless it is to be quiet.
+fn tell(text: &str) {
+    if voice() != Voice::Quiet {
+        say(text);
+    }
+}
+
+/// Says something to the person at the terminal, also where it is to be quiet; a closed stderr is nobody to tell.
 pub(crate) fn say(text: &str) {
     let words = text.trim_end_matches('\n');
     let end = &text[words.len()..];
-    let _ = writeln!(std::io::stderr(), "{}{end}", tame(words).replace('\n', "\\u000a"));
+    let line = tame(words).replace('\n', "\\u000a");
+    let _ = writeln!(std::io::stderr(), "{}{end}", fitted(&line, stderr_columns()));
 }
 
 /// A text whose lines are ours and whose words may be foreign: what would steer a terminal is written out, in a form that

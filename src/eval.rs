@@ -6,6 +6,7 @@
 mod class;
 mod contact;
 mod curve;
+mod density;
 mod diff;
 mod evaluation;
 mod gates;
@@ -28,6 +29,7 @@ mod truth;
 
 pub use contact::{AirTouches, ContactError, Detection, DetectionTally, Touch, Touches, Touching};
 pub use curve::{ForceBin, ForceCurve, Mdf, NoTouchFrames};
+pub use density::ForceDensity;
 pub use diff::{
     Diff, DiffConfig, DiffError, Difference, EstimateRecord, Field, FieldDiff, FieldValue, Moment, OnlyIn, RegionDiff,
     diff,

@@ -1,6 +1,7 @@
 //! What models, or the estimates in bags, are worth against the true force: bags in, [`Evaluated`] out.
 
 mod error;
+mod headline;
 mod held_out;
 mod partial;
 mod plan;
@@ -14,6 +15,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 pub use error::EvaluateError;
+pub use headline::{Change, GloveHeadline, Headline};
 pub use held_out::{all_folds, fold_path, folds_of};
 pub use partial::{Expected, MergeError, Partial, PartialBag, PartialOut, command, merge, run_partial};
 pub use plan::{Series, Session};

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::config::{self, Config, ConfigError, DEFAULT_NODE};
 use crate::fusion::{Fusion, RegionConfig, Regressor, SetupError};
 use crate::model::{self, ModelError, ModelInfo};
+use crate::observer::Observer;
 use crate::zero::KnownModels;
 
 /// Why there is no glove to work with.
@@ -88,16 +89,27 @@ impl Models {
         Ok(models)
     }
 
-    /// What a person should know: what runs each, and what is assumed of it.
+    /// What runs each model, a line each.
+    pub fn runtimes(&self, cfg: &Config) -> Vec<String> {
+        let told = cfg.models.iter().zip(&self.infos).filter_map(|(model_cfg, info)| {
+            let (name, path) = (&model_cfg.name, model_cfg.spec.path.display());
+            info.backend.as_ref().map(|backend| format!("model {name}: {path} in {backend}"))
+        });
+        told.collect()
+    }
+
+    /// What a person should know of the models, such as what is assumed of them, a line each.
     pub fn notes(&self, cfg: &Config) -> Vec<String> {
-        let mut notes = Vec::new();
-        for (model_cfg, info) in cfg.models.iter().zip(&self.infos) {
-            if let Some(backend) = &info.backend {
-                notes.push(format!("model {}: {} in {backend}", model_cfg.name, model_cfg.spec.path.display()));
-            }
-            notes.extend(info.notes.iter().map(|note| format!("model {}: {note}", model_cfg.name)));
-        }
-        notes
+        let of_model = cfg.models.iter().zip(&self.infos).flat_map(|(model_cfg, info)| {
+            info.notes.iter().map(move |note| format!("model {}: {note}", model_cfg.name))
+        });
+        of_model.collect()
+    }
+
+    /// Tells the notes, and to those who ask what runs each model.
+    pub fn tell(&self, cfg: &Config, observer: &dyn Observer) {
+        self.runtimes(cfg).iter().for_each(|runtime| observer.detail(runtime));
+        self.notes(cfg).iter().for_each(|note| observer.note(note));
     }
 
     /// Frames of one inference call with which these models run fastest.

@@ -159,11 +159,13 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
         (BackendChoice::Builtin, own) => Some(own.map_err(not_builtin)?),
         (BackendChoice::OnnxRuntime | BackendChoice::Rten, _) => None,
     };
-    let (runtime, backend) = choose_runtime(spec, &opened.bytes, &opened.terms, &mut info.notes)?;
+    let (runtime, backend, instead) = choose_runtime(spec, &opened.bytes, &opened.terms)?;
     let mut session = Session::new(path, runtime, &opened.terms);
     info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
     info.contract = session.contract().clone();
     let own = own.map(|own| Direct::of(&mut session, &own, spec.threads.get()));
+    // Where our own code runs the model, which runtime checks it is of no matter.
+    info.notes.extend(instead.filter(|_| !matches!(own, Some(Ok(_)))));
     let regressor: Box<dyn Regressor> = match own {
         Some(Ok(direct)) => {
             info.batch_hint = direct::WINDOWS_AT_ONCE;
@@ -274,33 +276,33 @@ fn read(path: &Path) -> Result<Vec<u8>, ModelError> {
     Ok(bytes)
 }
 
-/// Opens the graph in the runtime that was asked for. Under `auto`, what stands against ONNX Runtime becomes a note.
-fn choose_runtime(
-    spec: &ModelSpec,
-    bytes: &[u8],
-    terms: &Terms,
-    notes: &mut Vec<String>,
-) -> Result<(Box<dyn Runtime>, BackendInfo), ModelError> {
+/// A runtime that has opened a graph, what it is, and what stands against ONNX Runtime where it is another.
+type Chosen = (Box<dyn Runtime>, BackendInfo, Option<String>);
+
+/// Opens the graph in the runtime that was asked for. Under `auto`, what stands against ONNX Runtime comes with it.
+fn choose_runtime(spec: &ModelSpec, bytes: &[u8], terms: &Terms) -> Result<Chosen, ModelError> {
     let failed = |reason: String| ModelError::Runtime { path: spec.path.clone(), reason: one_line(&reason) };
     let open_rten = || -> Result<(Box<dyn Runtime>, BackendInfo), String> {
         Ok((Box::new(rten::open(bytes, terms)?), rten::info()))
     };
     let against = match spec.backend {
-        BackendChoice::Rten => return open_rten().map_err(failed),
+        BackendChoice::Rten => {
+            let (runtime, backend) = open_rten().map_err(failed)?;
+            return Ok((runtime, backend, None));
+        }
         BackendChoice::OnnxRuntime => {
             let backend = onnxruntime::info();
             let backend = backend.map_err(|reason| ModelError::NoOnnxRuntime { path: spec.path.clone(), reason })?;
-            return Ok((Box::new(onnxruntime::open(bytes, terms).map_err(failed)?), backend));
+            return Ok((Box::new(onnxruntime::open(bytes, terms).map_err(failed)?), backend, None));
         }
         BackendChoice::Auto | BackendChoice::Builtin => match onnxruntime::info() {
             Ok(backend) => match onnxruntime::open(bytes, terms) {
-                Ok(runtime) => return Ok((Box::new(runtime), backend)),
+                Ok(runtime) => return Ok((Box::new(runtime), backend, None)),
                 Err(said) => format!("{backend} refuses the model ({})", one_line(&said)),
             },
             Err(missing) => format!("ONNX Runtime can't be used ({missing})"),
         },
     };
-    let opened = open_rten().map_err(|said| failed(format!("{said}; {against}")))?;
-    notes.push(format!("{against}: RTen takes its place"));
-    Ok(opened)
+    let (runtime, backend) = open_rten().map_err(|said| failed(format!("{said}; {against}")))?;
+    Ok((runtime, backend, Some(format!("{against}: RTen takes its place"))))
 }

@@ -7,6 +7,16 @@ pub trait Observer: Sync {
         let _ = text;
     }
 
+    /// A note that is never left out: input that was lost, or a result that is in doubt; one line.
+    fn warn(&self, text: &str) {
+        self.note(text);
+    }
+
+    /// How the work is done, for those who ask; one line.
+    fn detail(&self, text: &str) {
+        let _ = text;
+    }
+
     /// How many of `total` bytes or steps are done.
     fn progress(&self, done: u64, total: u64) {
         let _ = (done, total);

@@ -5,7 +5,7 @@ mod style;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-pub use figure::{Figure, Heat, longest_step};
+pub use figure::{Density, Figure, Heat, longest_step};
 pub use style::Style;
 
 /// A page of sections.
@@ -24,6 +24,17 @@ pub struct Section {
     body: Vec<Markup>,
     n_figures: usize,
     is_synthetic: bool,
+}
+
+/// What a verdict is, for its colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum VerdictKind {
+    /// Something is better than it was.
+    Better,
+    /// Something is worse, or not as it must be.
+    Worse,
+    /// Neither, or both.
+    Neither,
 }
 
 /// A table; the first column names the rows.
@@ -105,7 +116,7 @@ impl Page {
                     meta http-equiv="Content-Security-Policy" content=(style::POLICY);
                     title { (self.title) @if self.is_synthetic { " (synthetic)" } }
                     style { (PreEscaped(style::SHEET)) }
-                    @if has_figures { (PreEscaped(figure::script())) }
+                    @if has_figures { (figure::script()) }
                 }
                 body {
                     header {
@@ -119,7 +130,7 @@ impl Page {
                             @for block in &section.body { (block) }
                         }
                     }
-                    @if has_figures { script { (PreEscaped(style::FIT)) } }
+                    @if has_figures { script { (PreEscaped(style::DRAW)) } }
                 }
             }
         };
@@ -164,10 +175,33 @@ impl Section {
         self
     }
 
-    /// Adds a plot; one of synthetic data says so in the picture too, which may go where the page doesn't.
+    /// Adds what everything else comes to, before it: a word and the sentence that explains it.
+    pub fn verdict(&mut self, kind: VerdictKind, word: &str, sentence: &str) -> &mut Self {
+        let class = match kind {
+            VerdictKind::Better => "verdict better",
+            VerdictKind::Worse => "verdict worse",
+            VerdictKind::Neither => "verdict",
+        };
+        self.body.push(html! { p class=(class) { strong { (word) } " " (sentence) } });
+        self
+    }
+
+    /// Adds a plot, where it has something to show; one of synthetic data says so in the picture too, which may go where the
+    /// page doesn't.
     pub fn figure(&mut self, figure: &Figure) -> &mut Self {
-        self.n_figures += 1;
-        self.body.push(figure.markup(self.is_synthetic));
+        self.figures(std::slice::from_ref(figure))
+    }
+
+    /// Adds plots that are compared with each other: side by side, where the page is wide enough.
+    pub fn figures(&mut self, figures: &[Figure]) -> &mut Self {
+        let shown: Vec<Markup> =
+            figures.iter().filter(|figure| !figure.is_empty()).map(|figure| figure.markup(self.is_synthetic)).collect();
+        self.n_figures += shown.len();
+        match shown.len() {
+            0 => {}
+            1 => self.body.extend(shown),
+            _ => self.body.push(html! { div.beside { @for figure in &shown { (figure) } } }),
+        }
         self
     }
 }

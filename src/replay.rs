@@ -202,7 +202,7 @@ fn ready(
     observer: &dyn Observer,
 ) -> Result<Ready, ReplayError> {
     let mut models = Models::load(cfg)?;
-    models.notes(cfg).iter().for_each(|note| observer.note(note));
+    models.tell(cfg, observer);
     cfg.fusion.batch = batch.unwrap_or_else(|| models.batch_hint());
     if drops_unused_joints {
         drop_unused_joints(cfg, &models.infos).iter().for_each(|note| observer.note(note));

@@ -9,5 +9,6 @@ pub mod comparison;
 pub mod evaluation;
 pub mod inspection;
 pub mod picture;
+pub(crate) mod terminal;
 #[cfg(feature = "train")]
 pub mod training;

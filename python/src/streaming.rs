@@ -31,7 +31,7 @@ impl Glove {
     fn new(py: Python<'_>, parameters: &Parameters) -> PyResult<Self> {
         let cfg = parameters.config();
         let models = py.detach(|| glove::Models::load(&cfg)).map_err(|error| raise(&GloveError::from(error)))?;
-        let notes = models.notes(&cfg);
+        let notes = models.runtimes(&cfg).into_iter().chain(models.notes(&cfg)).collect();
         Ok(Glove { cfg, notes })
     }
 

@@ -126,7 +126,7 @@ impl Loader<'_> {
             });
             regions.push(self.frames(session_name(bag), &labels, &air, tared, rows));
         }
-        doubts.iter().for_each(|doubt| self.observer.note(&format!("{}: {doubt}", bag.display())));
+        doubts.iter().for_each(|doubt| self.observer.warn(&format!("{}: {doubt}", bag.display())));
         Ok(Loaded {
             regions,
             notes: labels.notes,

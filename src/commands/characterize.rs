@@ -7,7 +7,7 @@ use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::zero::ZeroArgs;
-use super::{Failure, Outcome, interrupt, print, say};
+use super::{Failure, Outcome, interrupt, print, say, tell};
 use crate::characterization::{MIN_GAIN, Request, run as characterize};
 use crate::files;
 use crate::report::characterization;
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(path) = &args.report {
         let written = files::replace(path, characterization::page(&result).html().as_bytes());
         written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
-        say(&format!("report: {}", path.display()));
+        tell(&format!("report: {}", path.display()));
     }
     let losses: Vec<&String> = result.sessions.iter().flat_map(|session| &session.losses).collect();
     losses.iter().for_each(|loss| say(&format!("input lost: {loss}")));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap_complete::Shell;
 
-use super::{Failure, Outcome, command, print};
+use super::{Failure, Outcome, command, print_as_it_is};
 use crate::files;
 
 /// Writes what a shell completes to stdout, or man pages into a folder.
@@ -23,7 +23,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(shell) = args.shell {
         let mut text = Vec::new();
         clap_complete::generate(shell, &mut command(), "tpf", &mut text);
-        print(&String::from_utf8_lossy(&text))?;
+        print_as_it_is(&String::from_utf8_lossy(&text))?;
     }
     if let Some(folder) = &args.man {
         let at = |error: std::io::Error| Failure(format!("{}: {error}", folder.display()));

@@ -6,7 +6,7 @@ mod linear;
 use std::path::{Path, PathBuf};
 
 use super::progress::{Said, Shown};
-use super::{Failure, Outcome, interrupt, print, say};
+use super::{Failure, Outcome, interrupt, print, say, tell};
 use crate::config::{self, Config};
 use crate::evaluate::{self, Evaluated, Request};
 use crate::files;
@@ -77,11 +77,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let adaptive = model::inspect(&folder.model(Model::Adaptive))?.contract;
     let artifact = adaptive.artifact.ok_or_else(|| Failure("the adaptive model tells no artifact".to_owned()))?;
     write(&folder.model(Model::Gain), &linear::model(&artifact, adaptive.rate_hz))?;
-    say(&format!(
-        "SYNTHETIC DEMO: a simulated glove {} on a simulated hand, no recording.\n\
-         No model knows the user, nor this donning of {} minutes.\n",
-        args.glove, args.minutes
-    ));
+    say(&format!("SYNTHETIC DEMO: a simulated glove {} on a simulated hand, no recording.", args.glove));
+    say(&format!("No model knows the user, nor this donning of {} minutes.\n", args.minutes));
 
     let spec = SessionSpec {
         glove: args.glove,
@@ -97,7 +94,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             ..Conditions::default()
         },
     };
-    say(&format!("simulate a hand that bends in the air and touches lightly: {}", folder.session().display()));
+    tell(&format!("simulate a hand that bends in the air and touches lightly: {}", folder.session().display()));
     synthetic::write(&spec, &folder.session(), true, &Shown::steps("simulate"))?;
 
     let mut frames = Vec::new();
@@ -106,13 +103,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     cfg.calibration.max_loaded_fraction = 1.0;
     for model in Model::ALL {
         let replayed = folder.replayed(model);
-        say(&format!("replay it with the {} model: {}", model.name(), replayed.display()));
+        tell(&format!("replay it with the {} model: {}", model.name(), replayed.display()));
         folder.replay(model, cfg.clone())?;
         frames.push((model.name(), recorded(&replayed, &cfg, &Said)?));
     }
-    say(&format!("draw force over time: {}", folder.picture().display()));
+    tell(&format!("draw force over time: {}", folder.picture().display()));
     write(&folder.picture(), picture::draw(&frames, Model::TactileOnly.name(), args.glove)?.as_bytes())?;
-    say("score all against the true force\n");
+    tell("score all against the true force\n");
     let found = folder.evaluate(cfg)?;
     print(&(evaluation::short_text(&found) + &next_steps(&folder)))?;
     Ok(Outcome::Done)
@@ -217,10 +214,11 @@ fn next_steps(folder: &Folder<'_>) -> String {
 All of it is in {path} (synthetic): look at {picture}; open the bags in Foxglove or PlotJuggler.
 
 With your own glove:
-  tpf inspect YOUR_BAG                                      what is in it, and parameters to start from
-  tpf replay YOUR_BAG --params-file P.yaml -o OUT.mcap      force and contact by a model that you have
-  tpf train YOUR_BAGS --params-file P.yaml -o MODEL.onnx    a model of your own, from bags with a load cell
-  tpf eval YOUR_BAGS --params-file P.yaml --model MODEL.onnx
+  tpf inspect YOUR_BAG
+  tpf init YOUR_BAG -o P.yaml
+  tpf train YOUR_BAGS_WITH_A_LOAD_CELL --params-file P.yaml -o MODEL.onnx
+  tpf replay YOUR_BAG --params-file P.yaml -o OUT.mcap
+  tpf eval YOUR_BAGS --params-file P.yaml --model MODEL.onnx --report OUT.html
 The same on this session:
   tpf eval {session} --params-file {params} --whole --by substage
 ",

@@ -8,13 +8,13 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use super::progress::Shown;
-use super::{Failure, Outcome, interrupt, print, say};
+use super::{Failure, Outcome, interrupt, print, say, tell};
 use crate::bag::printable;
 use crate::init::{self, Ask, BestGuess, Request, Written};
 use crate::inspect::{self, BagReport};
 use person::{NoOne, Person};
 
-/// Writes a parameter file from what is in bags, or on the topics of a live graph: topics, types, fields, rates, taxels, joints, patches, each with its reason.
+/// Writes a parameter file from what is in bags, or on the topics of a live graph: topics, types, fields, rates, taxels, joints, regions, each with its reason.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// MCAP or .db3 files or bag folders of one glove
@@ -66,7 +66,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         (false, false) => &mut no_one,
     };
     let written = init::write(&bags, &Request { remarks: &remarks, ..request }, ask)?;
-    written.notes.iter().for_each(|note| say(note));
+    written.notes.iter().for_each(|note| tell(note));
     print(&told(&written, args))?;
     Ok(outcome)
 }
@@ -101,7 +101,7 @@ impl Args {
 fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
     let output = args.output.display();
-    let mut text = format!("{output}: patches {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
+    let mut text = format!("{output}: regions {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
     let bag = args.bags.first().map_or_else(|| "BAG".to_owned(), |bag| bag.display().to_string());
     text += &match (written.has_model, made.has_truth) {
         (true, _) if args.bags.is_empty() => {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::say;
+use super::{Voice, say, tell, voice};
 use crate::leave;
 use crate::observer::Observer;
 
@@ -32,7 +32,7 @@ impl Progress {
     }
 
     fn with_template(what: &'static str, total: u64, template: &str) -> Self {
-        let bar = ProgressBar::new(total);
+        let bar = if voice() == Voice::Quiet { ProgressBar::hidden() } else { ProgressBar::new(total) };
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
@@ -45,16 +45,16 @@ impl Progress {
         self.bar.set_position(done.min(self.total));
         if self.bar.is_hidden() && self.last_plain.elapsed() >= PLAIN_EVERY {
             self.last_plain = Instant::now();
-            say(&format!("{}: {:.0} %", self.what, 100.0 * done as f64 / self.total.max(1) as f64));
+            tell(&format!("{}: {:.0} %", self.what, 100.0 * done as f64 / self.total.max(1) as f64));
         }
     }
 }
 
 impl Progress {
-    /// Says something above the bar.
+    /// Lets something be said above the bar.
     #[cfg(feature = "train")]
-    pub(crate) fn line(&self, text: &str) {
-        self.bar.suspend(|| say(text));
+    pub(crate) fn above(&self, say: impl FnOnce()) {
+        self.bar.suspend(say);
     }
 }
 
@@ -69,7 +69,17 @@ pub(super) struct Said;
 
 impl Observer for Said {
     fn note(&self, text: &str) {
+        tell(text);
+    }
+
+    fn warn(&self, text: &str) {
         say(text);
+    }
+
+    fn detail(&self, text: &str) {
+        if voice() == Voice::Verbose {
+            say(text);
+        }
     }
 
     fn is_cancelled(&self) -> bool {
@@ -99,6 +109,14 @@ impl Shown {
 impl Observer for Shown {
     fn note(&self, text: &str) {
         Said.note(text);
+    }
+
+    fn warn(&self, text: &str) {
+        Said.warn(text);
+    }
+
+    fn detail(&self, text: &str) {
+        Said.detail(text);
     }
 
     fn progress(&self, done: u64, total: u64) {

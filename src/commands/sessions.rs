@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::progress::Said;
-use super::{Failure, say};
+use super::{Failure, tell};
 use crate::bag::BagReader;
 use crate::sessions;
 
@@ -15,6 +15,6 @@ pub(super) fn find_bags(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 /// Opens one recording, or several that are parts of one. Says how the files of a folder are read.
 pub(super) fn open(bags: &[PathBuf]) -> Result<BagReader, Failure> {
     let reader = BagReader::open(bags)?;
-    reader.notes().iter().for_each(|note| say(note));
+    reader.notes().iter().for_each(|note| tell(note));
     Ok(reader)
 }

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use super::{Failure, say};
+#[cfg(feature = "ros")]
+use super::progress::Said;
+use super::{Failure, tell};
 pub(super) use crate::bag::shown;
 use crate::config::{Config, DEFAULT_NODE, Origin, ParamTree, ParamValue, load_tree};
 use crate::glove;
@@ -91,7 +93,7 @@ impl ParamArgs {
 /// The configuration that parameters make. Says which of their keys are of other nodes.
 pub(super) fn config(tree: &ParamTree) -> Result<Config, Failure> {
     let cfg = Config::from_tree(tree)?;
-    cfg.note_on_others().iter().for_each(|note| say(note));
+    cfg.note_on_others().iter().for_each(|note| tell(note));
     Ok(cfg)
 }
 
@@ -143,6 +145,6 @@ impl BackendArgs {
 #[cfg(feature = "ros")]
 pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
     let models = Models::load(cfg)?;
-    models.notes(cfg).iter().for_each(|note| say(note));
+    models.tell(cfg, &Said);
     Ok(models)
 }

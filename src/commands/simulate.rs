@@ -7,7 +7,7 @@ mod live;
 use std::path::PathBuf;
 
 use super::progress::Shown;
-use super::{Failure, Outcome, counted, interrupt, print, say};
+use super::{Failure, Outcome, counted, interrupt, print, tell};
 use crate::hand::NamedLayout;
 use crate::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking, simulate};
 use crate::synthetic::{self, HandForm};
@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     std::fs::create_dir_all(output)
         .map_err(|error| Failure(format!("{}: cannot make the folder: {error}", output.display())))?;
-    say("the data is synthetic: a physical model of a glove on a hand, no recording");
+    tell("the data is synthetic: a physical model of a glove on a hand, no recording");
     let mut text = String::new();
     for spec in &specs {
         let name = format!("{}_user{:02}_session{}", args.glove, spec.user, spec.session);

@@ -237,10 +237,15 @@ struct Shown {
 
 impl Observer for Shown {
     fn note(&self, text: &str) {
-        match &*self.bar.lock().unwrap_or_else(PoisonError::into_inner) {
-            Some((_, bar)) => bar.line(text),
-            None => Said.note(text),
-        }
+        self.above_the_bar(|| Said.note(text));
+    }
+
+    fn warn(&self, text: &str) {
+        self.above_the_bar(|| Said.warn(text));
+    }
+
+    fn detail(&self, text: &str) {
+        self.above_the_bar(|| Said.detail(text));
     }
 
     fn progress(&self, done: u64, total: u64) {
@@ -253,6 +258,13 @@ impl Observer for Shown {
 }
 
 impl Shown {
+    fn above_the_bar(&self, say: impl FnOnce()) {
+        match &*self.bar.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some((_, bar)) => bar.above(say),
+            None => say(),
+        }
+    }
+
     fn set(&self, what: &'static str, done: u64, total: u64) {
         let mut shown = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
         if shown.as_ref().is_none_or(|(of, _)| *of != what) {

@@ -28,6 +28,8 @@ pub struct ForceBin {
     pub ba: Metric,
     /// Mean absolute error, gF.
     pub mae_gf: Metric,
+    /// Mean error, gF: positive where the estimate is too large.
+    pub bias_gf: Metric,
 }
 
 /// Frames without true touch: what every bin is paired with.
@@ -41,6 +43,8 @@ pub struct NoTouchFrames {
     pub tnr: Metric,
     /// Mean absolute error, gF.
     pub mae_gf: Metric,
+    /// Mean error, gF: positive where the estimate is too large.
+    pub bias_gf: Metric,
 }
 
 /// Balanced accuracy and error by true force.
@@ -79,6 +83,7 @@ impl ForceCurve {
                 tpr,
                 ba: Metric::average(tpr, tnr),
                 mae_gf: Metric::mean(class.abs_error, class.n, Undefined::TooFewFrames),
+                bias_gf: Metric::mean(class.estimate - class.truth, class.n, Undefined::TooFewFrames),
             }
         });
         ForceCurve {
@@ -87,6 +92,7 @@ impl ForceCurve {
                 n_without_estimate: no_touch.n_missing,
                 tnr,
                 mae_gf: Metric::mean(no_touch.abs_error, no_touch.n, Undefined::NoNoTouch),
+                bias_gf: Metric::mean(no_touch.estimate - no_touch.truth, no_touch.n, Undefined::NoNoTouch),
             },
             bins: bins.collect(),
             n_beyond_bins,

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::contact::{ContactError, Detection, DetectionTally, Touches, Touching};
 use super::curve::ForceCurve;
+use super::density::{DensityTally, ForceDensity};
 use super::groups::{GroupBy, Tallies};
 use super::held::{HeldTally, HeldTouches};
 use super::in_air::{InAirReport, InAirTally};
@@ -67,6 +68,7 @@ pub(super) struct ContactTallies {
     pub(super) pose_age: PoseAgeTally,
     pub(super) in_air: InAirTally,
     pub(super) held: HeldTally,
+    pub(super) density: DensityTally,
 }
 
 /// Contacts of one glove: how they were detected, and what the correction did to them.
@@ -163,6 +165,7 @@ impl Evaluation {
             pose_age: PoseAgeTally::default(),
             in_air: InAirTally::new(CONTACT_SLACK, Touching::default().max_gap),
             held: HeldTally::default(),
+            density: DensityTally::default(),
         })
     }
 
@@ -182,6 +185,7 @@ impl Evaluation {
             ours.pose_age.merge(&theirs.pose_age);
             ours.in_air.merge(&theirs.in_air);
             ours.held.merge(&theirs.held);
+            ours.density.merge(&theirs.density);
         }
         Ok(())
     }
@@ -206,6 +210,12 @@ impl Evaluation {
     pub fn curves(&self) -> Result<BTreeMap<String, ForceCurve>, MetricError> {
         let by_glove = self.all.grouped(GroupBy::Glove)?;
         Ok(by_glove.into_iter().map(|(glove, tally)| (glove.to_string(), tally.curve())).collect())
+    }
+
+    /// Frames by true and by estimated force, by glove.
+    pub fn densities(&self) -> BTreeMap<String, ForceDensity> {
+        let of_glove = |(glove, tallies): (&String, &ContactTallies)| Some((glove.clone(), tallies.density.density()?));
+        self.by_glove.iter().filter_map(of_glove).collect()
     }
 
     /// How touches were detected, by glove.
@@ -241,6 +251,7 @@ impl ContactTallies {
     fn handle_session(&mut self, frames: &ScoredFrames, scoring: &Scoring) -> Result<(), EvaluationError> {
         let estimate: Vec<f64> = frames.estimate_gf.iter().map(|estimate| estimate.unwrap_or(f64::NAN)).collect();
         self.in_air.handle_session(frames);
+        self.density.add(&frames.truth_gf, &estimate);
         self.pose_age.add(&frames.truth_gf, &estimate, &frames.pose_age_ns)?;
 
         // Frames without truth or estimate say nothing about touch: they leave a gap.

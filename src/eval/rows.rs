@@ -1,6 +1,7 @@
 //! What an [`Evaluation`] gathered, as rows of sufficient statistics, and back: bit by bit the same.
 
 use super::class::Class;
+use super::density::N_BINS;
 use super::evaluation::{ContactTallies, Evaluation, FREE_MOVEMENT};
 use super::groups::Origin;
 use super::held;
@@ -17,7 +18,7 @@ const MAX_NANOS: i64 = 1 << 53;
 /// One row of statistics. What its kind has no use for is `None` or empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StatRow {
-    /// What it is of: `frames`, `touch_by`, `pose_age`, `held`, `in_air`, `detection` or `preservation`.
+    /// What it is of: `frames`, `touch_by`, `pose_age`, `held`, `density`, `in_air`, `detection` or `preservation`.
     pub of: String,
     /// Which of its statistics: `touch`, `bin` or `tangential` of frames, `n_missed` of detection.
     pub name: String,
@@ -47,8 +48,9 @@ pub struct StatRow {
     pub truth_m2: Option<f64>,
     /// Sum of the squares of the errors, gF^2.
     pub squared_error: Option<f64>,
-    /// Every value, where quantiles are taken: latencies and delays in ms, sizes of forces in the air in gF.
-    /// Of tangential forces the sums of their errors along x, y and z, gF, and of the angles, degrees.
+    /// Every value, where quantiles are taken: latencies and delays in ms, sizes of forces in the air in gF. Of `density` the
+    /// frames in each bin of the estimated force. Of tangential forces the sums of their errors along x, y and z, gF, and of the
+    /// angles, degrees.
     pub samples: Option<Vec<f64>>,
 }
 
@@ -180,7 +182,7 @@ fn read_frames(tally: &mut Tally, row: &StatRow) -> Result<(), RowError> {
 }
 
 fn rows_of_contacts(rows: &mut Vec<StatRow>, glove: &str, tallies: &ContactTallies) {
-    let ContactTallies { detection, preservation, pose_age, in_air, held } = tallies;
+    let ContactTallies { detection, preservation, pose_age, in_air, held, density } = tallies;
     let counts = &detection.counts;
     rows.extend(
         [
@@ -232,6 +234,10 @@ fn rows_of_contacts(rows: &mut Vec<StatRow>, glove: &str, tallies: &ContactTalli
             ..count("held", name, glove, whole(part.n))
         }));
     }
+    for (bin, frames) in density.frames.iter().enumerate().filter(|(_, frames)| frames.iter().any(|n| *n > 0)) {
+        let frames: Vec<f64> = frames.iter().map(|n| *n as f64).collect();
+        rows.push(StatRow { bin: i64::try_from(bin).ok(), ..samples("density", "frames", glove, &frames) });
+    }
     for (pose, sums) in &in_air.by_pose {
         let mut sizes: Vec<f64> = sums.sizes.iter().copied().map(f64::from).collect();
         sizes.sort_by(f64::total_cmp); // quantiles don't need their order, and sorted they are half as large
@@ -244,7 +250,7 @@ fn rows_of_contacts(rows: &mut Vec<StatRow>, glove: &str, tallies: &ContactTalli
 }
 
 fn read_contacts(tallies: &mut ContactTallies, row: &StatRow) -> Result<(), RowError> {
-    let ContactTallies { detection, preservation, pose_age, in_air, held } = tallies;
+    let ContactTallies { detection, preservation, pose_age, in_air, held, density } = tallies;
     let found = &mut detection.counts;
     let kept = &mut preservation.counts;
     match (row.of.as_str(), row.name.as_str()) {
@@ -280,6 +286,7 @@ fn read_contacts(tallies: &mut ContactTallies, row: &StatRow) -> Result<(), RowE
         ("held", "touches") => held.bins[row.bin_below(held.bins.len())?].n = row.count()?,
         ("held", "at_1_s") => held.bins[row.bin_below(held.bins.len())?].at_1_s = row.held_part()?,
         ("held", "later") => held.bins[row.bin_below(held.bins.len())?].later = row.held_part()?,
+        ("density", "frames") => density.frames[row.bin_below(N_BINS)?] = row.counts()?,
         ("in_air", name) => {
             let sums = in_air.by_pose.entry(row.pose.clone()).or_default();
             match name {
@@ -329,6 +336,14 @@ impl StatRow {
 
     fn samples(&self) -> Result<&[f64], RowError> {
         self.samples.as_deref().ok_or_else(|| self.wrong("samples", None::<i64>, "a list of numbers"))
+    }
+
+    /// Counts in so many bins.
+    fn counts<const N: usize>(&self) -> Result<[u64; N], RowError> {
+        let samples = self.samples()?;
+        let is_count = |n: &f64| n.fract() == 0.0 && (0.0..=MAX_COUNT as f64).contains(n);
+        let counts: Vec<u64> = samples.iter().filter(|n| is_count(n)).map(|n| *n as u64).collect();
+        counts.try_into().map_err(|_| self.wrong("samples", Some(format!("{samples:?}")), format!("{N} counts")))
     }
 
     fn class(&self) -> Result<Class, RowError> {

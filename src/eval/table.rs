@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 #[cfg(feature = "cli")]
-use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use comfy_table::{CellAlignment, Table, presets};
 use serde::{Deserialize, Serialize};
 
 use super::curve::Mdf;
@@ -155,8 +155,14 @@ impl ResultTable {
     /// them.
     #[cfg(feature = "cli")]
     pub fn text(&self) -> String {
+        self.table().to_string()
+    }
+
+    /// The same as a table, of which the first two columns name the rows.
+    #[cfg(feature = "cli")]
+    pub(crate) fn table(&self) -> Table {
         let mut table = Table::new();
-        table.load_style(presets::ASCII_MARKDOWN).set_content_arrangement(ContentArrangement::Disabled);
+        table.load_style(presets::ASCII_MARKDOWN);
         table.set_header(["Glove", "Model", "BA % (+)", "F1 % (+)", "MDF gF (-)", "MAE gF (-)", "R2 (+)", "Frames"]);
         for column in table.column_iter_mut().skip(2) {
             column.set_cell_alignment(CellAlignment::Right);
@@ -177,7 +183,7 @@ impl ResultTable {
                 table.add_row(texts);
             }
         }
-        table.to_string()
+        table
     }
 
     /// Whether no other model has a better value, and one has a worse one.

@@ -118,9 +118,9 @@ impl<'a> Plan<'a> {
                 replace_model(&mut cfg, path.to_path_buf())?;
             }
             let models = Models::load(&cfg)?;
-            models.notes(&cfg).iter().for_each(|note| observer.note(note));
+            models.tell(&cfg, observer);
             cfg.fusion.batch = models.batch_hint();
-            drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| observer.note(note));
+            drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| observer.detail(note));
             let name = match (path, cfg.models.as_slice()) {
                 (Some(path), _) => stem(path),
                 (None, [only]) => stem(&only.spec.path),
@@ -222,7 +222,7 @@ impl<'a> Plan<'a> {
         // Here the models are on trial, and one that reads force at rest gets the scores of that: it is said, not refused.
         let said = verdict.unwrap_or_else(|error| Some(error.to_string()));
         if let Some(said) = said {
-            self.observer.note(&format!("{}: its zero is not reliable: {said}", bag.display()));
+            self.observer.warn(&format!("{}: its zero is not reliable: {said}", bag.display()));
         }
         (summary.losses, summary.zero) = (losses, zero);
         let recorded = match &self.recorded {

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::headline::Headline;
 use super::plan::{Series, SeriesSource, Which};
 use super::scored::{BagPart, Head, ScoredBag};
 use super::session::SessionSummary;
 use super::stretches::{Stretch, Stretches};
 use super::{EvaluateError, what_is_scored};
 use crate::eval::{
-    Check, ContactReport, Evaluation, ForceCurve, GroupBy, GroupScore, Improvement, MetricError, PairedTest,
-    ResultTable, Score, Scoring, Split, TangentialScore, group_scores, paired_by_user,
+    Check, ContactReport, Evaluation, ForceCurve, ForceDensity, GroupBy, GroupScore, Improvement, MetricError,
+    PairedTest, ResultTable, Score, Scoring, Split, TangentialScore, group_scores, paired_by_user,
 };
 use crate::recording::PoseQuality;
 
@@ -31,6 +32,9 @@ pub struct Evaluated {
     /// Where sessions are cut.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<Split>,
+    /// What all of it comes to; absent where nothing was judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub headline: Option<Headline>,
     /// In the order of the bags.
     pub sessions: Vec<SessionSummary>,
     /// Bags that could not be scored.
@@ -87,6 +91,8 @@ pub struct ModelScores {
     pub contacts: BTreeMap<String, ContactReport>,
     /// By glove: detection and error over true force.
     pub curves: BTreeMap<String, ForceCurve>,
+    /// By glove: frames by true and by estimated force.
+    pub densities: BTreeMap<String, ForceDensity>,
 }
 
 /// Whether one series is better than another, by user.
@@ -254,10 +260,13 @@ impl Gathered {
                 free_movement: scores(|by| group_scores(&evaluation.free_movement, by))?,
                 contacts: evaluation.contacts(),
                 curves: evaluation.curves()?,
+                densities: evaluation.densities(),
             });
         }
         let table = table(&series, |evaluation| evaluation.scores(GroupBy::Glove))?;
         let free = table_of_free(&series)?;
+        let named: Vec<_> = models.iter().map(|model| (model.name.as_str(), &model.contacts)).collect();
+        let headline = Headline::of(&named, &table);
         Ok(Evaluated {
             synthetic: sessions.iter().any(|session| session.synthetic),
             tool_version: env!("CARGO_PKG_VERSION"),
@@ -265,6 +274,7 @@ impl Gathered {
             scoring: Scoring::default(),
             scored: what_is_scored(head.split),
             split: head.split,
+            headline,
             models,
             improvements: table.improvements(),
             table,

@@ -104,7 +104,7 @@ impl<'a> Loader<'a> {
         let modelled = run_models(bag, labelled, vec![core], self.request.zero, &done, self.observer)?;
         let Modelled { mut columns, mut cores, zero, verdict, .. } = modelled;
         let verdict = verdict.map_err(|error| ExportError::in_bag(bag, &error))?;
-        verdict.iter().for_each(|note| self.observer.note(&format!("{}: {note}", bag.display())));
+        verdict.iter().for_each(|note| self.observer.warn(&format!("{}: {note}", bag.display())));
         self.core = cores.pop();
         Ok((columns.pop().unwrap_or_default(), zero))
     }
@@ -120,12 +120,12 @@ impl<'a> Loader<'a> {
             cfg.models.iter_mut().for_each(|model| model.spec.backend = backend);
         }
         if is_first {
-            let several = if self.request.bags.len() > 1 { ", where they hold none" } else { "" };
-            self.observer.note(&format!("no estimates on {} in the bag: the models make them{several}", self.topic));
+            let which = if self.request.bags.len() > 1 { "some bags have" } else { "the bag has" };
+            self.observer.note(&format!("{which} no estimates on {}: the models make them", self.topic));
         }
         let models = Models::load(&cfg)?;
         if is_first {
-            models.notes(&cfg).iter().for_each(|note| self.observer.note(note));
+            models.tell(&cfg, self.observer);
         }
         cfg.fusion.batch = models.batch_hint();
         if self.request.model.is_some() {

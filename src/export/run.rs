@@ -52,7 +52,7 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
         }
     }
     if let (true, Some(error), None) = (summary.bags.is_empty(), first_error, &notes) {
-        summary.failed.iter().skip(1).for_each(|failed| observer.note(&format!("not exported: {}", failed.error)));
+        summary.failed.iter().skip(1).for_each(|failed| observer.warn(&format!("not exported: {}", failed.error)));
         return Err(error);
     }
     outputs.finish(notes.as_ref())?;

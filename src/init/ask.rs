@@ -88,7 +88,7 @@ impl<'a> Chooser<'a> {
             Answer::Chosen(idx) if idx < question.options.len() => Ok(Choice { idx, is_asked: true }),
             Answer::Chosen(_) | Answer::Likeliest => {
                 let Question { words, options, because, .. } = question;
-                self.guesses.push(format!("{words} Taken: {}, {because}", options[likeliest]));
+                self.guesses.push(format!("{words} Taken: {} ({because}); look at it in the file", options[likeliest]));
                 Ok(Choice { idx: likeliest, is_asked: false })
             }
             Answer::Nobody => {

@@ -11,6 +11,9 @@ use crate::model;
 /// Most files in a folder that are tried.
 const MAX_FILES: usize = 64;
 
+/// Models that are named where several fit.
+const MOST_NAMED: usize = 3;
+
 /// The model that is named; else the only one in the folder of the parameter file, or in `models` there, that fits.
 pub(super) fn of(
     named: Option<&Path>,
@@ -36,8 +39,11 @@ pub(super) fn of(
             described(only, folder, why).map(Some)
         }
         several => {
-            let names = several.iter().map(|path| shown(path)).collect::<Vec<_>>().join(", ");
-            notes.push(format!("no model was taken, because {} fit: {names}; give one by --model", several.len()));
+            let names = several.iter().take(MOST_NAMED).map(|path| shown(path)).collect::<Vec<_>>().join(", ");
+            let more = several.len().saturating_sub(MOST_NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            notes
+                .push(format!("no model was taken, because {} fit: {names}{more}; give one by --model", several.len()));
             Ok(None)
         }
     }

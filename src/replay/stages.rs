@@ -221,7 +221,7 @@ impl<'c> Core<'c> {
         self.inputs.check_end(self.fusion.missing_joints())?;
         self.check_used()?;
         if let Some(check) = self.check.take() {
-            check.judge(self.cfg)?.iter().for_each(|note| self.observer.note(note));
+            check.judge(self.cfg)?.iter().for_each(|note| self.observer.warn(note));
         }
         Ok(Fused { portion: Portion::default(), ticks })
     }
@@ -234,7 +234,7 @@ impl<'c> Core<'c> {
             if let Some(check) = &mut self.check
                 && !check.takes(tick)
             {
-                check.judge(self.cfg)?.iter().for_each(|note| self.observer.note(note));
+                check.judge(self.cfg)?.iter().for_each(|note| self.observer.warn(note));
                 self.check = None;
             }
         }

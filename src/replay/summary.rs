@@ -144,7 +144,7 @@ impl fmt::Display for Summary<'_> {
             ]);
             writeln!(
                 f,
-                "  tactile {}: {} messages, {} of {} rows used, {} frames{rate}{counts}{drops}",
+                "  tactile {}: {} messages, {} of {} samples used, {} frames{rate}{counts}{drops}",
                 source.name, c.messages, c.used, c.rows, c.frames
             )?;
         }
@@ -167,16 +167,16 @@ impl fmt::Display for Summary<'_> {
         for region in &self.counters.regions {
             let c = &region.counts;
             let degraded = listed(&[
-                ("tactile-only because of missing joint angles", c.base_only),
-                ("with held pose", c.held_pose),
-                ("with pose out of range", c.pose_out_of_range),
+                ("tactile-only, because joint angles are missing", c.base_only),
+                ("with the last pose held", c.held_pose),
+                ("with a pose beyond the training data", c.pose_out_of_range),
                 ("late", c.late),
                 ("contacts", c.onsets),
             ]);
             let without = listed(&[
-                ("warming up", c.warmup),
+                ("while the window fills", c.warmup),
                 ("uncalibrated", c.uncalibrated),
-                ("without pose", c.stale_pose),
+                ("because joint angles are too old", c.stale_pose),
                 ("not finite", c.non_finite),
                 ("frozen", c.frozen),
             ]);

@@ -2,9 +2,7 @@
 
 use std::fmt::Write as _;
 
-use comfy_table::{Table, presets};
-
-use crate::eval::{Check, Diff, Difference, FieldValue, Moment, OnlyIn, RegionDiff, Verdict};
+use crate::eval::{Check, Diff, FieldValue, Moment, OnlyIn, RegionDiff, Verdict};
 use crate::fusion::Flags;
 use crate::units::Stamp;
 
@@ -57,30 +55,19 @@ pub fn text(found: &Diff, names: [&str; 2], tolerance_n: f64) -> String {
             let _ = writeln!(text, "  {}", agreement(diff, tolerance_n));
             continue;
         }
-        let mut table = Table::new();
-        table.load_style(presets::NOTHING).set_header([
-            "  field",
-            "differ",
-            "first at",
-            "a",
-            "b",
-            "largest at",
-            "a",
-            "b",
-            "apart",
-        ]);
+        // Each field has lines of its own: a table of all this is wider than a terminal.
         for field in differing {
-            let mut row =
-                vec![format!("  {}", field.field.name()), format!("{} of {}", field.n_different, field.n_compared)];
-            for difference in [&field.first, &field.largest] {
-                row.extend(cells(difference.as_ref()));
+            let name = field.field.name();
+            let apart = field.largest.as_ref().and_then(|largest| largest.distance);
+            let apart = apart.map_or(String::new(), |distance| format!(", by up to {distance:.3e}"));
+            let _ = writeln!(text, "  {name}: {} of {} differ{apart}", field.n_different, field.n_compared);
+            let largest = field.largest.as_ref().filter(|largest| Some(*largest) != field.first.as_ref());
+            for (which, found) in [("first", field.first.as_ref()), ("largest", largest)] {
+                let Some(found) = found else { continue };
+                let _ = writeln!(text, "    {which} at {}", at(&found.at));
+                let _ = writeln!(text, "      a: {}\n      b: {}", value(&found.a), value(&found.b));
             }
-            row.push(
-                field.largest.as_ref().and_then(|largest| largest.distance).map_or("-".into(), |d| format!("{d:.3e}")),
-            );
-            table.add_row(row);
         }
-        let _ = writeln!(text, "{table}");
     }
     let _ = writeln!(text, "{}", if found.is_same() { "same" } else { "different" });
     text
@@ -96,12 +83,9 @@ fn agreement(diff: &RegionDiff, tolerance_n: f64) -> String {
 
 fn only(text: &mut String, bag: &str, only: &OnlyIn) {
     if let (Some(first), Some(last)) = (&only.first, &only.last) {
-        let _ = writeln!(text, "  only in {}: {} frames, from {} to {}", bag, only.n, at(first), at(last));
+        let _ =
+            writeln!(text, "  only in {bag}: {} frames\n    first at {}\n    last at {}", only.n, at(first), at(last));
     }
-}
-
-fn cells(difference: Option<&Difference>) -> [String; 3] {
-    difference.map_or(["-".into(), "-".into(), "-".into()], |d| [at(&d.at), value(&d.a), value(&d.b)])
 }
 
 fn at(moment: &Moment) -> String {

@@ -4,6 +4,7 @@ mod page;
 mod pose_quality;
 mod tables;
 mod text;
+mod verdict;
 
 pub use page::page;
 pub use tables::{FrameFile, write_scores};

@@ -131,7 +131,7 @@ impl Labelled {
         for (idx, track) in there.into_iter().zip(tracks) {
             let tare = track.tare(&zero_load);
             let tare = tare.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
-            track.doubts(&tare).iter().for_each(|doubt| observer.note(&format!("{}: {doubt}", bag.display())));
+            track.doubts(&tare).iter().for_each(|doubt| observer.warn(&format!("{}: {doubt}", bag.display())));
             let axes = track.axis_tares(&zero_load);
             let axes = axes.map_err(|error| in_bag(&format!("truth {}: {error}", track.name())))?;
             truth[idx] = Some(Truth { track, tare, axes });

@@ -130,7 +130,7 @@ pub fn run_models(
     let is_at_rest = verdicts.iter().any(|verdict| matches!(verdict, Ok(None)));
     let verdict = verdicts.into_iter().next_back().filter(|_| !is_at_rest).unwrap_or(Ok(None));
     for doubt in inputs.angle_doubts() {
-        observer.note(&format!("{}: {doubt}", bag.display()));
+        observer.warn(&format!("{}: {doubt}", bag.display()));
     }
     let as_recorded = fusions.iter().zip(&kept).filter(|(_, (.., quality))| *quality == PoseQuality::default());
     for (fusion, _) in as_recorded {

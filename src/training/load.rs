@@ -124,10 +124,10 @@ impl<'c> Loader<'c> {
         let [fusion] = cores;
         inputs.check_end(fusion.missing_joints()).map_err(|error| TrainingError::at(bag, &error))?;
         for doubt in inputs.angle_doubts() {
-            observer.note(&format!("{}: {doubt}", bag.display()));
+            observer.warn(&format!("{}: {doubt}", bag.display()));
         }
         for loss in reader.losses() {
-            observer.note(&format!("{}: input lost: {loss}", bag.display()));
+            observer.warn(&format!("{}: input lost: {loss}", bag.display()));
         }
         let measured = fusion.counters().tactile.first().and_then(|source| source.measured_rate_hz);
         if let Some(measured) = measured.filter(|hz| (hz / self.rate_hz - 1.0).abs() > RATE_TOLERANCE) {
@@ -167,7 +167,7 @@ impl<'c> Loader<'c> {
             Some(axes) => track.axis_tares(&zero_load).map_err(of_truth)?.map(|tares| (axes, tares)),
             None => None,
         };
-        track.doubts(&tare).iter().for_each(|doubt| observer.note(&format!("{name}: {doubt}")));
+        track.doubts(&tare).iter().for_each(|doubt| observer.warn(&format!("{name}: {doubt}")));
         let cuts = self.split.cuts(&recording::stage_spans(&labels.annotations, end.offset(1)));
         let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing.max_gap);
         let mut frames = SessionFrames { name, n_taxels, n_joints, ..SessionFrames::default() };

@@ -83,6 +83,13 @@ fn a_changed_force_is_told_by_field_with_the_first_and_the_largest() {
     assert_eq!(fields.iter().find(|field| field["field"] == "force").unwrap()["n_different"], 1);
     let words = diff(folder, &[]);
     assert!(words.stdout.contains("only in a.mcap: 1 frames") && words.stdout.ends_with("different\n"), "{words:?}");
+    assert!(
+        words.stdout.lines().all(|line| line.chars().count() <= 80),
+        "a terminal of 80 columns holds it: {words:?}"
+    );
+    for told in ["force: 2 of 599 differ, by up to 5.000e-3", "first at", "largest at", "flags: 1 of 599 differ"] {
+        assert!(words.stdout.contains(told), "{told}: {words:?}");
+    }
 }
 
 /// Contacts as they were before messages had an age.

@@ -31,7 +31,11 @@ fn every_plot_is_drawn_and_every_value_is_that_of_the_json() {
     let Some(seen) = look(&path.join("r.html")) else { return };
     let seen = &seen["wide"];
     let ids: Vec<&str> = seen["plots"].as_array().unwrap().iter().map(|plot| plot["id"].as_str().unwrap()).collect();
-    for id in ["ba-1", "mae-1", "pairs-0-ba", "pairs-0-mae", "onset-1", "offset-1", "air-1", "air-force-1", "pose-1"] {
+    let of_truth = ["density-1-judged", "density-1-first", "bias-1", "gain"];
+    for id in of_truth.iter().chain(&["ba-1", "mae-1", "pairs-0-ba", "pairs-0-mae"]) {
+        assert!(ids.contains(id), "{id}: {ids:?}");
+    }
+    for id in ["onset-1", "offset-1", "air-1", "air-force-1", "pose-1"] {
         assert!(ids.contains(&id), "{id}: {ids:?}");
     }
     for kind in ["best", "median", "worst"] {
@@ -73,7 +77,9 @@ fn every_plot_is_drawn_and_every_value_is_that_of_the_json() {
         assert_eq!(row[3]["value"].as_f64(), timing["rate_hz"].as_f64());
         assert_eq!(row[9]["value"].as_f64(), timing["pose_age_ms"]["max"].as_f64());
     }
-    for (row, test) in rows(seen, "table-paired-0").iter().zip(found["paired"][0]["tests"].as_array().unwrap()) {
+    let tests = found["paired"][0]["tests"].as_array().unwrap();
+    let of_several = tests.iter().filter(|test| test["pairs"].as_array().unwrap().len() > 1);
+    for (row, test) in rows(seen, "table-paired-0").iter().zip(of_several) {
         assert_eq!(row[1]["value"].as_f64(), test["n_improved"].as_f64());
         assert_eq!(row[2]["value"].as_f64(), test["wilcoxon"]["p"].as_f64());
     }
@@ -81,6 +87,106 @@ fn every_plot_is_drawn_and_every_value_is_that_of_the_json() {
     let text = seen["text"].as_str().unwrap();
     for told in ["eval bags --params-file params.yaml", found["sessions"][0]["sha256"].as_str().unwrap()] {
         assert!(text.contains(told), "{told}");
+    }
+}
+
+/// Points of a series of a plot.
+fn series<'v>(seen: &'v Value, plot: &str, name: &str) -> &'v Value {
+    let plots = seen["plots"].as_array().unwrap();
+    let plot = plots.iter().find(|one| one["id"] == plot).unwrap_or_else(|| panic!("no plot {plot}"));
+    plot["data"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|one| one["name"] == name)
+        .unwrap_or_else(|| panic!("no {name}: {plot}"))
+}
+
+#[test]
+fn what_is_plotted_against_the_truth_is_in_the_json() {
+    let folder = folder();
+    let found = report(folder.path(), &["--model", "model.onnx", "--compare", "other.onnx"]);
+    let Some(seen) = look(&folder.path().join("r.html")) else { return };
+    let seen = &seen["wide"];
+    for model in found["models"].as_array().unwrap() {
+        let name = model["name"].as_str().unwrap();
+        let curve = &model["curves"]["1"];
+        let bias = series(seen, "bias-1", name);
+        assert_eq!(bias["y"][0], curve["no_touch"]["bias_gf"], "the first point is the air");
+        assert_eq!(bias["y"][1], curve["bins"][0]["bias_gf"]);
+        let gains = series(seen, "gain", name);
+        for (idx, session) in model["by"]["session"].as_array().unwrap().iter().enumerate() {
+            assert_eq!((&gains["x"][idx], &gains["y"][idx]), (&session["force_gain"], &session["session"]));
+        }
+        let frames = model["densities"]["1"]["frames"].as_array().unwrap();
+        let of = |frames: &Value| frames.as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect::<Vec<u64>>();
+        let n_frames: u64 = frames.iter().flat_map(of).sum();
+        assert_eq!(n_frames, model["by"]["all"][0]["coverage"]["n_scored"].as_u64().unwrap());
+    }
+    let judged = found["models"].as_array().unwrap().last().unwrap();
+    let plot = seen["plots"].as_array().unwrap().iter().find(|plot| plot["id"] == "density-1-judged").unwrap();
+    for (truth, frames) in judged["densities"]["1"]["frames"].as_array().unwrap().iter().enumerate() {
+        let frames: Vec<f64> = frames.as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect();
+        let all: f64 = frames.iter().sum();
+        for (estimate, n) in frames.iter().enumerate().filter(|(_, n)| **n > 0.0) {
+            let shown = plot["data"][0]["z"][estimate][truth].as_f64().unwrap();
+            assert!((shown - 100.0 * n / all).abs() < 1e-9, "{truth} {estimate}: {shown}");
+        }
+    }
+    let air = judged["contacts"]["1"]["in_air"]["by_pose"].as_object().unwrap();
+    let bars = series(seen, "air-1", "model");
+    for (pose, rate) in bars["y"].as_array().unwrap().iter().zip(bars["x"].as_array().unwrap()) {
+        assert_eq!(air[pose.as_str().unwrap()]["per_minute"].as_f64(), rate.as_f64(), "{pose}");
+    }
+}
+
+#[test]
+fn the_verdict_comes_first_with_its_numbers_and_ends_the_text() {
+    let folder = folder();
+    let path = folder.path();
+    let gate = |limit: &str| {
+        fs::write(path.join("gates.yaml"), format!("gates: [{{metric: mae_gf, by: all, at_most: {limit}}}]")).unwrap();
+    };
+    gate("1.0e+6");
+    let compare = ["--model", "model.onnx", "--compare", "other.onnx", "--gate", "gates.yaml", "--overwrite"];
+    let found = report(path, &compare);
+    let headline = &found["headline"];
+    assert_eq!((headline["from"].as_str(), headline["to"].as_str()), (Some("other"), Some("model")), "{headline}");
+    let text = [&["eval", "bags", "--params-file", "params.yaml", "--whole"][..], &compare].concat();
+    let said = tpf(path, &text).ok().stdout;
+    let verdict = said.lines().last().unwrap();
+    let judged = found["models"].as_array().unwrap().last().unwrap();
+    let mae = format!("{:.2} gF", judged["by"]["all"][0]["mae_gf"].as_f64().unwrap());
+    for told in
+        ["model against other (SYNTHETIC data, glove 1)", &mae, "mean absolute error (MAE)", "All gates passed (1)"]
+    {
+        assert!(verdict.contains(told), "{told}: {verdict}");
+    }
+    let html = fs::read_to_string(path.join("r.html")).unwrap();
+    assert!(html.len() < 3_000_000, "{} bytes", html.len());
+    let at = |text: &str| html.find(text).unwrap_or_else(|| panic!("no {text}"));
+    let order = ["id=\"verdict\"", "id=\"truth\"", "id=\"in-air\"", "id=\"scores\"", "id=\"origin\""];
+    assert!(order.map(at).is_sorted());
+    gate("0.0");
+    let failed = tpf(path, &text);
+    assert_eq!(failed.code, 1, "{failed:?}");
+    assert!(failed.stdout.lines().last().unwrap().contains("1 of 1 gates FAILED"), "{failed:?}");
+    // A single model without a base has nothing to be better than.
+    let tactile_only = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_tactile_only.onnx");
+    let alone = tpf(path, &["eval", "bags", "--params-file", "params.yaml", "--whole", "--model", tactile_only]).ok();
+    assert!(alone.stdout.lines().last().unwrap().contains("nothing to compare it with"), "{alone:?}");
+}
+
+#[test]
+fn of_one_user_there_are_no_statistics() {
+    let folder = folder();
+    let path = folder.path();
+    let bag = fs::read_dir(path.join("bags")).unwrap().next().unwrap().unwrap().path();
+    let command = ["eval", bag.to_str().unwrap(), "--params-file", "params.yaml", "--whole", "--report", "r.html"];
+    let run = tpf(path, &[&command[..], &["--model", "model.onnx", "--compare", "other.onnx"]].concat()).ok();
+    let html = fs::read_to_string(path.join("r.html")).unwrap();
+    for told in ["id=\"users\"", "Wilcoxon", "id=\"gain\""] {
+        assert!(!html.contains(told) && !run.stdout.contains(told), "{told}");
     }
 }
 
@@ -93,7 +199,13 @@ fn a_page_without_true_force_says_what_is_missing() {
     let Some(seen) = look(&path.join("r.html")) else { return };
     let text = seen["wide"]["text"].as_str().unwrap();
     assert!(text.contains("Missing: no true force, so no scores: the bag has no topic /absent (all 2 sessions)"));
-    assert!(text.contains("In the air") && text.contains("Timing"));
+    assert!(text.contains("False touches in the air, by pose") && text.contains("Timing"));
+    assert!(
+        text.contains(
+            "No scores, because the true force is missing. model against model, base (SYNTHETIC data, glove 1)"
+        ),
+        "{text}"
+    );
     let tables = seen["wide"]["tables"].as_object().unwrap();
     assert!(tables.contains_key("table-in-air") && !tables.contains_key("table-scores"), "{tables:?}");
 }

@@ -4,6 +4,7 @@ use std::process::{Command, Stdio};
 
 use crate::common;
 
+use common::scored;
 use common::tpf::tpf;
 
 #[test]
@@ -51,4 +52,23 @@ fn there_is_a_man_page_for_each_command_and_a_place_that_is_none_is_refused() {
     for args in [&["completions"][..], &["completions", "bash", "--man", "man"], &["completions", "tcsh"]] {
         assert_eq!(tpf(folder.path(), args).code, 2, "{args:?}");
     }
+}
+
+#[test]
+fn quiet_leaves_only_results_and_doubts_and_verbose_tells_what_runs_each_model() {
+    let folder = scored::folder();
+    let eval = ["eval", "bags", "--params-file", "params.yaml", "--whole", "--model", "model.onnx", "--json"];
+    let with = |more: &[&str]| tpf(folder.path(), &[&eval[..], more].concat()).ok();
+    let (usual, quiet, verbose) = (with(&[]), with(&["-q", "--report", "r.html"]), with(&["--verbose"]));
+    assert_eq!((&usual.stdout, &usual.stdout), (&quiet.stdout, &verbose.stdout), "results are the same");
+    let runs =
+        |text: &str| text.lines().filter(|line| line.starts_with("model tip: ") && line.contains(" in ")).count();
+    assert_eq!((runs(&usual.stderr), runs(&verbose.stderr)), (0, 1), "{usual:?} {verbose:?}");
+    assert!(quiet.stderr.lines().all(|line| line.contains("its zero is not reliable")), "{}", quiet.stderr);
+    assert!(folder.path().join("r.html").exists());
+    // What is in doubt is said all the same.
+    let doubtful = with(&["--quiet", "-p", "truth.load_cell.sign:=-1"]);
+    assert!(doubtful.stderr.contains("a press seems to be negative"), "{doubtful:?}");
+    let both = tpf(folder.path(), &["eval", "-q", "-v", "bags", "--params-file", "params.yaml"]);
+    assert!(both.code == 2 && both.stderr.contains("cannot be used with"), "{both:?}");
 }

@@ -8,7 +8,10 @@ use serde_json::Value;
 
 use super::skip::{python, skipped};
 
-/// What a browser shows of a page: wide, and as on a phone. Where there is no browser the test is skipped, or fails when
+/// Width of a sheet of A4 or Letter without its margins, px.
+const PAPER_PX: f64 = 680.0;
+
+/// What a browser shows of a page: wide, as on a phone, dark, and on paper. Where there is no browser the test is skipped, or fails when
 /// `TPF_REQUIRE_BROWSER` is set.
 pub fn look(page: &Path) -> Option<Value> {
     let python = python()?;
@@ -23,16 +26,21 @@ pub fn look(page: &Path) -> Option<Value> {
     let output = Command::new(python).arg(script).arg(page).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
-    for size in ["wide", "phone"] {
-        let seen = &seen[size];
-        assert_eq!(seen["complaints"], Value::Array(Vec::new()), "{size}: the console is silent");
-        assert_eq!(seen["requests"], Value::Array(Vec::new()), "{size}: nothing is fetched");
-        let width = if size == "wide" { 1200.0 } else { 390.0 };
-        assert!(seen["page_width"].as_f64().unwrap() <= width, "{size}: {}", seen["page_width"]);
+    for view in ["wide", "phone", "dark"] {
+        let seen = &seen[view];
+        assert_eq!(seen["complaints"], Value::Array(Vec::new()), "{view}: the console is silent");
+        assert_eq!(seen["requests"], Value::Array(Vec::new()), "{view}: nothing is fetched");
+        let width = if view == "phone" { 390.0 } else { 1200.0 };
+        assert!(seen["page_width"].as_f64().unwrap() <= width, "{view}: {}", seen["page_width"]);
+        assert!(seen["paper_width"].as_f64().unwrap() <= PAPER_PX, "{view}: {}", seen["paper_width"]);
+        let is_dark = seen["background"] != "rgb(255, 255, 255)";
+        assert_eq!(is_dark, view == "dark", "{view}: {}", seen["background"]);
         for plot in seen["plots"].as_array().unwrap() {
-            assert!(plot["traces"].as_u64().unwrap() > 0 && plot["drawn"].as_u64().unwrap() > 0, "{size}: {plot}");
-            assert_eq!(plot["traces"], plot["with_points"], "{size}: {plot}");
-            assert!(plot["width"].as_f64().unwrap() <= width, "{size}: {plot}");
+            assert!(plot["traces"].as_u64().unwrap() > 0 && plot["drawn"].as_u64().unwrap() > 0, "{view}: {plot}");
+            assert_eq!(plot["traces"], plot["with_points"], "{view}: {plot}");
+            assert!(plot["width"].as_f64().unwrap() <= width, "{view}: {plot}");
+            assert_eq!(plot["background"], seen["background"], "{view}: a plot has the colours of its page: {plot}");
+            assert_eq!(plot["toolbar_on_legend"], false, "{view}: {plot}");
         }
     }
     Some(seen)

@@ -33,7 +33,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("init", &["bag", "config", "files", "hand", "inspect", "model"]),
     ("recording", &["bag", "config", "eval", "fusion", "msg", "protocol", "random", "units"]),
     ("zero", &["bag", "calibration", "config", "fusion", "recording", "units"]),
-    ("glove", &["config", "fusion", "model", "zero"]),
+    ("glove", &["config", "fusion", "model", "observer", "zero"]),
     (
         "sessions",
         &[

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::super::checks::CheckArgs;
-use super::super::{Failure, Outcome, print, say};
+use super::super::{Failure, Outcome, print, say, tell};
 use super::gates::GateFile;
 use crate::eval::GroupBy;
 use crate::evaluate::Evaluated;
@@ -69,7 +69,7 @@ impl Delivery<'_> {
         if let Some(path) = self.report {
             let written = files::replace(path, evaluation::page(&result).html().as_bytes());
             written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
-            say(&format!("report: {}", path.display()));
+            tell(&format!("report: {}", path.display()));
         }
         if let Some(path) = self.parquet {
             evaluation::write_scores(path, &result)?;

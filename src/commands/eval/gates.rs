@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::super::{Failure, say};
+use super::super::{Failure, tell};
 use crate::eval::{Check, Gates, Scored};
 use crate::evaluate::Evaluated;
 use crate::files;
@@ -45,7 +45,7 @@ impl GateFile {
                 let text = serde_json::to_string_pretty(&found)? + "\n";
                 let failed = |error: std::io::Error| Failure(format!("{}: {error}", path.display()));
                 files::replace(path, text.as_bytes()).map_err(failed)?;
-                say(&format!("{}: now holds {} reference values", path.display(), found.len()));
+                tell(&format!("{}: now holds {} reference values", path.display(), found.len()));
                 found
             }
             (Some(path), false) => read_reference(path)?,

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::super::live::RosArguments;
-use super::super::{Failure, Outcome, interrupt, print, say};
+use super::super::{Failure, Outcome, interrupt, print, say, tell};
 use crate::leave;
 use crate::msg::{JointState, PoseArray, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
@@ -99,7 +99,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
     listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
     let listener = listening.start()?;
-    say("the data is synthetic: a physical model of a glove on a hand, no recording");
+    tell("the data is synthetic: a physical model of a glove on a hand, no recording");
     let (mut n_sent, mut n_late, mut said) = (0_u64, 0_u64, None::<Instant>);
     while !interrupt::happened() {
         let t_s = started.elapsed().as_secs_f64();

@@ -14,7 +14,7 @@ use crate::evaluate::scored::{BagPart, Head};
 use crate::sessions::Shard;
 
 /// Form of the table and its notes.
-const FORMAT: &str = "1";
+const FORMAT: &str = "2";
 
 /// Names of the notes.
 const FORMAT_NOTE: &str = "tpf_partial";
@@ -122,8 +122,8 @@ impl PartialReader {
         let format = table.note(FORMAT_NOTE).ok_or_else(no_partial)?;
         let (made_by_ours, got) = (made_by(env!("CARGO_PKG_VERSION")), table.note(VERSION_NOTE).unwrap_or("nobody"));
         if format != FORMAT || got != made_by_ours {
-            let (path, got) = (path.to_path_buf(), got.to_owned());
-            return Err(MergeError::Version { path, got, expected: made_by_ours });
+            let (got, expected) = (format!("{got}, form {format}"), format!("{made_by_ours}, form {FORMAT}"));
+            return Err(MergeError::Version { path: path.to_path_buf(), got, expected });
         }
         table.expect(&table::columns())?;
         let text = table.note(HEAD_NOTE).unwrap_or_default();

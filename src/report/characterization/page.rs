@@ -5,27 +5,46 @@ mod load;
 mod rest;
 
 use crate::characterization::{Characterized, NamedTiming};
-use crate::page::{Cell, Page, Table};
+use crate::page::{Cell, Page, Table, VerdictKind};
 
 /// The page.
 pub fn page(result: &Characterized) -> Page {
     let mut page = Page::new("What a glove does when the hand moves", result.synthetic);
-    sessions(&mut page, result);
+    verdict(&mut page, result);
     for region in &result.regions {
-        joints::section(&mut page, region);
-        load::response(&mut page, region);
         load::artifact(&mut page, region);
+        load::response(&mut page, region);
+        joints::section(&mut page, region);
         load::following(&mut page, region);
         rest::lag(&mut page, region);
         rest::at_rest(&mut page, region);
     }
     let section = page.section("parameters", "Parameters");
     section.text("What follows from all of it for the parameter file, below ros__parameters.").code(&result.parameters);
+    sessions(&mut page, result);
     page
 }
 
+/// How large the largest artifact of each region is, and what the recordings lack.
+fn verdict(page: &mut Page, result: &Characterized) {
+    let section = page.section("verdict", "In a line");
+    let synthetic = if result.synthetic { " (SYNTHETIC data)" } else { "" };
+    for region in &result.regions {
+        if let Some(sentence) = load::largest(region) {
+            section.verdict(VerdictKind::Neither, &format!("Region {}{synthetic}.", region.region), &sentence);
+        }
+    }
+    for missing in &result.missing {
+        section.text(&format!("Missing: {missing}."));
+    }
+    for joint in &result.joints_left_out {
+        section.text(&format!("Joint left out: {joint}."));
+    }
+}
+
 fn sessions(page: &mut Page, result: &Characterized) {
-    let header = ["Session", "Glove", "User", "In the air by", "Tactile Hz", "Jitter ms", "Joints Hz", "Jitter ms"];
+    let header =
+        ["Session", "Glove", "User", "In the air by", "Tactile Hz", "Its jitter, ms", "Joints Hz", "Their jitter, ms"];
     let rows = result.sessions.iter().map(|session| {
         let data = if session.synthetic { " (synthetic)" } else { "" };
         let timing = |sources: &[NamedTiming]| {
@@ -43,14 +62,7 @@ fn sessions(page: &mut Page, result: &Characterized) {
         rows: rows.collect(),
         ..Table::default()
     };
-    let section = page.section("sessions", "Sessions");
-    section.table(&table);
-    for missing in &result.missing {
-        section.text(&format!("Missing: {missing}."));
-    }
-    for joint in &result.joints_left_out {
-        section.text(&format!("Joint left out: {joint}."));
-    }
+    page.section("sessions", "Sessions").table(&table);
 }
 
 /// A header of words.

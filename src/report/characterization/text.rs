@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
-use comfy_table::{Table, presets};
-
 use crate::characterization::{Characterized, RegionResult, SessionSummary};
 use crate::characterize::{ArtifactSize, ClassCurve, LeftInAir, RegionReport, Spread, Untold};
+use crate::report::terminal;
 
 /// Joints that the table shows: those that move most with the taxels, and all that are suggested.
 const N_JOINTS: usize = 8;
@@ -100,12 +99,12 @@ fn following(text: &mut String, report: &RegionReport) {
         "\nWhat is left of the artifact in the air, by {}; each donning by shapes of the others (root mean square, units of the sensor)\n",
         report.following.joints.join(", ")
     );
-    let mut table = new_table(["Taxels", "Left", "Explained"]);
+    let mut table = terminal::table(["Taxels", "Left", "Explained"]);
     for (what, value) in left_in_air(left) {
         let share = left.explained(value);
         table.add_row([what.to_owned(), format!("{value:.1}"), percent(Some(share))]);
     }
-    let _ = writeln!(text, "{table}\n{}", advice(left));
+    let _ = writeln!(text, "{}\n{}", terminal::shown(&table, 1), advice(left));
 }
 
 fn joints(text: &mut String, report: &RegionReport) {
@@ -116,7 +115,7 @@ fn joints(text: &mut String, report: &RegionReport) {
         correlation.span_s
     );
     let mut table =
-        new_table(["Joint", "r, mean of taxels", "r by taxel", "Explains alone", "Chosen", "Adds", "Range rad"]);
+        terminal::table(["Joint", "r, mean of taxels", "r by taxel", "Explains alone", "Chosen", "Adds", "Range rad"]);
     let ranked = correlation.ranked();
     let chosen = selection.chosen_idxs();
     let is_shown =
@@ -138,7 +137,7 @@ fn joints(text: &mut String, report: &RegionReport) {
             range.map_or(String::new(), |range| format!("{:.2} to {:.2}", range.min, range.max)),
         ]);
     }
-    let _ = writeln!(text, "{table}");
+    let _ = writeln!(text, "{}", terminal::shown(&table, 1));
     match selection.chosen.last() {
         Some(last) => {
             let next = selection
@@ -166,7 +165,7 @@ fn response(text: &mut String, report: &RegionReport) {
         text,
         "\nResponse to force: median reading of all taxels together, and what the touch adds to that of the pose\n"
     );
-    let mut table = new_table(["Force N", "All poses", "Bend score low", "middle", "high"]);
+    let mut table = terminal::table(["Force N", "All poses", "Bend score low", "middle", "high"]);
     for point in &response.all.points {
         let cell = |class: &ClassCurve| {
             let same = class.points.iter().find(|other| other.from_gf == point.from_gf);
@@ -179,7 +178,7 @@ fn response(text: &mut String, report: &RegionReport) {
     let mut row = vec!["touches".to_owned(), response.all.n_touches.to_string()];
     row.extend(response.by_bend.iter().map(|class| class.n_touches.to_string()));
     table.add_row(row);
-    let _ = writeln!(text, "{table}");
+    let _ = writeln!(text, "{}", terminal::shown(&table, 1));
     let gain = response
         .gain
         .map_or("not told: too few touches, or forces in common".to_owned(), |gain| spread(Some(gain), "", 2));
@@ -193,7 +192,7 @@ fn artifact(text: &mut String, report: &RegionReport) {
         text,
         "\nArtifact: readings in the air away from the straight hand's, and the tap that reads as much\n"
     );
-    let mut table = new_table(["Pose", "Time s", "Median", "p95", "Median N (gF)", "p95 N (gF)"]);
+    let mut table = terminal::table(["Pose", "Time s", "Median", "p95", "Median N (gF)", "p95 N (gF)"]);
     let mut row = |pose: &str, seconds: f64, size: &ArtifactSize| {
         let force = |newtons: Option<Spread>, grams: Option<Spread>| match (newtons, grams) {
             (Some(newtons), Some(grams)) => format!("{:.2} ({:.0})", newtons.median, grams.median),
@@ -212,7 +211,7 @@ fn artifact(text: &mut String, report: &RegionReport) {
     let movement = &report.artifact.movement;
     row("all movement in the air", report.sessions.iter().map(|session| session.in_air_s).sum(), movement);
     report.artifact.by_pose.iter().for_each(|pose| row(&pose.pose, pose.seconds, &pose.size));
-    let _ = writeln!(text, "{table}");
+    let _ = writeln!(text, "{}", terminal::shown(&table, 1));
     if movement.p95_n.is_some_and(|spread| spread.n_sessions > 1) {
         let _ = writeln!(text, "From session to session, p95 of all movement: {}", spread(movement.p95_n, " N", 2));
     }
@@ -272,12 +271,6 @@ fn offset(text: &mut String, report: &RegionReport) {
             )
         }
     };
-}
-
-fn new_table<const N: usize>(header: [&str; N]) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header(header);
-    table
 }
 
 fn number(value: Option<f64>) -> String {

@@ -4,6 +4,7 @@ mod contacts;
 mod origin;
 mod scores;
 mod stretches;
+mod truth;
 
 use crate::evaluate::Evaluated;
 use crate::page::{Page, Style};
@@ -12,14 +13,18 @@ use crate::page::{Page, Style};
 pub fn page(result: &Evaluated) -> Page {
     let judged = result.models.last().map_or("", |model| model.name.as_str());
     let mut page = Page::new(&format!("Evaluation of {judged}"), result.synthetic);
-    scores::summary(&mut page, result);
+    scores::verdict(&mut page, result);
     if result.has_scores() {
+        truth::section(&mut page, result);
+    }
+    contacts::in_air(&mut page, result);
+    if result.has_scores() {
+        scores::table_of_all(&mut page, result);
         scores::over_force(&mut page, result);
         scores::users(&mut page, result);
         contacts::contacts(&mut page, result);
     }
     stretches::section(&mut page, result);
-    contacts::in_air(&mut page, result);
     scores::pose_quality(&mut page, result);
     scores::gates(&mut page, result);
     origin::timing(&mut page, result);

@@ -2,11 +2,10 @@
 
 use std::fmt::Write as _;
 
-use comfy_table::{Table, presets};
-
 use crate::eval::{GroupScore, Metric, Score};
 use crate::evaluate::{Evaluated, ModelScores};
 use crate::recording::PoseQuality;
+use crate::report::terminal;
 
 /// An amount in words, and what kind it is of.
 pub(super) fn words(quality: &PoseQuality) -> (&'static str, String) {
@@ -30,8 +29,7 @@ pub(super) fn words(quality: &PoseQuality) -> (&'static str, String) {
 pub(super) fn text(result: &Evaluated) -> String {
     let Some(judged) = result.models.last() else { return String::new() };
     let base = result.models.iter().rev().nth(1).filter(|base| base.name == format!("{}, base", judged.name));
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header(["Glove", "Pose", "BA %", "MDF gF", "MAE gF", "R2"]);
+    let mut table = terminal::table(["Glove", "Pose", "BA %", "MDF gF", "MAE gF", "R2"]);
     let mut sentences = String::new();
     for as_it_is in judged.by.get("glove").into_iter().flatten() {
         let glove = as_it_is.group.to_string();
@@ -60,7 +58,7 @@ pub(super) fn text(result: &Evaluated) -> String {
             }
         }
     }
-    format!("\nPose made worse, {}\n\n{table}\n{sentences}", judged.name)
+    format!("\nPose made worse, {}\n\n{}\n{sentences}", judged.name, terminal::shown(&table, 2))
 }
 
 fn row(glove: &str, pose: &str, score: &Score) -> [String; 6] {

@@ -3,20 +3,34 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use comfy_table::{Table, presets};
-
 use super::pose_quality;
-use crate::eval::{Distribution, GroupBy, Improvement, Measure, Metric, ResultTable, Score, TangentialScore};
+use super::verdict::verdict;
+use crate::eval::{
+    Distribution, GroupBy, Improvement, Measure, Metric, PairedTest, ResultTable, Score, TangentialScore,
+};
 use crate::evaluate::{Evaluated, ModelScores, Pairing};
 use crate::report::checks;
+use crate::report::terminal::{self, shown};
 use crate::units::{GramForce, Newton};
+
+/// What the names of measures stand for.
+pub(super) const MEASURES_IN_WORDS: &str = "BA: balanced accuracy of touch. F1: harmonic mean of precision and recall of touch. \
+     MDF: minimal detectable force. MAE: mean absolute error of the force. R2: coefficient of determination. gF: gram-force.";
 
 /// The table, and what was gained.
 pub fn short_text(result: &Evaluated) -> String {
     let mut text = String::new();
     heading(&mut text, result);
     improvements(&mut text, result);
+    at_the_end(&mut text, result);
     text
+}
+
+/// What all of it comes to: at the end, where a terminal stands then.
+fn at_the_end(text: &mut String, result: &Evaluated) {
+    if let Some(verdict) = verdict(result) {
+        let _ = writeln!(text, "\n{}", verdict.line());
+    }
 }
 
 fn heading(text: &mut String, result: &Evaluated) {
@@ -30,7 +44,7 @@ fn heading(text: &mut String, result: &Evaluated) {
         let _ = writeln!(text, "{lack} ({})\n", short_list(&of, result.sessions.len()));
     }
     if result.has_scores() {
-        let _ = writeln!(text, "{}", result.table.text());
+        let _ = writeln!(text, "{}\n{}", shown(&result.table.table(), 2), MEASURES_IN_WORDS);
         touch_by(result).into_iter().for_each(|line| {
             let _ = writeln!(text, "\n{line}");
         });
@@ -109,21 +123,22 @@ pub fn text(result: &Evaluated, by: &[GroupBy]) -> String {
     heading(&mut text, result);
     if result.free_movement_table.rows.iter().any(|row| row.cells.iter().any(Option::is_some)) {
         let _ = writeln!(text, "\nFree movement alone (poses that nobody asked for)\n");
-        let _ = writeln!(text, "{}", result.free_movement_table.text());
+        let _ = writeln!(text, "{}", shown(&result.free_movement_table.table(), 2));
     }
     for by in by.iter().filter(|_| result.has_scores()) {
         let key = by.name();
         let rows: Vec<(&str, BTreeMap<String, Score>)> =
             result.models.iter().map(|model| (model.name.as_str(), by_group(model, key))).collect();
         let table = ResultTable::new(rows.iter().map(|(name, scores)| (*name, scores)));
-        let _ = writeln!(text, "\nBy {key}\n\n{}", table.text());
+        let _ = writeln!(text, "\nBy {key}\n\n{}", shown(&table.table(), 2));
         if *by == GroupBy::Session {
             force_gains(&mut text, &rows);
         }
     }
     improvements(&mut text, result);
     if result.has_scores() {
-        result.paired.iter().for_each(|pairing| paired(&mut text, pairing));
+        let of_several = result.paired.iter().filter(|pairing| pairing.tests.iter().any(is_of_several));
+        of_several.for_each(|pairing| paired(&mut text, pairing));
         contacts(&mut text, result);
     }
     held(&mut text, result);
@@ -135,13 +150,13 @@ pub fn text(result: &Evaluated, by: &[GroupBy]) -> String {
     if !result.checks.is_empty() {
         let _ = write!(text, "\nGates\n\n{}", checks::text(&result.checks));
     }
+    at_the_end(&mut text, result);
     text
 }
 
 /// The force gain of each donning: its spread is what nothing in the air tells.
 fn force_gains(text: &mut String, rows: &[(&str, BTreeMap<String, Score>)]) {
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header(["Session", "Model", "Force gain"]);
+    let mut table = terminal::table(["Session", "Model", "Force gain"]);
     for (model, scores) in rows {
         for (session, score) in scores {
             let gain = score.force_gain.value().map_or("-".to_owned(), |gain| format!("{gain:.2}"));
@@ -150,7 +165,8 @@ fn force_gains(text: &mut String, rows: &[(&str, BTreeMap<String, Score>)]) {
     }
     let _ = writeln!(
         text,
-        "\nForce gain by donning: estimated force as a share of the true one, over all touch\n\n{table}"
+        "\nForce gain by donning: estimated force as a share of the true one, over all touch\n\n{}",
+        shown(&table, 2)
     );
 }
 
@@ -182,15 +198,19 @@ pub(super) fn improvement(change: &Improvement) -> String {
     )
 }
 
+/// Whether it tells more than one user does: of one there are no statistics.
+pub(super) fn is_of_several(test: &PairedTest) -> bool {
+    test.pairs.len() > 1
+}
+
 fn paired(text: &mut String, pairing: &Pairing) {
     let _ = writeln!(
         text,
         "\nPaired by user, {} to {} (one-sided exact Wilcoxon, Cohen's d_z)\n",
         pairing.from, pairing.to
     );
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header(["Glove", "Measure", "Better for", "p", "d_z", "Left out"]);
-    for test in &pairing.tests {
+    let mut table = terminal::table(["Glove", "Measure", "Better for", "p", "d_z", "Left out"]);
+    for test in pairing.tests.iter().filter(|test| is_of_several(test)) {
         let p = test.wilcoxon.as_ref().map_or("-".to_owned(), |wilcoxon| format!("{:.4}", wilcoxon.p));
         let d_z = match test.d_z {
             Metric::Value(value) => format!("{value:.2}"),
@@ -206,7 +226,7 @@ fn paired(text: &mut String, pairing: &Pairing) {
             test.left_out.join(", "),
         ]);
     }
-    let _ = writeln!(text, "{table}");
+    let _ = writeln!(text, "{}", shown(&table, 2));
 }
 
 /// What a measure is called.
@@ -222,8 +242,7 @@ pub(super) fn measure_name(measure: Measure) -> &'static str {
 
 fn contacts(text: &mut String, result: &Evaluated) {
     let _ = writeln!(text, "\nContact\n");
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header([
+    let mut table = terminal::table([
         "Glove",
         "Model",
         "Touches",
@@ -252,12 +271,11 @@ fn contacts(text: &mut String, result: &Evaluated) {
             ]);
         }
     }
-    let _ = writeln!(text, "{table}");
+    let _ = writeln!(text, "{}", shown(&table, 2));
 }
 
 fn held(text: &mut String, result: &Evaluated) {
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header([
+    let mut table = terminal::table([
         "Glove",
         "Model",
         "Mean true gF",
@@ -292,21 +310,14 @@ fn held(text: &mut String, result: &Evaluated) {
     if table.row_count() > 0 {
         let _ = writeln!(
             text,
-            "\nTouches held for 5 s and longer: contact and force, later compared with 1 s after the onset\n\n{table}"
+            "\nTouches held for 5 s and longer: contact and force, later compared with 1 s after the onset\n\n{}",
+            shown(&table, 2)
         );
     }
 }
 
 fn in_air(text: &mut String, result: &Evaluated) {
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header([
-        "Glove",
-        "Model",
-        "Minutes",
-        "False touches",
-        "False/min",
-        "Force gF p50 (p95)",
-    ]);
+    let mut table = terminal::table(["Glove", "Model", "Minutes", "False touches", "False/min", "Force gF p50 (p95)"]);
     for model in &result.models {
         for (glove, contact) in &model.contacts {
             let Some(found) = contact.in_air.as_ref().map(|report| &report.total) else { continue };
@@ -324,14 +335,14 @@ fn in_air(text: &mut String, result: &Evaluated) {
     if table.row_count() > 0 {
         let _ = writeln!(
             text,
-            "\nIn the air, by the annotations: nothing touches, so no force and no touch is true\n\n{table}"
+            "\nIn the air, by the annotations: nothing touches, so no force and no touch is true\n\n{}",
+            shown(&table, 2)
         );
     }
 }
 
 fn timing(text: &mut String, result: &Evaluated) {
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header([
+    let mut table = terminal::table([
         "Session",
         "Region",
         "Frames",
@@ -359,7 +370,7 @@ fn timing(text: &mut String, result: &Evaluated) {
         }
     }
     if table.row_count() > 0 {
-        let _ = writeln!(text, "\nTiming\n\n{table}");
+        let _ = writeln!(text, "\nTiming\n\n{}", shown(&table, 2));
     }
 }
 

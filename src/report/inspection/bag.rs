@@ -1,8 +1,8 @@
-//! A bag's report for a person, at most about 100 columns wide where names allow.
+//! A bag's report for a person, at most 80 columns wide where names allow.
 
 use std::fmt::Write as _;
 
-use super::format::{UNKNOWN, bytes, count, known, number, printable, range, seconds, shortened, table};
+use super::format::{UNKNOWN, bytes, count, known, number, numbers, printable, range, seconds, shortened, under_names};
 use crate::bag::GAP_FACTOR;
 use crate::inspect::{
     Angle, BagReport, Candidates, ForceCandidate, ForceRange, JointCandidate, Likelihood, TactileCandidate, TopicReport,
@@ -71,12 +71,13 @@ fn count_or_dash(n: u64, is_known: bool) -> String {
 }
 
 fn topics(topics: &[TopicReport]) -> String {
-    let mut table = table(&["topic, type", "messages", "Hz", "p50", "p99", "max", "jitter", "gaps", "back"]);
+    let mut table = numbers(&["messages", "Hz", "p50", "p99", "max", "jitter", "gaps", "back"]);
+    let mut names = Vec::new();
     for TopicReport { stats, .. } in topics {
         let type_name = if stats.type_name.is_empty() { "(no type)" } else { &stats.type_name };
         let is_timed = stats.interval_max_ms.is_some();
+        names.push(format!("{}, {}", printable(&stats.topic), printable(type_name)));
         table.add_row(vec![
-            format!("{}\n  {}", printable(&stats.topic), printable(type_name)),
             count(stats.n_messages),
             known(stats.rate_hz),
             known(stats.interval_p50_ms),
@@ -88,15 +89,16 @@ fn topics(topics: &[TopicReport]) -> String {
         ]);
     }
     format!(
-        "\n  Topics by time of receipt: intervals and their standard deviation (jitter) in ms; gaps: intervals over\n  \
-         {GAP_FACTOR} x p50; back: messages received before one that stands in front of them\n\n{}\n",
-        table.trim_fmt()
+        "\n  Topics by time of receipt: intervals (median p50, 99th percentile p99, max)\n  and their standard deviation \
+         (jitter) in ms. gaps: intervals over {GAP_FACTOR} x p50.\n  back: messages received before one that stands in front \
+         of them.\n\n{}",
+        under_names(&names, &table)
     )
 }
 
 fn stamps(topics: &[TopicReport]) -> String {
-    let header = ["topic", "Hz", "p50", "p99", "max", "jitter", "gaps", "back", "same", "delay", "max"];
-    let mut table = table(&header);
+    let header = ["Hz", "p50", "p99", "max", "jitter", "gaps", "back", "same", "delay", "max"];
+    let (mut table, mut names) = (numbers(&header), Vec::new());
     let mut unset = String::new();
     for TopicReport { stats, stamps, .. } in topics {
         let Some(stamps) = stamps else { continue };
@@ -104,9 +106,9 @@ fn stamps(topics: &[TopicReport]) -> String {
         if stamps.n_unset > 0 {
             line(&mut unset, 2, &format!("{topic}: {} stamps are zero, left out", count(stamps.n_unset)));
         }
-        let field = if stamps.field == "header.stamp" { String::new() } else { format!("\n  {}", stamps.field) };
+        let field = if stamps.field == "header.stamp" { String::new() } else { format!(", {}", stamps.field) };
+        names.push(format!("{topic}{field}"));
         table.add_row(vec![
-            format!("{topic}{field}"),
             known(stamps.rate_hz),
             known(stamps.interval_p50_ms),
             known(stamps.interval_p99_ms),
@@ -123,9 +125,9 @@ fn stamps(topics: &[TopicReport]) -> String {
         return String::new();
     }
     format!(
-        "\n  Topics by their own stamps, which is what fusion goes by: the same in ms; back, same: stamps before or at\n  \
-         the one in front of them; delay: time of receipt less stamp, mean and max\n\n{}\n{unset}",
-        table.trim_fmt()
+        "\n  Topics by their own stamps, which is what fusion goes by: the same in ms.\n  back, same: stamps before or at the \
+         one in front of them.\n  delay: time of receipt less stamp, mean and max.\n\n{}{unset}",
+        under_names(&names, &table)
     )
 }
 
@@ -246,7 +248,7 @@ fn joints(one: &JointCandidate) -> String {
     let shown: Vec<String> = one.angles.iter().enumerate().take(MAX_JOINTS).map(angle).collect();
     let rate = one.rate_hz.map(|rate| format!(", {} Hz", number(rate))).unwrap_or_default();
     line(&mut text, 6, &format!("{} of {} values a message{rate}", one.element, range(one.n_values)));
-    for part in shown.chunks(3) {
+    for part in shown.chunks(2) {
         line(&mut text, 6, &part.join("; "));
     }
     if one.angles.len() > MAX_JOINTS {

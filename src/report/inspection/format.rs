@@ -44,6 +44,13 @@ pub(super) fn shortened(text: &str, most: usize) -> String {
     }
 }
 
+/// An empty table of numbers; its rows have names.
+pub(super) fn numbers(header: &[&str]) -> Table {
+    let mut table = table(header);
+    table.column_iter_mut().for_each(|column| column.set_cell_alignment(CellAlignment::Right));
+    table
+}
+
 /// An empty table whose first column is text and whose other columns are numbers.
 pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
@@ -53,6 +60,16 @@ pub(super) fn table(header: &[&str]) -> Table {
         column.set_cell_alignment(if idx == 0 { CellAlignment::Left } else { CellAlignment::Right });
     }
     table
+}
+
+/// A table whose rows stand below their names, which may be long.
+pub(super) fn under_names(names: &[String], table: &Table) -> String {
+    let mut lines = table.lines();
+    let mut text = lines.next().map_or_else(String::new, |header| header.trim_end().to_owned() + "\n");
+    for (name, line) in names.iter().zip(lines) {
+        text += &format!("  {name}\n{}\n", line.trim_end());
+    }
+    text
 }
 
 #[cfg(test)]

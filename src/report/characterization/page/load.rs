@@ -71,6 +71,28 @@ pub(super) fn response(page: &mut Page, result: &RegionResult) {
     });
 }
 
+/// What the pose with the largest artifact reads like, in a sentence; `None` without movement in the air.
+pub(super) fn largest(result: &RegionResult) -> Option<String> {
+    let artifact = &result.report.artifact;
+    let by_pose = artifact.by_pose.iter().map(|pose| (format!("the pose or movement \"{}\"", pose.pose), &pose.size));
+    let all = std::iter::once(("movement in the air".to_owned(), &artifact.movement));
+    let force = |size: &ArtifactSize| median(size.p95_n).zip(median(size.p95_gf));
+    let with_force = by_pose.clone().filter_map(|(what, size)| Some((what, force(size)?)));
+    let with_force = with_force.max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0));
+    let of_all = || all.clone().find_map(|(what, size)| Some((what, force(size)?)));
+    if let Some((what, (newtons, grams))) = with_force.or_else(of_all) {
+        return Some(format!(
+            "With nothing touching the glove, {what} reads like a tap of {newtons:.2} N ({grams:.0} gF; 95th percentile)."
+        ));
+    }
+    let (what, reading) = by_pose.chain(all).find_map(|(what, size)| Some((what, median(size.p95)?)))?;
+    Some(format!("With nothing touching the glove, {what} reads {reading:.0} units of the sensor (95th percentile)."))
+}
+
+fn median(spread: Option<Spread>) -> Option<f64> {
+    spread.map(|spread| spread.median)
+}
+
 pub(super) fn artifact(page: &mut Page, result: &RegionResult) {
     let RegionResult { region, report, .. } = result;
     let section = page.section(&format!("{region}-artifact"), &format!("Region {region}: size of artifacts"));
@@ -78,26 +100,25 @@ pub(super) fn artifact(page: &mut Page, result: &RegionResult) {
         "How far readings in the air are from the straight hand's, and the force of a tap of the straight hand that reads \
          as much. Figures of several sessions are medians of the sessions'.",
     );
-    let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
     let by_pose = &report.artifact.by_pose;
     let has_forces = by_pose.iter().any(|pose| pose.size.p95_n.is_some());
     let mut bars = Figure::new(
         &format!("{region}-artifact-poses"),
-        "95th percentile within each instructed pose or movement.",
+        "What each pose or movement in the air reads like, though nothing touches: 95th percentile.",
+        if has_forces { "tap that reads the same, N" } else { "reading, sensor's unit" },
         "",
-        if has_forces { "equal tap, N" } else { "reading, sensor's unit" },
     );
     let size = |size: &ArtifactSize| median(if has_forces { size.p95_n } else { size.p95 }).unwrap_or(f64::NAN);
-    let shown = || by_pose.iter().take(N_POSES);
-    bars.bars(
+    let mut poses: Vec<_> = by_pose.iter().filter(|pose| size(&pose.size).is_finite()).collect();
+    poses.sort_by(|a, b| size(&b.size).total_cmp(&size(&a.size)));
+    let shown = || poses.iter().take(N_POSES);
+    bars.lying_bars(
         "",
         shown().map(|pose| pose.pose.clone()).collect(),
         shown().map(|pose| size(&pose.size)).collect(),
         Style::of(0),
     );
-    if !by_pose.is_empty() {
-        section.figure(&bars.y_from_zero());
-    }
+    section.figure(&bars.height(90 + 20 * poses.len().min(N_POSES)));
     let row = |name: &str, size: &ArtifactSize| {
         let figures = [(size.median, 0), (size.p95, 0), (size.median_n, 2), (size.p95_n, 2), (size.p95_gf, 0)];
         let cells = figures.map(|(spread, digits)| Cell::maybe(median(spread), digits));
@@ -110,7 +131,14 @@ pub(super) fn artifact(page: &mut Page, result: &RegionResult) {
     section.table(&Table {
         id: format!("{region}-artifact-table"),
         caption: "All sessions, each session, each instructed pose or movement".to_owned(),
-        header: header(["", "Median", "p95", "Median N", "p95 N", "p95 gF"]),
+        header: header([
+            "",
+            "Median reading",
+            "95th percentile",
+            "Median as a tap, N",
+            "95th percentile, N",
+            "The same, gF",
+        ]),
         rows,
     });
 }

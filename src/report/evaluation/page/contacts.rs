@@ -1,10 +1,15 @@
 //! Touches: found, missed, how late, and those that were told in the air.
 
+use std::collections::BTreeMap;
+
 use super::scores::metric;
 use super::{slug, style};
-use crate::eval::Distribution;
+use crate::eval::{Distribution, InAir, InAirReport};
 use crate::evaluate::Evaluated;
-use crate::page::{Cell, Figure, Page, Table};
+use crate::page::{Cell, Figure, Page, Section, Table};
+
+/// Poses that a plot shows.
+const N_POSES: usize = 20;
 
 /// What is shown of latencies before someone zooms out, ms: a window's blur before, a slow press after.
 const SHOWN_MS: [f64; 2] = [-150.0, 350.0];
@@ -16,11 +21,11 @@ pub(super) fn contacts(page: &mut Page, result: &Evaluated) {
         "Glove, model",
         "Touches",
         "Missed",
-        "False/min",
-        "Onset ms p50",
-        "p95",
-        "Offset ms p50",
-        "p95",
+        "False a minute",
+        "Onset ms, median",
+        "95th percentile",
+        "Offset ms, median",
+        "95th percentile",
         "Removed",
         "Delayed",
     ];
@@ -84,12 +89,23 @@ pub(super) fn in_air(page: &mut Page, result: &Evaluated) {
     if gloves.is_empty() {
         return;
     }
-    let section = page.section("in-air", "In the air");
+    let section = page.section("in-air", "False touches in the air, by pose");
     section
         .text("Where the annotations say that nothing touches: every force is an artifact, and every touch is false.");
-    let header = ["Glove, model", "Minutes", "False touches", "False/min", "Force gF p50", "p95", "max"]
-        .map(str::to_owned)
-        .to_vec();
+    for glove in gloves {
+        in_air_of(section, result, glove);
+    }
+    let header = [
+        "Glove, model",
+        "Minutes",
+        "False touches",
+        "False a minute",
+        "Force gF, median",
+        "95th percentile",
+        "Largest",
+    ]
+    .map(str::to_owned)
+    .to_vec();
     let mut rows = Vec::new();
     for model in &result.models {
         for (glove, contact) in &model.contacts {
@@ -107,20 +123,57 @@ pub(super) fn in_air(page: &mut Page, result: &Evaluated) {
         }
     }
     section.table(&Table { id: "table-in-air".to_owned(), header, rows, ..Table::default() });
-    for glove in gloves {
-        let caption =
-            format!("Glove {glove}: 95th percentile of the force told in the air, by the pose that was asked for.");
-        let mut force = Figure::new(&format!("air-force-{}", slug(glove)), &caption, "", "force, gF").y_from_zero();
-        let caption = format!("Glove {glove}: false touches a minute, by the pose that was asked for.");
-        let mut touches = Figure::new(&format!("air-{}", slug(glove)), &caption, "", "false touches/min").y_from_zero();
-        for (series, model) in result.models.iter().enumerate() {
-            let Some(report) = model.contacts.get(glove).and_then(|contact| contact.in_air.as_ref()) else { continue };
-            let poses: Vec<String> = report.by_pose.keys().cloned().collect();
-            let rates = report.by_pose.values().map(|found| found.per_minute.value().unwrap_or(f64::NAN));
-            touches.bars(&model.name, poses.clone(), rates.collect(), style(result, series));
-            let sizes = report.by_pose.values().map(|found| found.abs_force_gf.map_or(f64::NAN, |size| size.p95));
-            force.bars(&model.name, poses, sizes.collect(), style(result, series));
-        }
-        section.figure(&touches).figure(&force);
+}
+
+/// False touches and forces by pose, those poses first that have most of them.
+fn in_air_of(section: &mut Section, result: &Evaluated, glove: &str) {
+    let reports: Vec<(usize, &InAirReport)> = result
+        .models
+        .iter()
+        .enumerate()
+        .filter_map(|(series, model)| Some((series, model.contacts.get(glove)?.in_air.as_ref()?)))
+        .collect();
+    let rate = |found: &InAir| found.per_minute.value();
+    let force = |found: &InAir| found.abs_force_gf.map(|size| size.p95);
+    let has_false = reports.iter().any(|(_, report)| report.total.n_false_touches > 0);
+    if has_false {
+        let what = "false touches a minute";
+        section.figure(&by_pose(result, glove, &reports, ("air", what, what), rate));
+    } else {
+        section.text(&format!("Glove {glove}: no false touch."));
     }
+    let what = "95th percentile of the force that is estimated in the air";
+    section.figure(&by_pose(result, glove, &reports, ("air-force", what, "force, gF"), force));
+}
+
+/// Bars of a figure by pose, the largest of all series first.
+fn by_pose(
+    result: &Evaluated,
+    glove: &str,
+    reports: &[(usize, &InAirReport)],
+    (id, what, axis): (&str, &str, &str),
+    of: fn(&InAir) -> Option<f64>,
+) -> Figure {
+    let mut largest: BTreeMap<&String, f64> = BTreeMap::new();
+    for (pose, found) in reports.iter().flat_map(|(_, report)| &report.by_pose) {
+        let highest = largest.entry(pose).or_default();
+        *highest = highest.max(of(found).unwrap_or(0.0));
+    }
+    let mut poses: Vec<(&String, f64)> = largest.into_iter().collect();
+    poses.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let n_all = poses.len();
+    poses.retain(|(_, largest)| *largest > 0.0);
+    let n_none = n_all - poses.len();
+    let none = if n_none > 0 { format!(" {n_none} of {n_all} poses have none.") } else { String::new() };
+    let more = if poses.len() > N_POSES { format!(" The {N_POSES} poses with most.") } else { String::new() };
+    poses.truncate(N_POSES);
+    let caption = format!("Glove {glove}: {what}, by the pose that was asked for.{more}{none}");
+    let height = 110 + poses.len() * (10 + 9 * reports.len());
+    let mut figure = Figure::new(&format!("{id}-{}", slug(glove)), &caption, axis, "").height(height);
+    for (series, report) in reports {
+        let values = poses.iter().map(|(pose, _)| report.by_pose.get(*pose).and_then(of).unwrap_or(f64::NAN));
+        let names = poses.iter().map(|(pose, _)| (*pose).clone()).collect();
+        figure.lying_bars(&result.models[*series].name, names, values.collect(), style(result, *series));
+    }
+    figure
 }

@@ -3,7 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::super::pose_quality::words;
-use super::super::text::{TANGENTIAL, improvement, measure_name, number, short_list, tangential_mae, touch_by};
+use super::super::text::{
+    MEASURES_IN_WORDS, TANGENTIAL, improvement, is_of_several, measure_name, number, short_list, tangential_mae, touch_by,
+};
+use super::super::verdict::Said;
 use super::{slug, style};
 use crate::eval::{ForceCurve, Measure, Metric, PairedTest, ResultTable, TangentialScore, Verdict};
 use crate::evaluate::{Evaluated, ModelScores};
@@ -12,10 +15,13 @@ use crate::report::checks;
 
 const BA_AT_MDF: f64 = 100.0 * crate::eval::MDF_BALANCED_ACCURACY;
 
-pub(super) fn summary(page: &mut Page, result: &Evaluated) {
+pub(super) fn verdict(page: &mut Page, result: &Evaluated) {
     let users: BTreeSet<_> = result.sessions.iter().map(|session| (&session.glove, &session.user)).collect();
     let gloves: BTreeSet<_> = result.sessions.iter().map(|session| &session.glove).collect();
-    let section = page.section("scores", "Scores");
+    let section = page.section("verdict", "Verdict");
+    if let Some(Said { kind, word, sentence }) = super::super::verdict::verdict(result) {
+        section.verdict(kind, &word, &sentence);
+    }
     section.text(&format!(
         "Scored: {} of {}, {}, {}. Touch is a true force of 2.5 gF (0.0245 N) or more.",
         result.scored,
@@ -29,9 +35,11 @@ pub(super) fn summary(page: &mut Page, result: &Evaluated) {
     for failed in &result.failed {
         section.text(&format!("Not scored: {}", failed.error));
     }
-    if !result.has_scores() {
-        return;
-    }
+}
+
+pub(super) fn table_of_all(page: &mut Page, result: &Evaluated) {
+    let section = page.section("scores", "Scores");
+    section.text(MEASURES_IN_WORDS);
     section.table(&table("table-scores", "All scored frames", &result.table));
     touch_by(result).iter().for_each(|line| {
         section.text(line);
@@ -90,7 +98,9 @@ pub(super) fn over_force(page: &mut Page, result: &Evaluated) {
         );
         let mut ba = Figure::new(&format!("ba-{}", slug(glove)), &caption, "true force, gF", "balanced accuracy, %");
         let caption = format!("Glove {glove}: mean absolute error by true force. The first point is the air.");
-        let mut mae = Figure::new(&format!("mae-{}", slug(glove)), &caption, "true force, gF", "MAE, gF").y_from_zero();
+        let mut mae =
+            Figure::new(&format!("mae-{}", slug(glove)), &caption, "true force, gF", "mean absolute error, gF")
+                .y_from_zero();
         let mut highest_mdf = 0.0_f64;
         for (series, model) in result.models.iter().enumerate() {
             let Some(curve) = model.curves.get(glove) else { continue };
@@ -123,20 +133,20 @@ fn counted(n: usize, what: &str) -> String {
 }
 
 /// Up to which force bins are shown: the last one that holds more than a handful of frames.
-fn reach(curve: &ForceCurve) -> f64 {
+pub(super) fn reach(curve: &ForceCurve) -> f64 {
     let well_filled = curve.bins.iter().rev().find(|bin| bin.n >= 50);
     well_filled.map_or(f64::INFINITY, |bin| bin.centre_gf)
 }
 
 pub(super) fn users(page: &mut Page, result: &Evaluated) {
-    if result.paired.is_empty() {
+    if !result.paired.iter().any(|pairing| pairing.tests.iter().any(is_of_several)) {
         return;
     }
     let section = page.section("users", "By user");
-    section.text("Paired by user: one-sided exact Wilcoxon signed-rank test that the change improves the measure, and Cohen's d_z. A user whose measure has no value is left out and named.");
+    section.text("Each user with both models. p: one-sided exact Wilcoxon signed-rank test that the change improves the measure. d_z: Cohen's effect size, the mean of the changes over their standard deviation. A user whose measure has no value is left out and named.");
     for (idx, pairing) in result.paired.iter().enumerate() {
         let header = ["Glove, measure", "Better for", "p", "d_z", "Left out"].map(str::to_owned).to_vec();
-        let rows = pairing.tests.iter().map(|test| {
+        let rows = pairing.tests.iter().filter(|test| is_of_several(test)).map(|test| {
             let p = test.wilcoxon.as_ref().map(|wilcoxon| wilcoxon.p);
             vec![
                 format!("{}, {}", test.glove, measure_name(test.measure)).into(),
@@ -153,7 +163,7 @@ pub(super) fn users(page: &mut Page, result: &Evaluated) {
         section.table(&Table { id: format!("table-paired-{idx}"), caption, header, rows: rows.collect() });
         for measure in [Measure::Ba, Measure::Mdf, Measure::Mae] {
             let tests: Vec<&PairedTest> =
-                pairing.tests.iter().filter(|test| test.measure == measure && !test.pairs.is_empty()).collect();
+                pairing.tests.iter().filter(|test| test.measure == measure && is_of_several(test)).collect();
             if !tests.is_empty() {
                 section.figure(&pairs(
                     &format!("pairs-{idx}-{}", slug(measure_name(measure))),
@@ -202,8 +212,9 @@ pub(super) fn pose_quality(page: &mut Page, result: &Evaluated) {
     let base = result.models.iter().find(|model| model.name == format!("{}, base", judged.name));
     for glove in &result.table.gloves {
         let caption = format!("Glove {glove}: force error of {} by what was done to the joint angles.", judged.name);
-        let mut figure =
-            Figure::new(&format!("pose-{}", slug(glove)), &caption, "", "MAE, gF").height(340).y_from_zero();
+        let mut figure = Figure::new(&format!("pose-{}", slug(glove)), &caption, "", "mean absolute error, gF")
+            .height(340)
+            .y_from_zero();
         let (mut names, mut errors) = (vec!["as recorded".to_owned()], Vec::new());
         let mae = |model: &ModelScores| {
             let of_glove = model.by.get("glove")?.iter().find(|one| &one.group.to_string() == glove)?;
