@@ -1,6 +1,8 @@
 //! One file a subcommand of `tpf`: parse, call, render.
 
 mod calibrate;
+#[cfg(feature = "ros")]
+mod call;
 mod characterize;
 mod checks;
 #[cfg(feature = "ros")]
@@ -8,6 +10,8 @@ mod collect;
 mod completions;
 mod demo;
 mod diff;
+#[cfg(feature = "ros")]
+mod doctor;
 mod eval;
 mod export;
 mod force;
@@ -73,6 +77,8 @@ enum Command {
     #[cfg(feature = "ros")]
     Monitor(monitor::Args),
     #[cfg(feature = "ros")]
+    Call(call::Args),
+    #[cfg(feature = "ros")]
     Play(play::Args),
     Calibrate(calibrate::Args),
     Characterize(characterize::Args),
@@ -80,6 +86,8 @@ enum Command {
     Collect(collect::Args),
     Completions(completions::Args),
     Diff(diff::Args),
+    #[cfg(feature = "ros")]
+    Doctor(doctor::Args),
     Eval(Box<eval::Args>),
     Export(Box<export::Args>),
     Init(init::Args),
@@ -136,12 +144,16 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Monitor(args) => monitor::run(&args),
         #[cfg(feature = "ros")]
         Command::Play(args) => play::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Call(args) => call::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Characterize(args) => characterize::run(&args),
         #[cfg(feature = "ros")]
         Command::Collect(args) => collect::run(&args),
         Command::Completions(args) => completions::run(&args),
         Command::Diff(args) => diff::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Doctor(args) => doctor::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Init(args) => init::run(&args),

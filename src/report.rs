@@ -6,6 +6,8 @@ pub mod checks;
 #[cfg(feature = "ros")]
 pub(crate) mod collection;
 pub mod comparison;
+#[cfg(feature = "ros")]
+pub mod doctor;
 pub mod evaluation;
 pub mod inspection;
 pub mod picture;

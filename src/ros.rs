@@ -16,7 +16,11 @@ pub use node::{
     Calibrator, DIAGNOSTICS_TYPE, Health, Purpose, Record, Sample, Setup, Watched, input_bindings, read_diagnostics,
     run, wanted,
 };
-pub use tools::{Delivery, Heard, HeardTopic, Listener, Listening, NotPlayed, PlayedTopic, Player, SpokenTopic};
+pub use tools::{
+    CallError, Caller, Delivery, Examination, Finding, Heard, HeardTopic, Inputs, Level, Listener, Listening,
+    Monitored, MonitoredRegion, NodeParameter, NotPlayed, PlayedTopic, Player, Request, SpokenTopic, Topic, examine,
+    instead,
+};
 pub use wire::clock::system_now;
 pub use wire::entities::{InputName, Names};
 pub use wire::error::NodeError;

@@ -10,6 +10,7 @@ const GROUPS: [(&str, &[(&str, &str)]); 5] = [
             ("demo", "run everything once, on a synthetic glove"),
             ("inspect", "show what is in a bag or a model"),
             ("monitor", "watch a running node in the terminal"),
+            ("doctor", "find what is wrong with a graph, or what a node would lack"),
             ("characterize", "measure what a glove does when the hand moves"),
         ],
     ),
@@ -17,6 +18,7 @@ const GROUPS: [(&str, &[(&str, &str)]); 5] = [
         "Run",
         &[
             ("run", "run the live node: wrench and contact from taxels and joints"),
+            ("call", "calibrate, tare, activate or set up a node that runs"),
             ("play", "publish the messages of a bag, to try a node without hardware"),
             ("replay", "compute wrench and contact of bags, into new bags"),
         ],

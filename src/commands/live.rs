@@ -1,10 +1,12 @@
 //! What the tools beside the live node have in common: names and the graph.
 
+use std::time::Duration;
+
 use super::{Failure, interrupt, say};
 use crate::config::NodeName;
 use crate::ros::args::RosArgs;
 use crate::ros::environment::Environment;
-use crate::ros::{Listening, remap};
+use crate::ros::{Caller, Listening, remap};
 
 /// The arguments that ROS 2 programs take.
 #[derive(Debug, clap::Args)]
@@ -18,7 +20,7 @@ pub(super) struct RosArguments {
 pub(super) struct Place {
     pub(super) args: RosArgs,
     pub(super) environment: Environment,
-    node: NodeName,
+    pub(super) node: NodeName,
 }
 
 impl RosArguments {
@@ -37,6 +39,13 @@ impl Place {
     /// The absolute name of a topic that is relative to the place's namespace.
     pub(super) fn topic(&self, relative: &str) -> Result<String, Failure> {
         Ok(self.node.resolve(relative)?)
+    }
+
+    /// Joins the graph to call a node, which must be found within `patience`.
+    pub(super) fn call(&self, node: NodeName, patience: Duration) -> Result<Caller, Failure> {
+        let caller = Caller::join(&self.node, &self.environment, &self.args.remaps, node, patience)?;
+        caller.note().iter().for_each(|note| say(note));
+        Ok(caller)
     }
 
     /// Joins the graph.

@@ -6,14 +6,15 @@ pub mod lifecycle;
 pub mod watchdog;
 
 mod calibrate_action;
+mod calibration_file;
 mod calibrator;
 mod engine;
-mod interfaces;
-mod loading;
+pub(in crate::ros) mod interfaces;
+pub(in crate::ros) mod loading;
 mod managed;
 mod order;
 mod outbox;
-mod parameters;
+pub(in crate::ros) mod parameters;
 mod services;
 mod serving;
 mod shared;
@@ -133,7 +134,9 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     let runtime = runtime()?;
     let reading = threads::spawn("engine", move || runtime.block_on(engine.run(inputs, engine_commands)))?;
 
+    let first_file = calibration.as_deref().or(cfg.calibration.file.as_deref());
     let duties = Duties {
+        calibration_folder: first_file.map(calibration_file::folder),
         managed: Managed::new(transition_event, calibration),
         parameters: Parameters::new(tree, cfg.clone()),
         commands: commands.clone(),

@@ -9,7 +9,11 @@ mod node_common;
 #[cfg(feature = "ros")]
 mod node;
 #[cfg(feature = "ros")]
+mod node_call;
+#[cfg(feature = "ros")]
 mod node_collect;
+#[cfg(feature = "ros")]
+mod node_doctor;
 #[cfg(feature = "ros")]
 mod node_faults;
 #[cfg(feature = "ros")]

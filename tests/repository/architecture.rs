@@ -143,6 +143,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "page",
             "protocol",
             "recording",
+            "ros",
             "train",
             "training",
             "units",

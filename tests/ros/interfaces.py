@@ -310,7 +310,18 @@ def cancel():
     assert result.success, result
 
 
-checks = [graph, parameters, reports, tare, lifecycle, new_clients, sim_time, renamed, leaves, calibrate, cancel]
+def value(name, expected):
+    got = call(GetParameters, "get_parameters", names=[name]).values[0]
+    assert str(got.integer_value) == expected, got
+
+
+def text(name, value):
+    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+    result = call(SetParameters, "set_parameters", parameters=[Parameter(name=name, value=value)]).results[0]
+    assert result.successful, result
+
+
+checks = [fed, value, text, graph, parameters, reports, tare, lifecycle, new_clients, sim_time, renamed, leaves, calibrate, cancel]
 {check.__name__: check for check in checks}[sys.argv[1]](*sys.argv[2:])
 print("ok")
 rclpy.shutdown()

@@ -1,6 +1,5 @@
 //! A calibration from live topics, as `~/calibrate` of the node makes it, without a node.
 
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::super::live::RosArguments;
@@ -13,11 +12,9 @@ use super::{Args, gains_text, verdict};
 use crate::config::{Config, ParamTree};
 use crate::fusion::{Event, Fusion};
 use crate::glove::known;
-use crate::msg::binding::SampleBinding;
-use crate::msg::definition::{Definitions, TypeTree};
+use crate::msg::definition::Definitions;
 use crate::ros::{
-    Calibrator, Delivery, Heard, HeardTopic, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings,
-    wanted,
+    Calibrator, Delivery, Inputs, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings, wanted,
 };
 use crate::zero::{Donning, Zero, ZeroFrom};
 
@@ -26,12 +23,6 @@ const NODE: &str = "/tpf_calibrate";
 
 /// How often it is looked whether time is up.
 const NAP: Duration = Duration::from_millis(50);
-
-/// Between two judgements of the inputs.
-const JUDGE_EVERY: Duration = Duration::from_secs(1);
-
-/// Judgements one after the other in which the same is wrong, before a calibration ends for it.
-const LASTING: u32 = 2;
 
 /// What only a live calibration has.
 #[derive(Debug, clap::Args)]
@@ -84,8 +75,8 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let mut began = None::<Instant>;
     let waiting = Instant::now();
     let judge = Fusion::new(cfg.fusion.clone(), models.regressors)?;
-    let mut hand =
-        Hand { listener, bindings, checks: Checks::new(Watched::new(&cfg, wanted.into_iter().flatten())), waiting };
+    let watched = Watched::new(&cfg, wanted.into_iter().flatten());
+    let mut hand = Hand { listener, inputs: Inputs::new(bindings, watched) };
     loop {
         hand.receive(recorder.as_mut(), &mut |event| {
             began.get_or_insert_with(Instant::now); // the graph takes a while to be found
@@ -99,15 +90,8 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
         }
     }
     drop(progress);
-    if let Some(silent) = hand.checks.watched.inputs.iter().find(|input| input.meter().n_total() == 0) {
-        if let Some(other) = silent.for_another() {
-            let (key, topic) = (silent.key(), silent.topic());
-            return Err(Failure(format!("nothing for {key} came on {topic}: {other}; correct {key}.only")));
-        }
-        return Err(Failure(format!(
-            "nothing that can be read came on {}; start its driver, or correct its topic and type in the parameters",
-            silent.topic()
-        )));
+    if let Some(why) = hand.inputs.why_silent() {
+        return Err(Failure(why));
     }
     let (donning, result) = calibrator.finish(judge, &Donning::default());
     let Some(mut donning) = donning else {
@@ -150,10 +134,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
 /// The hand that is calibrated: what comes from it, and whether it is as it should be.
 struct Hand {
     listener: Listener,
-    /// `[inputs]`: those of the core; force sensors come behind them.
-    bindings: Vec<(TypeTree, Vec<SampleBinding>)>,
-    checks: Checks,
-    waiting: Instant,
+    inputs: Inputs,
 }
 
 impl Hand {
@@ -168,80 +149,20 @@ impl Hand {
         if let Some(recorder) = &mut recorder {
             recorder.handle(&heard)?;
         }
-        let Heard { topic: HeardTopic(input), cdr: Ok(cdr), received } = &heard else { return Ok(()) };
-        for binding in self.bindings.get_mut(*input).into_iter().flat_map(|(_, bindings)| bindings) {
-            let source = self.checks.watched.source_of(binding);
-            let decoded = binding.decode(cdr, *received);
-            let health = &mut self.checks.watched.inputs[source];
-            match &decoded {
-                Err(error) if error.is_for_another() => {
-                    health.handle_for_another(error.reason(), &error.to_string());
-                    continue;
-                }
-                _ => health.handle_arrival(self.waiting.elapsed(), None),
+        self.inputs.handle(&heard, &mut |event| {
+            if let Some(recorder) = &mut recorder {
+                recorder.handle_event(event);
             }
-            match decoded {
-                Ok(event) => {
-                    self.checks.watched.handle(&event);
-                    if let Some(recorder) = &mut recorder {
-                        recorder.handle_event(&event);
-                    }
-                    on_event(&event);
-                }
-                Err(error) => {
-                    self.checks.watched.inputs[source].handle_unreadable(1, error.reason(), &error.to_string());
-                }
-            }
-        }
+            on_event(event);
+        });
         Ok(())
     }
 
     /// Fails where something has been wrong with an input for a while.
     fn check(&mut self, cfg: &Config, core: Option<&Fusion>, what: &str) -> Result<(), Failure> {
-        match self.checks.judge(self.waiting.elapsed(), cfg, core, &self.listener) {
+        match self.inputs.lasting_problem(&self.listener, cfg, core) {
             Some(problem) => Err(Failure(format!("{what}: {problem}"))),
             None => Ok(()),
         }
-    }
-}
-
-/// Whether inputs are such that a zero can be taken from them: what is wrong ends a calibration when it lasts, and not after
-/// all of its time.
-struct Checks {
-    watched: Watched,
-    judged: Duration,
-    /// What was wrong in the last judgement, and in how many before it.
-    wrong: BTreeMap<(usize, &'static str), u32>,
-}
-
-impl Checks {
-    fn new(watched: Watched) -> Self {
-        Checks { watched, judged: Duration::ZERO, wrong: BTreeMap::new() }
-    }
-
-    /// What is wrong with an input, where it lasts.
-    fn judge(&mut self, now: Duration, cfg: &Config, core: Option<&Fusion>, listener: &Listener) -> Option<String> {
-        if now.saturating_sub(self.judged) < JUDGE_EVERY {
-            return None;
-        }
-        self.judged = now;
-        listener.look_around(&mut self.watched, now);
-        let problems = self.watched.judge(now, cfg, core);
-        let before = std::mem::take(&mut self.wrong);
-        let mut lasting = None;
-        for (input, problem) in
-            problems.iter().enumerate().flat_map(|(input, of)| of.iter().map(move |one| (input, one)))
-        {
-            // Times that vary and messages that are lost make no other zero.
-            if matches!(problem.kind, "jitter" | "lost" | "rate") {
-                continue;
-            }
-            let n = before.get(&(input, problem.kind)).map_or(1, |n| n + 1);
-            self.wrong.insert((input, problem.kind), n);
-            if n >= LASTING {
-                lasting.get_or_insert_with(|| problem.text.clone());
-            }
-        }
-        lasting
     }
 }

@@ -6,13 +6,13 @@ use ratatui::style::Stylize;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Cell, Paragraph, Row, Table, Wrap};
 
-use super::{Watched, flags, number};
+use super::{Monitored, flags, number};
 use crate::units::Stamp;
 
 /// Cells of a force bar.
 const BAR: usize = 12;
 
-pub(super) fn draw(frame: &mut Frame<'_>, watched: &Watched, now: Stamp) {
+pub(super) fn draw(frame: &mut Frame<'_>, watched: &Monitored, now: Stamp) {
     let n_regions = watched.regions.len() as u16;
     let [head, table, notes, keys] = Layout::vertical([
         Constraint::Length(2),
@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn every_region_is_on_a_small_screen_with_what_is_wrong_with_it() {
-        let mut watched = Watched::new("/tactile_pose_fusion/contacts", "/tactile_pose_fusion".to_owned());
+        let mut watched = Monitored::new("/tactile_pose_fusion/contacts", "/tactile_pose_fusion".to_owned());
         for k in 0..200 {
             let stamp = Stamp(k * NANOS_PER_SEC / 100);
             let array = ContactArray {
@@ -117,6 +117,6 @@ mod tests {
                 assert!(text.contains(expected), "{expected} is not on {width}x{height}: {text}");
             }
         }
-        assert!(watched.text(now.offset(NANOS_PER_SEC)).contains("SILENT"));
+        assert!(crate::commands::monitor::text(&watched, now.offset(NANOS_PER_SEC)).contains("SILENT"));
     }
 }

@@ -525,8 +525,9 @@ pub static KEYS: &[ParamKey] = &[
         "calibration.file",
         Kind::Str,
         Str(""),
-        "File of the calibration, relative to the folder of this file; empty: the calibration is not kept",
-    ),
+        "File of the calibration, relative to the folder of this file; empty: the calibration is not kept. Set while the node runs, it must be a fitting calibration in the folder of the first one, and is put into use at once",
+    )
+    .at_run_time(),
     ParamKey::new("calibration.duration_s", Kind::Double, Double(10.0), "Duration of a calibration in the air")
         .range(Above { min: 0.5, max: 600.0 })
         .unit("s")

@@ -122,7 +122,7 @@ async fn conclude(
     result.message = if noted.is_empty() { from.clone() } else { format!("{from}; {noted}") };
     if purpose == Purpose::Calibrate {
         let zero = Zero::new(ZeroFrom::Live { frames: result.frames }, donning);
-        let mut calibration = zero.to_calibration(&cfg, &shared.hashes.borrow());
+        let mut calibration = zero.to_calibration(&cfg, &shared.known.borrow().hashes);
         calibration.recorded = from;
         match &cfg.calibration.file {
             None => result.message.push_str("; it is lost when the node ends: calibration.file is not set"),

@@ -10,24 +10,24 @@ use crate::ros::wire::args::Severity;
 
 /// A request without fields, which is one unused byte on the wire.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct Empty {
+pub(in crate::ros) struct Empty {
     unused: u8,
 }
 
 /// `std_srvs/srv/Trigger`, the response.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct TriggerResponse {
-    pub(super) success: bool,
-    pub(super) message: String,
+pub(in crate::ros) struct TriggerResponse {
+    pub(in crate::ros) success: bool,
+    pub(in crate::ros) message: String,
 }
 
 /// `rcl_interfaces/msg/Log`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct Log {
-    stamp: Time,
-    level: u8,
-    name: String,
-    msg: String,
+pub(in crate::ros) struct Log {
+    pub(in crate::ros) stamp: Time,
+    pub(in crate::ros) level: u8,
+    pub(in crate::ros) name: String,
+    pub(in crate::ros) msg: String,
     file: String,
     function: String,
     line: u32,
@@ -111,9 +111,9 @@ pub fn read_diagnostics(cdr: &[u8]) -> Option<Vec<Health>> {
 
 /// `lifecycle_msgs/msg/State`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct State {
+pub(in crate::ros) struct State {
     id: u8,
-    label: String,
+    pub(in crate::ros) label: String,
 }
 
 impl From<lifecycle::State> for State {
@@ -124,9 +124,9 @@ impl From<lifecycle::State> for State {
 
 /// `lifecycle_msgs/msg/Transition`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct Transition {
-    pub(super) id: u8,
-    pub(super) label: String,
+pub(in crate::ros) struct Transition {
+    pub(in crate::ros) id: u8,
+    pub(in crate::ros) label: String,
 }
 
 /// `lifecycle_msgs/msg/TransitionDescription`.
@@ -167,20 +167,20 @@ impl WireType for TransitionEvent {
 
 /// `lifecycle_msgs/srv/ChangeState`, the request.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct ChangeStateRequest {
-    pub(super) transition: Transition,
+pub(in crate::ros) struct ChangeStateRequest {
+    pub(in crate::ros) transition: Transition,
 }
 
 /// `lifecycle_msgs/srv/ChangeState`, the response.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct ChangeStateResponse {
-    pub(super) success: bool,
+pub(in crate::ros) struct ChangeStateResponse {
+    pub(in crate::ros) success: bool,
 }
 
 /// `lifecycle_msgs/srv/GetState`, the response.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(super) struct GetStateResponse {
-    pub(super) current_state: State,
+pub(in crate::ros) struct GetStateResponse {
+    pub(in crate::ros) current_state: State,
 }
 
 /// `lifecycle_msgs/srv/GetAvailableStates`, the response.

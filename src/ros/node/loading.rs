@@ -7,13 +7,13 @@ use crate::config::Config;
 use crate::fusion::{Fusion, FusionConfig, Receipts};
 use crate::model::{self, ModelInfo};
 use crate::ros::wire::args::Severity;
-use crate::zero::{self, KnownModels, ModelHashes};
+use crate::zero::{self, KnownModels};
 
 /// A core, and the messages about it.
 pub(super) struct Loaded {
     pub(super) core: Core,
-    /// SHA-256 of each model, by its name in the parameters.
-    pub(super) hashes: ModelHashes,
+    /// The models, as a calibration must fit them.
+    pub(super) known: KnownModels,
     pub(super) notes: Vec<(Severity, String)>,
 }
 
@@ -60,7 +60,18 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
         .zip(&infos)
         .map(|(model, info)| (model.name.clone(), format!("{} in {}", model.spec.path.display(), runs(info))));
     let core = Core { models: models.collect(), calibration: from, fusion };
-    Ok(Loaded { core, hashes: known.hashes, notes })
+    Ok(Loaded { core, known, notes })
+}
+
+/// Loads models and calibration as a start does; gives the core and the messages about it.
+///
+/// # Errors
+/// As [`load`].
+pub(in crate::ros) fn rehearse(
+    cfg: &Config,
+    calibration: Option<&Path>,
+) -> Result<(Fusion, Vec<(Severity, String)>), String> {
+    load(cfg, calibration).map(|Loaded { core, notes, .. }| (core.fusion, notes))
 }
 
 /// A core that has received no input yet, without a baseline.

@@ -47,12 +47,12 @@ async fn carry_out(shared: &Shared, work: Work) -> Result<(), String> {
     match work {
         Work::Configure => {
             let cfg = shared.parameters.borrow().config().clone();
-            let calibration = shared.managed.calibration.clone();
+            let calibration = shared.managed.calibration.borrow().clone();
             // Models take a while to load; services are answered in the meantime.
             let loading = tokio::task::spawn_blocking(move || loading::load(&cfg, calibration.as_deref()));
-            let Loaded { core, hashes, notes } = loading.await.map_err(|error| error.to_string())??;
+            let Loaded { core, known, notes } = loading.await.map_err(|error| error.to_string())??;
             notes.into_iter().for_each(|(severity, text)| shared.outbox.log(severity, text));
-            *shared.hashes.borrow_mut() = hashes;
+            *shared.known.borrow_mut() = known;
             tell(shared, Command::Configure(Box::new(core)))
         }
         Work::CleanUp => tell(shared, Command::CleanUp),

@@ -241,7 +241,7 @@ fn type_of(kind: ParamKind) -> u8 {
 }
 
 /// A value on the wire. If the file has an int or an empty array for a parameter of another type, it gets that type.
-fn to_raw(value: Option<&ParamValue>, kind: Option<ParamKind>) -> raw::ParameterValue {
+pub(in crate::ros) fn to_raw(value: Option<&ParamValue>, kind: Option<ParamKind>) -> raw::ParameterValue {
     let mut on_wire = raw::ParameterValue {
         ptype: raw::ParameterType::NOT_SET,
         boolean_value: false,
@@ -303,7 +303,7 @@ fn to_raw(value: Option<&ParamValue>, kind: Option<ParamKind>) -> raw::Parameter
 }
 
 /// The value of a request; `None` if it is not set. Bytes, which no parameter here takes, become ints.
-fn from_raw(value: &raw::ParameterValue) -> Option<ParamValue> {
+pub(in crate::ros) fn from_raw(value: &raw::ParameterValue) -> Option<ParamValue> {
     Some(match value.ptype {
         raw::ParameterType::BOOL => ParamValue::Bool(value.boolean_value),
         raw::ParameterType::INTEGER => ParamValue::Int(value.int_value),

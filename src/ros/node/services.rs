@@ -12,6 +12,7 @@ use ros2_client::rcl_interfaces::{
 };
 
 use super::calibrate_action::calibrate;
+use super::calibration_file;
 use super::calibrator::Purpose;
 use super::engine::Command;
 use super::interfaces::{
@@ -110,7 +111,7 @@ fn parameters(graph: &mut Graph, shared: &Rc<Shared>) -> Result<(), NodeError> {
     let together = graph.server("~/set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically")?;
     let of = Rc::clone(shared);
     serve(together, shared, async move |request: SetParametersRequest| SetParametersAtomicallyResponse {
-        result: refusals_logged(&of, vec![set(&of, &request.parameter)]).remove(0),
+        result: refusals_logged(&of, vec![set(&of, &request.parameter).await]).remove(0),
     });
     Ok(())
 }
@@ -143,7 +144,7 @@ async fn set_each(shared: &Shared, changes: &[raw::Parameter]) -> Vec<raw::SetPa
     }
     let mut results = Vec::new();
     for change in changes {
-        results.push(set(shared, std::slice::from_ref(change)));
+        results.push(set(shared, std::slice::from_ref(change)).await);
         tokio::task::yield_now().await;
     }
     refusals_logged(shared, results)
@@ -163,15 +164,24 @@ fn refusals_logged(shared: &Shared, results: Vec<raw::SetParametersResult>) -> V
 }
 
 /// Sets parameters together, and informs everyone who uses them.
-fn set(shared: &Shared, changes: &[raw::Parameter]) -> raw::SetParametersResult {
-    let set = shared.parameters.borrow_mut().set(changes);
+async fn set(shared: &Shared, changes: &[raw::Parameter]) -> raw::SetParametersResult {
+    let refused = |reason| raw::SetParametersResult { successful: false, reason };
+    let changes = match parameters::check_values(changes) {
+        Ok(()) => calibration_file::load(shared, changes).await,
+        Err(error) => Err(error.to_string()),
+    };
+    let changes = match changes {
+        Ok(changes) => changes,
+        Err(reason) => return refused(reason),
+    };
+    let set = shared.parameters.borrow_mut().set(&changes);
     if let Err(reason) = set {
-        return raw::SetParametersResult { successful: false, reason };
+        return refused(reason);
     }
     let parameters = shared.parameters.borrow();
     let thresholds = parameters.config().fusion.regions.iter().map(|region| region.contact).collect();
     let _ = shared.commands.send(Command::Thresholds(thresholds)); // an engine that is gone has no thresholds
-    let event = ParameterEvent::changed(shared.clock.now().into(), &shared.node_name, parameters.now(changes));
+    let event = ParameterEvent::changed(shared.clock.now().into(), &shared.node_name, parameters.now(&changes));
     shared.outbox.send(shared.parameter_events, to_cdr(&event), None);
     raw::SetParametersResult { successful: true, reason: String::new() }
 }

@@ -1,6 +1,7 @@
 //! The thread that answers services and runs the lifecycle.
 
 use std::cell::{Cell, RefCell};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -33,6 +34,8 @@ pub(super) struct Duties {
     pub(super) clock: Arc<Clock>,
     pub(super) parameter_events: OutIdx,
     pub(super) node_name: String,
+    /// The folder from which calibrations may be loaded while the node runs.
+    pub(super) calibration_folder: Option<PathBuf>,
     pub(super) sim_clock: Option<Subscription>,
 }
 
@@ -88,7 +91,17 @@ async fn serve(
     news: &Sender<News>,
     stopped: oneshot::Receiver<()>,
 ) -> Result<(), NodeError> {
-    let Duties { managed, parameters, commands, outbox, clock, parameter_events, node_name, sim_clock } = duties;
+    let Duties {
+        managed,
+        parameters,
+        commands,
+        outbox,
+        clock,
+        parameter_events,
+        node_name,
+        calibration_folder,
+        sim_clock,
+    } = duties;
     let shared = Rc::new(Shared {
         managed,
         parameters: RefCell::new(parameters),
@@ -96,9 +109,10 @@ async fn serve(
         outbox,
         clock: Arc::clone(&clock),
         parameter_events,
-        hashes: RefCell::default(),
+        known: RefCell::default(),
         calibrating: Cell::new(false),
         node_name,
+        calibration_folder,
     });
     services::start(&mut graph, &shared)?;
     calibrate_action::start(&mut graph, &shared)?;

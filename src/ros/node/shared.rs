@@ -1,7 +1,6 @@
 //! What the services, the action and the lifecycle share.
 
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -12,6 +11,7 @@ use super::lifecycle::{Lifecycle, State};
 use super::outbox::{OutIdx, Outbox};
 use super::parameters::Parameters;
 use crate::ros::wire::clock::Clock;
+use crate::zero::KnownModels;
 
 /// Data shared by the services.
 pub(super) struct Shared {
@@ -21,23 +21,26 @@ pub(super) struct Shared {
     pub(super) outbox: Outbox,
     pub(super) clock: Arc<Clock>,
     pub(super) parameter_events: OutIdx,
-    /// SHA-256 of each model in use.
-    pub(super) hashes: RefCell<BTreeMap<String, String>>,
+    /// The models in use, as a calibration must fit them.
+    pub(super) known: RefCell<KnownModels>,
     /// True while a calibration is in progress.
     pub(super) calibrating: Cell<bool>,
     pub(super) node_name: String,
+    /// The folder from which calibrations may be loaded while the node runs; `None` if it was started without one.
+    pub(super) calibration_folder: Option<PathBuf>,
 }
 
 /// The lifecycle of a node, and the data that its transitions need.
 pub(super) struct Managed {
     pub(super) life: RefCell<Lifecycle>,
     pub(super) events: OutIdx,
-    pub(super) calibration: Option<PathBuf>,
+    /// The calibration that was named at the start, until a request names another.
+    pub(super) calibration: RefCell<Option<PathBuf>>,
 }
 
 impl Managed {
     pub(super) fn new(events: OutIdx, calibration: Option<PathBuf>) -> Self {
-        Managed { life: RefCell::default(), events, calibration }
+        Managed { life: RefCell::default(), events, calibration: RefCell::new(calibration) }
     }
 
     /// The current state.

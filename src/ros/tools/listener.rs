@@ -16,7 +16,7 @@ use crate::ros::node::Watched;
 use crate::ros::wire::entities::Graph;
 use crate::ros::wire::environment::Environment;
 use crate::ros::wire::error::NodeError;
-use crate::ros::wire::graph::Endpoint;
+use crate::ros::wire::graph::{Around, Endpoint};
 use crate::ros::wire::middleware::{Publisher, Subscription, TopicType};
 use crate::ros::wire::qos::{self, reliable_qos};
 use crate::ros::wire::remap::{self, NameKind, Remap};
@@ -103,6 +103,14 @@ impl Listening {
         self.graph.neighbours().map(|neighbours| neighbours.publishers())
     }
 
+    /// The other nodes and all of their entities, by now. May wait for answers of the network, up to half a second.
+    ///
+    /// # Errors
+    /// [`NodeError`] when the middleware refuses to tell.
+    pub fn around(&mut self) -> Result<Around, NodeError> {
+        self.graph.around()
+    }
+
     /// Subscribes to a topic by its absolute name before remapping.
     ///
     /// # Errors
@@ -163,6 +171,14 @@ impl Listener {
     /// As [`say`](Self::say), for a message in little-endian CDR.
     pub fn say_cdr(&self, topic: SpokenTopic, cdr: Vec<u8>) -> bool {
         self.publishers[topic.0].publish(cdr).is_ok()
+    }
+
+    /// The other nodes and all of their entities, by now. May wait for answers of the network, up to half a second.
+    ///
+    /// # Errors
+    /// [`NodeError`] when the middleware refuses to tell.
+    pub fn around(&mut self) -> Result<Around, NodeError> {
+        self.graph.around()
     }
 
     /// Lists the other entities in the graph, to explain why inputs are silent.

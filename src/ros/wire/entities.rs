@@ -9,8 +9,10 @@ use ros2_client::{Message, QosProfile};
 
 use super::environment::Environment;
 use super::error::NodeError;
+use super::graph::Around;
 use super::middleware::{
-    Action, ActionQos, Neighbours, Participant, Publisher, Requests, Settle, Subscription, TopicType,
+    Action, ActionClient, ActionQos, Client, Neighbours, Participant, Publisher, Requests, Settle, Subscription,
+    TopicType,
 };
 use super::qos::{reliable_qos, service_qos};
 use super::remap::{self, NameKind, Remap};
@@ -166,13 +168,29 @@ impl Graph {
 
     /// The calibrate action of this node, such as `~/calibrate`.
     pub(in crate::ros) fn action(&mut self, action: &str) -> Result<Action, NodeError> {
-        let qos = ActionQos {
-            services: service_qos(),
-            feedback: reliable_qos(10, Durability::Volatile),
-            status: reliable_qos(1, Durability::TransientLocal),
-        };
         let name = self.service_name(action)?;
-        self.participant().action(&name, &qos)
+        self.participant().action(&name, &action_qos())
+    }
+
+    /// A client of a service of another node, by its absolute name before remapping.
+    pub(in crate::ros) fn client<Q, A>(&mut self, service: &str, type_name: &str) -> Result<Client<Q, A>, NodeError>
+    where
+        Q: Message + Clone + 'static,
+        A: Message + 'static,
+    {
+        let name = remap::name(&self.remaps, &self.name, NameKind::Service, service)?;
+        self.participant().client(&name, type_name, &service_qos())
+    }
+
+    /// A client of the calibrate action of another node, by its absolute name before remapping.
+    pub(in crate::ros) fn action_client(&mut self, action: &str) -> Result<ActionClient, NodeError> {
+        let name = remap::name(&self.remaps, &self.name, NameKind::Service, action)?;
+        self.participant().action_client(&name, &action_qos())
+    }
+
+    /// The other nodes and all of their entities, by now.
+    pub(in crate::ros) fn around(&mut self) -> Result<Around, NodeError> {
+        self.participant().around()
     }
 
     /// The absolute name of a topic of this node after remapping.
@@ -185,6 +203,14 @@ impl Graph {
     fn service_name(&self, service: &str) -> Result<String, NodeError> {
         let absolute = self.name.resolve(service)?;
         Ok(remap::name(&self.remaps, &self.name, NameKind::Service, &absolute)?)
+    }
+}
+
+fn action_qos() -> ActionQos {
+    ActionQos {
+        services: service_qos(),
+        feedback: reliable_qos(10, Durability::Volatile),
+        status: reliable_qos(1, Durability::TransientLocal),
     }
 }
 

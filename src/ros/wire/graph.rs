@@ -19,16 +19,57 @@ pub struct Endpoint {
 impl Endpoint {
     /// The QoS that it offers or requests, in words: `reliable, volatile, keep last 10`.
     pub fn qos_in_words(&self) -> String {
+        let history = match self.qos.history {
+            History::KeepLast { depth } => format!("keep last {depth}"),
+            History::KeepAll => "keep all".to_owned(),
+        };
+        format!("{}, {history}", self.matching_in_words())
+    }
+
+    /// The part of its QoS that decides who matches, in words: `reliable, volatile`. DDS tells no history of others.
+    pub fn matching_in_words(&self) -> String {
         let reliability = match self.qos.reliability {
             Reliability::Reliable { .. } => "reliable",
             Reliability::BestEffort => "best effort",
         };
         let durability = if self.qos.durability == Durability::Volatile { "volatile" } else { "transient local" };
-        let history = match self.qos.history {
-            History::KeepLast { depth } => format!("keep last {depth}"),
-            History::KeepAll => "keep all".to_owned(),
-        };
-        format!("{reliability}, {durability}, {history}")
+        format!("{reliability}, {durability}")
+    }
+}
+
+/// A server of a service of another node.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Server {
+    /// Absolute name of the service.
+    pub service: String,
+    /// Canonical name of its type.
+    pub type_name: String,
+}
+
+/// The other nodes of a graph, and all of their entities.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Around {
+    /// Full names, sorted; a name is there as often as there are nodes with it.
+    pub nodes: Vec<String>,
+    /// Publishers.
+    pub publishers: Vec<Endpoint>,
+    /// Subscriptions.
+    pub subscriptions: Vec<Endpoint>,
+    /// Servers of services, those of actions among them.
+    pub servers: Vec<Server>,
+}
+
+/// The service by which a node of this package is known: its goals of a calibration.
+const CALIBRATE: (&str, &str) = ("/calibrate/_action/send_goal", "tactile_pose_fusion/action/Calibrate_SendGoal");
+
+impl Around {
+    /// Full names of the nodes of this package, sorted; a name is there as often as there are nodes with it.
+    pub fn fusion_nodes(&self) -> Vec<&str> {
+        let (service, type_name) = CALIBRATE;
+        let of_ours = self.servers.iter().filter(|server| server.type_name == type_name);
+        let mut names: Vec<&str> = of_ours.filter_map(|server| server.service.strip_suffix(service)).collect();
+        names.sort_unstable();
+        names
     }
 }
 
@@ -117,7 +158,7 @@ pub fn why_unheard(topic: &str, offered: &QosProfile, subscriptions: &[Endpoint]
 }
 
 /// The first policy in which a subscription doesn't match a publisher, and how.
-fn incompatible(offered: &QosProfile, asked: &QosProfile) -> Option<(&'static str, &'static str)> {
+pub fn incompatible(offered: &QosProfile, asked: &QosProfile) -> Option<(&'static str, &'static str)> {
     let is_reliable = |qos: &QosProfile| matches!(qos.reliability, Reliability::Reliable { .. });
     // No limit counts as the longest.
     let is_longer = |offered: Option<std::time::Duration>, asked: Option<std::time::Duration>| match (offered, asked) {

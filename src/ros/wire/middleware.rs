@@ -9,15 +9,17 @@ use std::time::Duration;
 use futures::future::LocalBoxFuture;
 use futures::stream::LocalBoxStream;
 use ros2_client::action::{
-    CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultRequest, GetResultResponse, SendGoalRequest,
-    SendGoalResponse,
+    CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultRequest, GetResultResponse, GoalId,
+    SendGoalRequest, SendGoalResponse,
 };
 use ros2_client::action_msgs::GoalStatusArray;
 use ros2_client::{Message, QosProfile};
 
 use super::environment::{Environment, Middleware};
 use super::error::NodeError;
-use super::graph::Endpoint;
+#[cfg(feature = "zenoh")]
+use super::error::create;
+use super::graph::{Around, Endpoint};
 use crate::config::NodeName;
 use crate::msg::definition::TypeTree;
 use crate::msg::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
@@ -138,6 +140,28 @@ pub(in crate::ros) struct Action {
 /// Sends messages of one type.
 pub(in crate::ros) type Sender<M> = Box<dyn Fn(M) -> Result<(), Refused>>;
 
+/// The servers of a service of another node, as this node reaches them.
+pub(in crate::ros) struct Client<Q, A> {
+    /// Number of servers that would get a request now. May take a moment.
+    pub(in crate::ros) n_servers: Servers,
+    pub(in crate::ros) ask: Ask<Q, A>,
+}
+
+/// Number of servers that would get a request now.
+pub(in crate::ros) type Servers = Box<dyn Fn() -> usize>;
+
+/// Sends a request; gives the response, or the reason why there is none. It waits for a response as long as it is kept.
+pub(in crate::ros) type Ask<Q, A> = Box<dyn Fn(Q) -> LocalBoxFuture<'static, Result<A, String>>>;
+
+/// The `Calibrate` action of another node.
+pub(in crate::ros) struct ActionClient {
+    pub(in crate::ros) goals: Client<SendGoalRequest<CalibrateGoal>, SendGoalResponse>,
+    pub(in crate::ros) cancels: Ask<GoalId, CancelGoalResponse>,
+    pub(in crate::ros) results: Ask<GoalId, GetResultResponse<CalibrateResult>>,
+    /// Of any goal.
+    pub(in crate::ros) feedback: LocalBoxStream<'static, FeedbackMessage<CalibrateFeedback>>,
+}
+
 /// QoS of an action's parts.
 pub(in crate::ros) struct ActionQos {
     pub(in crate::ros) services: QosProfile,
@@ -192,6 +216,15 @@ impl Participant {
             Participant::Dds(participant) => Some(participant.neighbours()),
             #[cfg(feature = "zenoh")]
             Participant::Zenoh(_) => None,
+        }
+    }
+
+    /// The other nodes and all of their entities, by now. May wait for answers of the network, up to half a second.
+    pub(in crate::ros) fn around(&mut self) -> Result<Around, NodeError> {
+        match self {
+            Participant::Dds(participant) => participant.around(),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(_) => Err(not_on_zenoh("the nodes of a graph")),
         }
     }
 
@@ -258,4 +291,37 @@ impl Participant {
             Participant::Zenoh(participant) => participant.action(action, qos),
         }
     }
+
+    /// A client of a service of another node, by an absolute name and a type such as `std_srvs/srv/Trigger`.
+    pub(in crate::ros) fn client<Q, A>(
+        &mut self,
+        service: &str,
+        type_name: &str,
+        qos: &QosProfile,
+    ) -> Result<Client<Q, A>, NodeError>
+    where
+        Q: Message + Clone + 'static,
+        A: Message + 'static,
+    {
+        match self {
+            Participant::Dds(participant) => participant.client(service, type_name, qos),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(_) => Err(not_on_zenoh(service)),
+        }
+    }
+
+    /// A client of an action of another node, of type `tactile_pose_fusion/action/Calibrate`.
+    pub(in crate::ros) fn action_client(&mut self, action: &str, qos: &ActionQos) -> Result<ActionClient, NodeError> {
+        match self {
+            Participant::Dds(participant) => participant.action_client(action, qos),
+            #[cfg(feature = "zenoh")]
+            Participant::Zenoh(_) => Err(not_on_zenoh(action)),
+        }
+    }
+}
+
+/// What tools can't do on Zenoh yet.
+#[cfg(feature = "zenoh")]
+fn not_on_zenoh(what: &str) -> NodeError {
+    create(what, &"tools reach it on DDS only; on Zenoh use ros2 service, ros2 action and ros2 node")
 }

@@ -1,6 +1,7 @@
 //! DDS, through ros2-client on RustDDS.
 
 mod cdr_bytes;
+mod client;
 mod discovered;
 mod farewell;
 
@@ -32,6 +33,7 @@ use crate::ros::wire::clock::system_now;
 use crate::ros::wire::environment::{Environment, ServiceStyle};
 use crate::ros::wire::error::NodeError;
 use crate::ros::wire::error::create;
+use crate::ros::wire::graph::Around;
 #[cfg(feature = "security")]
 use crate::ros::wire::security::{Keys, Security, SecurityError};
 use crate::ros::wire::stopwatch::Stopwatch;
@@ -64,6 +66,8 @@ pub(in crate::ros) struct Participant {
     threads: BackgroundThreads,
     guid: [u8; 16],
     domain_id: u16,
+    /// Reads which nodes there are, since somebody asked.
+    roll: Option<discovered::Roll>,
 }
 
 impl Participant {
@@ -87,7 +91,7 @@ impl Participant {
             ServiceStyle::Enhanced => ServiceMapping::Enhanced,
             ServiceStyle::Cyclone => ServiceMapping::Cyclone,
         };
-        Ok(Participant { node, context, mapping, note, threads, guid, domain_id: environment.domain_id })
+        Ok(Participant { node, context, mapping, note, threads, guid, domain_id: environment.domain_id, roll: None })
     }
 
     pub(super) fn note(&self) -> Option<String> {
@@ -118,6 +122,20 @@ impl Participant {
 
     pub(super) fn neighbours(&self) -> super::Neighbours {
         Box::new(discovered::Neighbours(self.context.domain_participant()))
+    }
+
+    pub(super) fn around(&mut self) -> Result<Around, NodeError> {
+        let roll = match &mut self.roll {
+            Some(roll) => roll,
+            none => none.insert(discovered::Roll::new(&mut self.node, &self.context)?),
+        };
+        let neighbours = discovered::Neighbours(self.context.domain_participant());
+        Ok(Around {
+            nodes: roll.nodes(),
+            publishers: super::Discovered::publishers(&neighbours),
+            subscriptions: super::Discovered::subscriptions(&neighbours),
+            servers: neighbours.servers(),
+        })
     }
 
     pub(super) fn leave(self) {

@@ -1,0 +1,142 @@
+//! What a running node says, as one that listens keeps it.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use crate::msg::{ContactArray, ContactState, from_cdr};
+use crate::ros::node::{Health, read_diagnostics};
+use crate::units::{NANOS_PER_SEC, Stamp};
+
+/// Over how long rates and latencies are told, ns.
+const SPAN_NS: i64 = 2 * NANOS_PER_SEC;
+
+/// A region that was not heard of for so long is stale, s.
+const SILENT_S: f64 = 0.5;
+
+/// Diagnostics that are older than this are no longer true, s.
+const LATE_S: f64 = 2.5;
+
+/// A region as it was last heard of.
+#[derive(Debug, Clone)]
+pub struct MonitoredRegion {
+    /// Its newest state.
+    pub state: ContactState,
+    /// Stamp of that state.
+    pub stamp: Stamp,
+    /// Receipt time of that state.
+    pub received: Stamp,
+    /// Largest force so far, at least 1 N: the scale of its bar.
+    pub most: f64,
+    /// How often contact began.
+    pub n_onsets: u64,
+}
+
+/// What a node was heard to say.
+#[derive(Debug, Clone)]
+pub struct Monitored {
+    /// The topic with its contacts.
+    pub topic: String,
+    node: String,
+    /// By name.
+    pub regions: BTreeMap<String, MonitoredRegion>,
+    /// When arrays came and how old they were then, s.
+    arrivals: VecDeque<(Stamp, f64)>,
+    /// The newest statuses of the node.
+    pub diagnostics: Vec<Health>,
+    /// When they came.
+    diagnosed: Stamp,
+    /// Why the newest message that can't be read can't be read.
+    pub unreadable: Option<String>,
+}
+
+impl Monitored {
+    /// Nothing was heard yet of a node with contacts on `topic`.
+    pub fn new(topic: &str, node: String) -> Self {
+        Monitored {
+            topic: topic.to_owned(),
+            node,
+            regions: BTreeMap::new(),
+            arrivals: VecDeque::new(),
+            diagnostics: Vec::new(),
+            diagnosed: Stamp(0),
+            unreadable: None,
+        }
+    }
+
+    /// Takes a message of `~/contacts`.
+    pub fn handle_contacts(&mut self, cdr: &[u8], received: Stamp) {
+        let array = match from_cdr::<ContactArray>(cdr) {
+            Ok(array) => array,
+            Err(error) => {
+                self.unreadable = Some(error.to_string());
+                return;
+            }
+        };
+        let stamp: Stamp = array.header.stamp.into();
+        self.arrivals.push_back((received, received.nanos_since(stamp) as f64 / NANOS_PER_SEC as f64));
+        while self.arrivals.front().is_some_and(|(at, _)| received.nanos_since(*at) > SPAN_NS) {
+            self.arrivals.pop_front();
+        }
+        for state in array.contacts {
+            let began = state.event == ContactState::ONSET;
+            let force = if state.force.is_finite() { state.force } else { 0.0 };
+            match self.regions.get_mut(&state.region) {
+                Some(region) => {
+                    region.most = region.most.max(force);
+                    region.n_onsets += u64::from(began);
+                    (region.state, region.stamp, region.received) = (state, stamp, received);
+                }
+                None => {
+                    let name = state.region.clone();
+                    let (most, n_onsets) = (force.max(1.0), u64::from(began));
+                    self.regions.insert(name, MonitoredRegion { state, stamp, received, most, n_onsets });
+                }
+            }
+        }
+    }
+
+    /// Takes a message of `/diagnostics`, of this node or another.
+    pub fn handle_diagnostics(&mut self, cdr: &[u8], received: Stamp) {
+        let node = format!("{}: ", self.node.trim_start_matches('/'));
+        let of_node = |health: &Health| health.name.starts_with(&node);
+        if let Some(all) = read_diagnostics(cdr) {
+            let ours: Vec<Health> = all.into_iter().filter(of_node).collect();
+            if !ours.is_empty() {
+                (self.diagnostics, self.diagnosed) = (ours, received);
+            }
+        }
+    }
+
+    /// Arrays a second.
+    pub fn rate_hz(&self, now: Stamp) -> f64 {
+        let recent = self.arrivals.iter().filter(|(at, _)| now.nanos_since(*at) <= SPAN_NS).count();
+        recent as f64 * NANOS_PER_SEC as f64 / SPAN_NS as f64
+    }
+
+    /// Stamp to arrival: median and 99th percentile of the last seconds, ms.
+    pub fn latency_ms(&self) -> Option<(f64, f64)> {
+        let mut ages: Vec<f64> = self.arrivals.iter().map(|(_, age_s)| 1e3 * age_s).collect();
+        ages.sort_by(f64::total_cmp);
+        let at = |part: f64| ages.get(((ages.len().max(1) - 1) as f64 * part).round() as usize).copied();
+        Some((at(0.5)?, at(0.99)?))
+    }
+
+    /// True if a region was not heard of for a while.
+    pub fn is_silent(&self, region: &MonitoredRegion, now: Stamp) -> bool {
+        now.nanos_since(region.received) as f64 > SILENT_S * NANOS_PER_SEC as f64
+    }
+
+    /// How long ago the node last said how it is, where that is too long; it does so once a second.
+    pub fn diagnostics_late_s(&self, now: Stamp) -> Option<f64> {
+        let age_s = now.nanos_since(self.diagnosed) as f64 / NANOS_PER_SEC as f64;
+        (!self.diagnostics.is_empty() && age_s > LATE_S).then_some(age_s)
+    }
+
+    /// One line about the stream of contacts.
+    pub fn headline(&self, now: Stamp) -> String {
+        let latency = match self.latency_ms() {
+            Some((p50, p99)) => format!("stamp to here p50 {p50:.1} ms, p99 {p99:.1} ms"),
+            None => "nothing came yet".to_owned(),
+        };
+        format!("{}  {:.0} Hz  {latency}", self.topic, self.rate_hz(now))
+    }
+}
