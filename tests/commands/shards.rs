@@ -60,13 +60,29 @@ fn joined_shards_are_the_dataset_of_one_export() {
     export(path, "bags/glove1_user02_session1", "fps", &["--shard", "0/4", "--fps", "20"]).ok();
     let told = refused(&["shard1", "fps"]);
     assert!(told.contains("shard1 and fps were exported with different "), "{told}");
-    let data = path.join("shard2/data/chunk-000/file-000.parquet");
-    let bytes = fs::read(&data).unwrap();
-    fs::write(&data, &bytes[..bytes.len() / 2]).unwrap();
-    let told = refused(&["shard0", "shard1", "shard2", "shard3"]);
-    assert!(told.contains("shard2") && told.contains("is no whole Parquet file"), "{told}");
+    // Any byte that was changed on the way is noticed, in any file, and so is a file that is missing or cut off.
+    let shards = ["shard0", "shard1", "shard2", "shard3"];
+    let names: Vec<_> = files(&path.join("shard2")).into_keys().collect();
+    assert!(names.len() >= 7, "{names:?}");
+    for (nth, name) in names.iter().enumerate() {
+        let file = path.join("shard2").join(name);
+        let bytes = fs::read(&file).unwrap();
+        let mut changed = bytes.clone();
+        let at = bytes.iter().rposition(u8::is_ascii_alphanumeric).unwrap() - nth.min(bytes.len() / 2);
+        changed[at] ^= 1;
+        for (now, why) in [(Some(&changed[..]), "changed"), (Some(&bytes[..bytes.len() / 2]), "cut"), (None, "gone")] {
+            now.map_or_else(|| fs::remove_file(&file), |now| fs::write(&file, now)).unwrap();
+            let told = refused(&shards);
+            let is_notes = name.ends_with("tpf_shard.json");
+            let expected = if is_notes { "shard2: " } else { "shard2: is damaged: " };
+            assert!(told.contains(expected), "{name:?} {why}: {told}");
+        }
+        fs::write(&file, &bytes).unwrap();
+    }
+    tpf(path, &[&["merge", "--lerobot", "mended"], &shards[..]].concat());
+    assert!(files(&path.join("mended")) == files(&path.join("joined")));
     fs::write(path.join("shard3/meta/tpf_shard.json"), b"{").unwrap();
-    assert!(refused(&["shard0", "shard3"]).contains("shard3: tpf_shard.json: "));
+    assert!(refused(&["shard0", "shard3"]).contains("shard3: meta/tpf_shard.json: "));
 }
 
 #[test]
