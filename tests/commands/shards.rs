@@ -106,6 +106,35 @@ fn each_bag_is_replayed_to_a_bag_of_its_own_and_a_damaged_one_is_named() {
     let there = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--json"]);
     assert_eq!(there.code, 3);
     assert!(there.json()[0]["error"].as_str().unwrap().contains("is there already"), "{there:?}");
+
+    // An array job that is begun again goes on: what is there and whole stays as it is, and the rest is replayed.
+    let before = files(&path.join("forces"));
+    let changed_at = |name: &str| fs::metadata(path.join("forces").join(name)).unwrap().modified().unwrap();
+    let kept_at = changed_at("glove1_user03_session1.mcap");
+    fs::remove_file(path.join("forces/glove1_user02_session1.mcap")).unwrap();
+    let again = replay(&["bags", "--each", "-o", "forces", "--resume"]);
+    assert_eq!(again.code, 3, "{again:?}"); // the damaged bag has no output, so it is tried again
+    assert!(again.stdout.contains("4 of 5 bags in forces, 3 of them from before"), "{again:?}");
+    assert!(again.stderr.contains("not replayed: bags/glove1_user01_t"), "{again:?}");
+    assert!(files(&path.join("forces")) == before && changed_at("glove1_user03_session1.mcap") == kept_at);
+    let json = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--resume", "--json"]).ok().json();
+    assert_eq!((&json[0]["kept"], &json[0]["output"]), (&true.into(), &"forces/glove1_user03_session1.mcap".into()));
+    let one = path.join("forces/glove1_user03_session1.mcap");
+    let bytes = fs::read(&one).unwrap();
+    for (there, told) in [
+        (&bytes[..bytes.len() - 20], "is there already, but not whole; remove it, or give --overwrite"),
+        (b"no bag", "not a bag"),
+        (b"", "not a bag"),
+    ] {
+        fs::write(&one, there).unwrap();
+        let run = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--resume"]);
+        assert!(run.code == 3 && run.stderr.contains(told) && fs::read(&one).unwrap() == there, "{run:?}");
+    }
+    fs::write(&one, &bytes).unwrap();
+    let other = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--resume", "--node", "/other"]);
+    assert!(other.code == 3 && other.stderr.contains("is there already without topic /other/"), "{other:?}");
+    assert_eq!(replay(&["bags", "--each", "-o", "x", "--resume", "--overwrite"]).code, 2);
+    assert_eq!(replay(&["bags", "-o", "x", "--resume"]).code, 2, "--resume without --each");
     let twice = replay(&["bags/glove1_user03_session1", "./bags/glove1_user03_session1", "--each", "-o", "forces"]);
     assert!(twice.failure().contains("would both become glove1_user03_session1.mcap"), "{twice:?}");
     assert_eq!(replay(&["bags", "-o", "x", "--shard", "0/2"]).code, 2, "--shard without --each");
