@@ -22,6 +22,10 @@ test-all:
 python-test *args:
     scripts/python-test {{args}}
 
+# Build the wheel and the sdist of the Python package as they are released, into target/release-wheels, and check them
+python-wheel *args:
+    scripts/python-wheel {{args}}
+
 # Run every fuzz target for MINUTES, in bounded memory; an input that breaks something is kept, and how to run it again is told
 fuzz minutes="5":
     scripts/fuzz {{minutes}}
