@@ -22,6 +22,14 @@ test-all:
 python-test *args:
     scripts/python-test {{args}}
 
+# Build the wheel and the sdist of the Python package as they are released, into target/release-wheels, and check them
+python-wheel *args:
+    scripts/python-wheel {{args}}
+
+# Run many synthetic bags on a real Ray cluster, on Dask and as shards, with faults; `just fleet-test --release 1000` for a thousand
+fleet-test *args:
+    scripts/fleet-test {{args}}
+
 # Run every fuzz target for MINUTES, in bounded memory; an input that breaks something is kept, and how to run it again is told
 fuzz minutes="5":
     scripts/fuzz {{minutes}}
@@ -91,6 +99,12 @@ bench repetitions="3":
     cargo bench --bench replay --bench train
     taskset --cpu-list 0 cargo bench --bench tick
     target/peer-venv/bin/python benches/peer/compare.py target/release/tpf --repetitions {{repetitions}}
+
+# Replay and streaming through the Python package beside the command and beside pure Python; takes the wheel of python-wheel
+python-bench *args:
+    scripts/python-venv target/peer-venv benches/peer/requirements.txt
+    target/peer-venv/bin/python -m pip install --quiet --no-deps --force-reinstall target/release-wheels/*_x86_64.whl
+    target/peer-venv/bin/python benches/peer/package.py {{args}}
 
 # Remake the fixture that holds our network against PyTorch (needs torch from PyPI)
 train-fixture:

@@ -3,6 +3,7 @@
 //! Both go through the same stages, and the same core as the live node.
 
 mod error;
+mod kept;
 mod side_by_side;
 mod stages;
 mod summary;
@@ -12,6 +13,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub use error::ReplayError;
+pub use kept::is_there;
 pub use stages::BusySeconds;
 pub use summary::{ModelSummary, Replayed, Summary};
 

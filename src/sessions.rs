@@ -51,16 +51,20 @@ pub fn find_bags(paths: &[PathBuf], observer: &dyn Observer) -> Result<Vec<PathB
 /// [`SessionError`] when one can't be read.
 pub fn fingerprint(bag: &Path) -> Result<String, SessionError> {
     let mut hash = Sha256::new();
-    let mut buffer = vec![0; 1 << 20];
     for path in BagReader::open(&[bag.to_path_buf()])?.files() {
-        let failed = |error: std::io::Error| SessionError::at(path, &error);
-        let mut file = File::open(path).map_err(failed)?;
-        loop {
-            match file.read(&mut buffer).map_err(failed)? {
-                0 => break,
-                n => hash.update(&buffer[..n]),
-            }
-        }
+        hash_file(&mut hash, path).map_err(|error| SessionError::at(path, &error))?;
     }
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// Adds the content of a file to a hash.
+pub(crate) fn hash_file(hash: &mut Sha256, path: &Path) -> std::io::Result<()> {
+    let mut file = File::open(path)?;
+    let mut buffer = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut buffer)? {
+            0 => return Ok(()),
+            n => hash.update(&buffer[..n]),
+        }
+    }
 }

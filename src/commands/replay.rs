@@ -44,6 +44,9 @@ pub(super) struct Args {
     /// Only every N-th of these bags, from the I-th on, counted from 0: I = 0 .. N-1
     #[arg(long, value_name = "I/N", requires = "each")]
     shard: Option<Shard>,
+    /// With --each, keep the outputs that are there already and whole, and replay only the other bags
+    #[arg(long, requires = "each", conflicts_with = "overwrite")]
+    resume: bool,
     /// Replace an output that is already there
     #[arg(long)]
     overwrite: bool,

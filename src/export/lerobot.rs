@@ -3,6 +3,7 @@
 //! The layout is that of `lerobot` 0.4.4 and 0.6.1 (`src/lerobot/datasets`): `meta/info.json`, `meta/stats.json`,
 //! `meta/tasks.parquet`, `meta/episodes/chunk-000/file-000.parquet`, and frames in `data/chunk-000/file-000.parquet`.
 
+mod sealed;
 mod shard;
 
 use std::path::{Path, PathBuf};
@@ -128,19 +129,26 @@ impl Dataset {
         Err(ExportError::Shard { path: of.to_path_buf(), reason })
     }
 
-    /// Writes what makes the dataset a shard of a larger one.
-    ///
-    /// # Errors
-    /// [`ExportError`] when the disk refuses.
-    pub(super) fn note_shard(&self, notes: &ShardNotes) -> Result<(), ExportError> {
-        self.write_json(shard::FILE, &serde_json::to_value(notes)?)
-    }
-
     /// Gives the dataset its name.
     ///
     /// # Errors
     /// [`ExportError`] when something has that name by now, or the disk refuses; there is then no dataset.
     pub fn finish(mut self) -> Result<(), ExportError> {
+        self.complete()?;
+        self.folder.put_in_place().map_err(io(&self.out))
+    }
+
+    /// As [`finish`](Self::finish), as a shard of a larger dataset, sealed with the checksums of its files.
+    pub(super) fn finish_shard(mut self, notes: &ShardNotes) -> Result<(), ExportError> {
+        self.complete()?;
+        let folder = self.folder.path();
+        let text = sealed::seal(folder, notes).map_err(io(&self.out))?;
+        files::replace(&folder.join(sealed::FILE), text.as_bytes()).map_err(io(&self.out))?;
+        self.folder.put_in_place().map_err(io(&self.out))
+    }
+
+    /// Writes what is still missing.
+    fn complete(&mut self) -> Result<(), ExportError> {
         self.finish_data()?;
         self.write_tasks()?;
         self.write_episodes()?;
@@ -148,8 +156,7 @@ impl Dataset {
         self.write_json("info.json", &self.info())?;
         let readme = self.folder.path().join("README.md");
         let text = card(self.spec.fps, &self.spec.task, self.synthetic);
-        files::replace(&readme, text.as_bytes()).map_err(io(&self.out))?;
-        self.folder.put_in_place().map_err(io(&self.out))
+        files::replace(&readme, text.as_bytes()).map_err(io(&self.out))
     }
 
     fn finish_data(&mut self) -> Result<(), ExportError> {

@@ -100,7 +100,9 @@ impl<'a> Outputs<'a> {
         self.parquet.map_or(Ok(()), ColumnFile::finish)?;
         self.csv.map_or(Ok(()), CsvFile::finish)?;
         let Some(dataset) = self.dataset else { return Ok(()) };
-        shard.map_or(Ok(()), |notes| dataset.note_shard(notes))?;
-        dataset.finish()
+        match shard {
+            Some(notes) => dataset.finish_shard(notes),
+            None => dataset.finish(),
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! Why a recording is not replayed.
 
+use std::path::PathBuf;
+
 use crate::bag::{BagError, InputError};
 use crate::fusion::{FusionError, SetupError};
 use crate::model::ModelError;
@@ -28,6 +30,12 @@ pub enum ReplayError {
         "topic {topic} is already in the input, --merge would mix two runs; choose another --node, or leave --merge out"
     )]
     TopicTaken { topic: String },
+    #[error("{path}: is there already, but not whole; remove it, or give --overwrite")]
+    NotWhole { path: PathBuf },
+    #[error(
+        "{path}: is there already without topic {topic}, so it is of another replay; remove it, or choose another folder"
+    )]
+    OtherTopics { path: PathBuf, topic: String },
     #[error(
         "tactile source {name}: none of its {rows} rows could be used, {wrong_length} had another length than tactile.{name}.n_taxels = {n_taxels}; correct it"
     )]

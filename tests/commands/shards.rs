@@ -60,13 +60,29 @@ fn joined_shards_are_the_dataset_of_one_export() {
     export(path, "bags/glove1_user02_session1", "fps", &["--shard", "0/4", "--fps", "20"]).ok();
     let told = refused(&["shard1", "fps"]);
     assert!(told.contains("shard1 and fps were exported with different "), "{told}");
-    let data = path.join("shard2/data/chunk-000/file-000.parquet");
-    let bytes = fs::read(&data).unwrap();
-    fs::write(&data, &bytes[..bytes.len() / 2]).unwrap();
-    let told = refused(&["shard0", "shard1", "shard2", "shard3"]);
-    assert!(told.contains("shard2") && told.contains("is no whole Parquet file"), "{told}");
+    // Any byte that was changed on the way is noticed, in any file, and so is a file that is missing or cut off.
+    let shards = ["shard0", "shard1", "shard2", "shard3"];
+    let names: Vec<_> = files(&path.join("shard2")).into_keys().collect();
+    assert!(names.len() >= 7, "{names:?}");
+    for (nth, name) in names.iter().enumerate() {
+        let file = path.join("shard2").join(name);
+        let bytes = fs::read(&file).unwrap();
+        let mut changed = bytes.clone();
+        let at = bytes.iter().rposition(u8::is_ascii_alphanumeric).unwrap() - nth.min(bytes.len() / 2);
+        changed[at] ^= 1;
+        for (now, why) in [(Some(&changed[..]), "changed"), (Some(&bytes[..bytes.len() / 2]), "cut"), (None, "gone")] {
+            now.map_or_else(|| fs::remove_file(&file), |now| fs::write(&file, now)).unwrap();
+            let told = refused(&shards);
+            let is_notes = name.ends_with("tpf_shard.json");
+            let expected = if is_notes { "shard2: " } else { "shard2: is damaged: " };
+            assert!(told.contains(expected), "{name:?} {why}: {told}");
+        }
+        fs::write(&file, &bytes).unwrap();
+    }
+    tpf(path, &[&["merge", "--lerobot", "mended"], &shards[..]].concat());
+    assert!(files(&path.join("mended")) == files(&path.join("joined")));
     fs::write(path.join("shard3/meta/tpf_shard.json"), b"{").unwrap();
-    assert!(refused(&["shard0", "shard3"]).contains("shard3: tpf_shard.json: "));
+    assert!(refused(&["shard0", "shard3"]).contains("shard3: meta/tpf_shard.json: "));
 }
 
 #[test]
@@ -90,6 +106,35 @@ fn each_bag_is_replayed_to_a_bag_of_its_own_and_a_damaged_one_is_named() {
     let there = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--json"]);
     assert_eq!(there.code, 3);
     assert!(there.json()[0]["error"].as_str().unwrap().contains("is there already"), "{there:?}");
+
+    // An array job that is begun again goes on: what is there and whole stays as it is, and the rest is replayed.
+    let before = files(&path.join("forces"));
+    let changed_at = |name: &str| fs::metadata(path.join("forces").join(name)).unwrap().modified().unwrap();
+    let kept_at = changed_at("glove1_user03_session1.mcap");
+    fs::remove_file(path.join("forces/glove1_user02_session1.mcap")).unwrap();
+    let again = replay(&["bags", "--each", "-o", "forces", "--resume"]);
+    assert_eq!(again.code, 3, "{again:?}"); // the damaged bag has no output, so it is tried again
+    assert!(again.stdout.contains("4 of 5 bags in forces, 3 of them from before"), "{again:?}");
+    assert!(again.stderr.contains("not replayed: bags/glove1_user01_t"), "{again:?}");
+    assert!(files(&path.join("forces")) == before && changed_at("glove1_user03_session1.mcap") == kept_at);
+    let json = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--resume", "--json"]).ok().json();
+    assert_eq!((&json[0]["kept"], &json[0]["output"]), (&true.into(), &"forces/glove1_user03_session1.mcap".into()));
+    let one = path.join("forces/glove1_user03_session1.mcap");
+    let bytes = fs::read(&one).unwrap();
+    for (there, told) in [
+        (&bytes[..bytes.len() - 20], "is there already, but not whole; remove it, or give --overwrite"),
+        (b"no bag", "not a bag"),
+        (b"", "not a bag"),
+    ] {
+        fs::write(&one, there).unwrap();
+        let run = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--resume"]);
+        assert!(run.code == 3 && run.stderr.contains(told) && fs::read(&one).unwrap() == there, "{run:?}");
+    }
+    fs::write(&one, &bytes).unwrap();
+    let other = replay(&["bags/glove1_user03_session1", "--each", "-o", "forces", "--resume", "--node", "/other"]);
+    assert!(other.code == 3 && other.stderr.contains("is there already without topic /other/"), "{other:?}");
+    assert_eq!(replay(&["bags", "--each", "-o", "x", "--resume", "--overwrite"]).code, 2);
+    assert_eq!(replay(&["bags", "-o", "x", "--resume"]).code, 2, "--resume without --each");
     let twice = replay(&["bags/glove1_user03_session1", "./bags/glove1_user03_session1", "--each", "-o", "forces"]);
     assert!(twice.failure().contains("would both become glove1_user03_session1.mcap"), "{twice:?}");
     assert_eq!(replay(&["bags", "-o", "x", "--shard", "0/2"]).code, 2, "--shard without --each");

@@ -34,9 +34,14 @@ class Watcher:
     """What the native half tells while it works."""
 
     def __init__(
-        self, what: str, progress: Progress, on_validation: Callable[[dict[str, Any]], object] | None = None
+        self,
+        what: str,
+        progress: Progress,
+        on_validation: Callable[[dict[str, Any]], object] | None = None,
+        *,
+        unit: str = "B",
     ) -> None:
-        self._what = what
+        self._what, self._unit = what, unit
         self._on_validation = on_validation
         self._callback = progress if callable(progress) else None
         self._bar: Any = None
@@ -59,7 +64,7 @@ class Watcher:
         elif self._tqdm is not None:
             if self._bar is None or self._bar.total != total:
                 self._close()
-                self._bar = self._tqdm(total=total, desc=self._what, unit="B", unit_scale=True, leave=False)
+                self._bar = self._tqdm(total=total, desc=self._what, unit=self._unit, unit_scale=self._unit == "B", leave=False)
             self._bar.update(done - self._bar.n)
 
     def _close(self) -> None:

@@ -8,14 +8,18 @@ use serde::Serialize;
 use super::super::sessions::find_bags;
 use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{Args, Ended, replay};
+use crate::replay::is_there;
 use crate::sessions::{Shard, session_name};
 
 /// What became of one recording.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Replayed {
     bag: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     output: Option<String>,
+    /// Whether the output was there before.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    kept: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     summary: Option<serde_json::Value>,
     #[serde(skip)]
@@ -37,15 +41,21 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let (mut found, mut n_failed, mut is_complete) = (Vec::new(), 0, true);
     let own = shard.bags(&all);
     for (bag, output) in own.iter().zip(shard.bags(&outputs)) {
-        let of_bag =
-            Replayed { bag: bag.display().to_string(), output: None, summary: None, text: String::new(), error: None };
-        match replay(args, cfg.clone(), std::slice::from_ref(bag), &output) {
-            Ok(replayed) => {
+        let of_bag = Replayed { bag: bag.display().to_string(), ..Replayed::default() };
+        let place = Some(output.display().to_string());
+        let done = match if args.resume { is_there(&cfg, &output) } else { Ok(false) } {
+            Ok(true) => Ok(None),
+            Ok(false) => replay(args, cfg.clone(), std::slice::from_ref(bag), &output).map(Some),
+            Err(error) => Err(Ended::Failed(error.into())),
+        };
+        match done {
+            Ok(None) => found.push(Replayed { output: place, kept: true, ..of_bag }),
+            Ok(Some(replayed)) => {
                 replayed.warnings().iter().for_each(|warning| say(&format!("{}: {warning}", bag.display())));
                 is_complete &= replayed.is_complete();
-                let (summary, output) = (replayed.summary(), Some(output.display().to_string()));
+                let summary = replayed.summary();
                 let (text, summary) = (summary.to_string(), Some(serde_json::to_value(&summary)?));
-                found.push(Replayed { output, summary, text, ..of_bag });
+                found.push(Replayed { output: place, summary, text, ..of_bag });
             }
             Err(Ended::Cancelled(failure)) => return Err(failure),
             Err(Ended::Failed(Failure(error))) => {
@@ -61,7 +71,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 
 fn text(found: &[Replayed], folder: &Path) -> String {
     let texts: Vec<&str> = found.iter().filter(|one| one.error.is_none()).map(|one| one.text.as_str()).collect();
-    format!("{}{} of {} bags in {}\n", texts.concat(), texts.len(), found.len(), folder.display())
+    let kept = match found.iter().filter(|one| one.kept).count() {
+        0 => String::new(),
+        n => format!(", {n} of them from before"),
+    };
+    format!("{}{} of {} bags in {}{kept}\n", texts.concat(), texts.len(), found.len(), folder.display())
 }
 
 /// Where each recording goes.

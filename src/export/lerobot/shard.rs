@@ -7,15 +7,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::{Dataset, DatasetSpec, N_COUNTING, io};
+use super::{Dataset, DatasetSpec, N_COUNTING, io, sealed};
 use crate::columns::{Cells, TableReader};
 use crate::config::Config;
 use crate::export::{Episode, ExportError, Failed, Feature, Request};
 use crate::observer::{Observer, check};
 use crate::sessions::Shard;
-
-/// The file that makes a dataset a shard, below its folder.
-pub(super) const FILE: &str = "tpf_shard.json";
 
 /// What a shard tells of itself.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -57,7 +54,7 @@ impl ShardNotes {
     /// # Errors
     /// [`ExportError`] when a file that is named can't be read.
     pub(crate) fn new(shard: Shard, n_bags: usize, cfg: &Config, request: &Request<'_>) -> Result<Self, ExportError> {
-        let sha256 = |bytes: &[u8]| Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        let sha256 = |bytes: &[u8]| sealed::hex(Sha256::digest(bytes));
         let of_file = |path: &Path| Ok::<_, ExportError>(sha256(&std::fs::read(path).map_err(io(path))?));
         let mut same = cfg.clone();
         let mut models = Vec::new();
@@ -94,7 +91,7 @@ impl ShardNotes {
 /// Joins the shards of a dataset, in any order: the result is, byte for byte, that of one export of all bags.
 ///
 /// # Errors
-/// [`ExportError`] when one is no shard of this version, they are not of the same export, one is missing or twice, or `out`
+/// [`ExportError`] when one is no shard of this version or damaged, they are not of the same export, one is missing or twice, or `out`
 /// can't be written; there is then no dataset.
 pub fn join(out: &Path, shards: &[PathBuf], observer: &dyn Observer) -> Result<Joined, ExportError> {
     let mut found: BTreeMap<usize, Source> = BTreeMap::new();
@@ -158,16 +155,7 @@ struct Source {
 impl Source {
     fn open(folder: &Path) -> Result<Self, ExportError> {
         let refuse = |reason: String| ExportError::Shard { path: folder.to_path_buf(), reason };
-        let path = folder.join("meta").join(FILE);
-        let text = match std::fs::read_to_string(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Err(refuse(
-                    "is no shard; expected what `tpf export --lerobot DIR --shard I/N` wrote".to_owned(),
-                ));
-            }
-            text => text.map_err(io(&path))?,
-        };
-        let notes: ShardNotes = serde_json::from_str(&text).map_err(|error| refuse(format!("{FILE}: {error}")))?;
+        let notes = sealed::open(folder).map_err(refuse)?;
         let expected = notes.shard.n_of(notes.n_bags);
         if notes.bags.len() != expected {
             return Err(refuse(format!("its notes tell of {} bags, expected {expected}", notes.bags.len())));
