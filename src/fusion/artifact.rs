@@ -14,6 +14,7 @@ mod filter;
 mod fit;
 mod history;
 mod learn;
+mod noise;
 
 use serde::{Deserialize, Serialize};
 

@@ -65,6 +65,8 @@ pub(super) struct Readiness {
     pub(super) flags: Flags,
     pub(super) adaptation: Adaptation,
     pub(super) artifact_change: Option<f64>,
+    /// Log odds by which a touch must be clearer than the model says.
+    pub(super) touch_margin: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -252,7 +254,8 @@ impl Region {
         let after_reset = std::mem::take(&mut self.was_reset);
         let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
         let artifact_change = self.artifact_change();
-        Readiness { run: true, base_only, after_reset, pose_age_ns, flags, adaptation, artifact_change }
+        let touch_margin = self.artifact.as_ref().map_or(0.0, ArtifactFilter::touch_margin);
+        Readiness { run: true, base_only, after_reset, pose_age_ns, flags, adaptation, artifact_change, touch_margin }
     }
 
     /// The window that [`Region::handle_frame`] said to run.
@@ -266,7 +269,9 @@ impl Region {
         let (given, given_base, mut touch) = match answer {
             // Touch is of taxels and pose together, as the force is that is not used.
             Some(Answer { base, .. }) if readiness.base_only => (base, base, None),
-            Some(Answer { force, base, touch }) => (Some(force), base, touch),
+            Some(Answer { force, base, touch }) => {
+                (Some(force), base, touch.map(|touch| less_certain(touch, readiness.touch_margin)))
+            }
             None => (None, None, None),
         };
         let (mut force, mut tangential) = self.along_and_across(given);
@@ -334,7 +339,8 @@ impl Region {
         let after_reset = std::mem::take(&mut self.was_reset);
         let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
         let artifact_change = self.artifact_change();
-        Readiness { run: false, base_only: false, after_reset, pose_age_ns, flags, adaptation, artifact_change }
+        let (run, base_only, touch_margin) = (false, false, 0.0);
+        Readiness { run, base_only, after_reset, pose_age_ns, flags, adaptation, artifact_change, touch_margin }
     }
 
     fn artifact_change(&self) -> Option<f64> {
@@ -409,4 +415,9 @@ impl Region {
         let mut angles = self.pose.iter().zip(ranges);
         angles.any(|(&angle, range)| f64::from(angle) < range.min || f64::from(angle) > range.max)
     }
+}
+
+/// A probability whose log odds are lower by `margin`.
+fn less_certain(probability: f64, margin: f64) -> f64 {
+    if margin > 0.0 { probability / (probability + (1.0 - probability) * margin.exp()) } else { probability }
 }

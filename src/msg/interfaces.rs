@@ -83,6 +83,8 @@ impl ContactState {
     pub const ADAPTATION_WAITING: u8 = 3;
     /// `adaptation`: the same, and the artifact is as far from its calibration as it may go.
     pub const ADAPTATION_CAPPED: u8 = 4;
+    /// `adaptation`: the same, and joint angles are so noisy that changes are followed slowly, and `touch` is lowered.
+    pub const ADAPTATION_NOISY: u8 = 5;
 
     /// `flags`: the window of the model is not full yet.
     pub const WARMUP: u32 = 1;

@@ -180,6 +180,7 @@ impl Outgoing {
             Adaptation::Learning => ContactState::ADAPTATION_LEARNING,
             Adaptation::Waiting => ContactState::ADAPTATION_WAITING,
             Adaptation::Capped => ContactState::ADAPTATION_CAPPED,
+            Adaptation::Noisy => ContactState::ADAPTATION_NOISY,
         };
         state.artifact_change = estimate.artifact_change.unwrap_or(f64::NAN);
         state.touch = estimate.touch.unwrap_or(f64::NAN);

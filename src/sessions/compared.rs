@@ -136,6 +136,7 @@ fn record_of(stamp: Time, state: &ContactState, wrench: Option<[f64; 6]>) -> Est
             ContactState::ADAPTATION_LEARNING => Adaptation::Learning,
             ContactState::ADAPTATION_WAITING => Adaptation::Waiting,
             ContactState::ADAPTATION_CAPPED => Adaptation::Capped,
+            ContactState::ADAPTATION_NOISY => Adaptation::Noisy,
             _ => Adaptation::Off,
         },
         artifact_change: value(state.artifact_change),

@@ -192,6 +192,7 @@ fn constants_equal_those_of_the_texts() {
         ("ADAPTATION_LEARNING", ContactState::ADAPTATION_LEARNING.into()),
         ("ADAPTATION_WAITING", ContactState::ADAPTATION_WAITING.into()),
         ("ADAPTATION_CAPPED", ContactState::ADAPTATION_CAPPED.into()),
+        ("ADAPTATION_NOISY", ContactState::ADAPTATION_NOISY.into()),
     ]);
     assert_eq!(constants("tactile_pose_fusion/msg/ContactState"), contact);
     let stage = ours(&[

@@ -72,6 +72,28 @@ fn an_adaptive_model_finds_touch_on_a_user_it_does_not_know_and_best_when_it_fol
     assert!(followed > 0.95 && 1.0 - followed < 0.6 * (1.0 - left), "{followed} followed, {left} where it is left");
 }
 
+#[test]
+fn a_camera_as_hand_tracker_costs_the_shipped_model_false_touches_and_little_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let simulate = ["simulate", "--glove", "3", "--users", "1", "--sessions", "1", "--minutes", "5", "--seed", "11"];
+    tpf(folder.path(), &[&simulate[..], &["--tracking", "camera", "-o", "bags"]].concat()).ok();
+    let model = |kind: &str| format!("{}/models/glove3_{kind}.onnx", env!("CARGO_MANIFEST_DIR"));
+    let (tactile, adaptive) = (model("tactile_only"), model("adaptive"));
+    let eval =
+        ["eval", "bags", "--params-file", PARAMS, "--whole", "--compare", &tactile, "--model", &adaptive, "--json"];
+    let json = tpf(folder.path(), &eval).ok().json();
+    let of = |model: usize, name: &str| find(&json["table"]["rows"][model], name).unwrap();
+    for (name, is_error) in [("ba", false), ("f1", false), ("force_gf", true), ("mae_gf", true)] {
+        let (tactile, adaptive) = (of(0, name), of(1, name));
+        let is_met = if is_error { adaptive <= 1.05 * tactile } else { adaptive >= 0.95 * tactile };
+        assert!(is_met, "{name}: {adaptive} adaptive, {tactile} tactile-only");
+    }
+    // Here the aim is missed (docs/validation/2026-11-24-noisy-tracking.md). Before the noise of the angles was measured, it
+    // was 30 and more a minute.
+    let in_air = find(&json["models"][1], "per_minute").unwrap();
+    assert!(in_air < 15.0, "{in_air} false touches a minute in the air");
+}
+
 /// The first number of that name.
 fn find(value: &serde_json::Value, name: &str) -> Option<f64> {
     match value {

@@ -5,6 +5,7 @@ mod common;
 #[path = "../msg_common/mod.rs"]
 mod msg_common;
 
+mod adaptive_touch;
 mod config_example;
 mod config_param_file;
 mod config_refusals;

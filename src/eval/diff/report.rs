@@ -118,6 +118,7 @@ impl Field {
                 Adaptation::Learning => "learning",
                 Adaptation::Waiting => "waiting",
                 Adaptation::Capped => "capped",
+                Adaptation::Noisy => "noisy",
             }),
             Field::ArtifactChange => record.artifact_change.map_or(FieldValue::Missing, FieldValue::Share),
             Field::Touch => record.touch.map_or(FieldValue::Missing, FieldValue::Share),

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::history::JointHistory;
-use super::{ArtifactError, ArtifactFit, ArtifactModel};
+use super::{ARTIFACT_BASIS, ArtifactError, ArtifactFit, ArtifactModel};
 
 /// Time of one measurement, s.
 const BLOCK_S: f64 = 0.05;
@@ -38,6 +38,18 @@ const UNKNOWN_VARIANCE: f64 = 100.0;
 
 /// Share of the residual that is left in the mean of a block.
 const RESIDUAL_SHARE: f64 = 0.6;
+
+/// What noise of the joint angles puts into the taxels stays for longer than a measurement, and is alike in all taxels: its
+/// variance counts as that of errors of their own by so many measurements, for each taxel.
+const ALIKE_BLOCKS: f64 = 16.0;
+
+/// How slowly the effect of that noise on touch follows, s.
+const DOUBT_S: f64 = 1.0;
+
+/// Log odds that a touch loses for each e-fold by which noise of the joint angles raises the variance of what the artifact
+/// leaves, and how many of them make no difference. Chosen on validation data (docs/validation).
+const DOUBT_ODDS: f64 = 10.0;
+const TOLERATED_ODDS: f64 = 0.4;
 
 /// How far a gain may go from its calibration, in standard deviations of its slip.
 const MAX_DEVIATIONS: f64 = 3.0;
@@ -75,6 +87,8 @@ pub enum Adaptation {
     Waiting,
     /// A gain is as far from the calibration as it may go.
     Capped,
+    /// Gains are followed, slowly: joint angles are so noisy that they tell the artifact badly. A touch must be clearer.
+    Noisy,
 }
 
 /// Takes the artifact out of the taxels of a region, frame by frame.
@@ -105,6 +119,10 @@ pub struct ArtifactFilter {
     sees_touch: bool,
     innovation: Vec<f64>,
     noise: Vec<f64>,
+    /// `[taxels]`: variance of what noise of the joint angles puts into each.
+    pose_noise: Vec<f64>,
+    /// By how much that noise raises the variance along the pattern of touch: 0 for none, 1 for twice as much.
+    doubt: f64,
     scratch: DVector<f64>,
 }
 
@@ -129,6 +147,8 @@ impl ArtifactFilter {
             sees_touch: false,
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
+            pose_noise: vec![0.0; n],
+            doubt: 0.0,
             scratch: DVector::zeros(n_gains + n),
             fit: None,
             following,
@@ -231,6 +251,7 @@ impl ArtifactFilter {
         if let Some(pose) = pose {
             self.history.advance(pose, std::mem::take(&mut self.n_without_pose));
             self.model.write_shapes(self.history.basis(), &mut self.shapes);
+            self.measure_pose_noise();
         }
         self.n_since = self.n_since.saturating_add(n_frames);
         if !self.history.has_begun() {
@@ -254,6 +275,7 @@ impl ArtifactFilter {
         match learns && !self.sees_touch {
             false => self.idle(),
             true if self.is_capped => Adaptation::Capped,
+            true if self.touch_margin() > 0.0 => Adaptation::Noisy,
             true => Adaptation::Learning,
         }
     }
@@ -263,6 +285,12 @@ impl ArtifactFilter {
         let touches = self.state.iter().skip(self.model.n_gains());
         let along: f64 = self.model.touch.iter().zip(touches).map(|(pattern, touch)| pattern * touch).sum();
         along / self.pattern_square()
+    }
+
+    /// Log odds by which a touch must be clearer than the network says, because joint angles are noisier than those that it was
+    /// trained with: what they leave of the artifact looks like light touches. Zero with a good tracker.
+    pub fn touch_margin(&self) -> f64 {
+        (DOUBT_ODDS * self.doubt.ln_1p() - TOLERATED_ODDS).max(0.0)
     }
 
     /// How far the gains are from the calibration: root mean square of their changes, as a share of that of the gains.
@@ -281,6 +309,30 @@ impl ArtifactFilter {
         let Some(fit) = &self.fit else { return shapes[..joints].iter().sum() };
         let gain = |joint: usize| fit.gains[first + joint] + self.state[first + joint];
         fit.offset[taxel] + shapes[..joints].iter().enumerate().map(|(joint, shape)| gain(joint) * shape).sum::<f64>()
+    }
+
+    /// What noise of the joint angles puts into the taxels, by the slopes of the artifact at this pose.
+    fn measure_pose_noise(&mut self) {
+        let (n, joints) = (self.model.n_taxels, self.model.n_joints);
+        self.pose_noise.fill(0.0);
+        let mut along = 0.0;
+        for joint in 0..joints {
+            let (angle, noise) = (self.history.basis()[joint * ARTIFACT_BASIS], self.history.noise(joint));
+            let mut of_joint = 0.0;
+            for taxel in 0..n {
+                let gain = taxel * joints + joint;
+                let shape = &self.model.shapes[gain * ARTIFACT_BASIS..(gain + 1) * ARTIFACT_BASIS];
+                // Of the angle, its square, and the two means less the angle.
+                let slope = shape[0] + 2.0 * angle * shape[1] - shape[2] - shape[3];
+                let size = self.fit.as_ref().map_or(1.0, |fit| fit.gains[gain] + self.state[gain]);
+                let deviation = size * slope * noise;
+                self.pose_noise[taxel] += deviation * deviation;
+                of_joint += self.model.touch[taxel] * deviation;
+            }
+            along += of_joint * of_joint;
+        }
+        let residual: f64 = self.model.touch.iter().zip(&self.model.residual).map(|(k, left)| k * k * left).sum();
+        self.doubt += (1.0 - (-self.frame_s / DOUBT_S).exp()) * (along / residual - self.doubt);
     }
 
     fn drop_block(&mut self) {
@@ -315,7 +367,8 @@ impl ArtifactFilter {
             let expected = self.artifact(taxel, &self.block_shapes[taxel * joints..]);
             let touch = self.state[first + taxel];
             self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch;
-            self.noise[taxel] = RESIDUAL_SHARE * self.model.residual[taxel] + (PATTERN_NOISE * touch).powi(2);
+            let of_pose = ALIKE_BLOCKS * self.model.n_taxels as f64 * self.pose_noise[taxel];
+            self.noise[taxel] = RESIDUAL_SHARE * self.model.residual[taxel] + of_pose + (PATTERN_NOISE * touch).powi(2);
         }
         self.open_for_touch();
         for taxel in 0..self.model.n_taxels {

@@ -277,3 +277,51 @@ fn readings_beyond_all_reason_break_nothing_that_comes_after() {
         assert!(filter.fit().unwrap().gains.iter().all(|gain| gain.is_finite()));
     }
 }
+
+/// Frames of a finger whose angles have errors of 5 degrees that stay for three frames, as a camera's.
+fn seen_by_a_camera(finger: &mut Finger, held: &mut [f32; JOINTS], touch_gf: f64) -> ([f32; TAXELS], [f32; JOINTS]) {
+    let (tactile, pose, _) = finger.frame(touch_gf);
+    if finger.frame.is_multiple_of(3) {
+        let mut error = || (0..6).map(|_| finger.noise.next()).sum::<f64>() * 5f64.to_radians() / 2f64.sqrt();
+        *held = pose.map(|angle| angle + error() as f32);
+    }
+    (tactile, *held)
+}
+
+#[test]
+fn noise_of_the_angles_is_noise_of_the_taxels_and_a_touch_must_be_clearer() {
+    for seed in 0..4 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 30.0, |_| 0.0);
+        assert_eq!(filter.touch_margin(), 0.0);
+        let (mut held, mut states) = ([0.0; JOINTS], Vec::new());
+        for _ in 0..3000 {
+            let (mut tactile, pose) = seen_by_a_camera(&mut finger, &mut held, 0.0);
+            states.push(filter.correct(&mut tactile, Some(&pose), 1, true));
+        }
+        assert!(filter.touch_margin() > 0.5, "seed {seed}: {}", filter.touch_margin());
+        assert!(states[1500..].contains(&Adaptation::Noisy) && !states[1500..].contains(&Adaptation::Learning));
+        finger.feel(&mut filter, 30.0, |_| 0.0);
+        assert_eq!(filter.touch_margin(), 0.0, "seed {seed}: a good tracker again");
+    }
+}
+
+#[test]
+fn noise_of_the_angles_is_not_learned_as_a_change_of_gains() {
+    for seed in 0..4 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        let mut held = [0.0; JOINTS];
+        for _ in 0..6000 {
+            let (mut tactile, pose) = seen_by_a_camera(&mut finger, &mut held, 0.0);
+            filter.correct(&mut tactile, Some(&pose), 1, true);
+        }
+        let change = filter.change();
+        let felt = finger.feel(&mut filter, 1.0, |_| 0.0);
+        assert!(
+            change < 0.4 && felt.0.abs() < 2.0,
+            "seed {seed}: gains changed by {change}, and good angles leave {felt:?}"
+        );
+    }
+}

@@ -174,6 +174,11 @@ impl Running {
                     format!("{percent} % of the last second's frames have a full estimate, but {text}"),
                 )
             }
+            _ if outcomes.is_noisy() => {
+                let text =
+                    "joint angles are so noisy that light touches are reported less: a better hand tracker helps";
+                (level, format!("estimating: {percent} % of the last second's frames have a full estimate; {text}"))
+            }
             _ => (level, format!("estimating: {percent} % of the last second's frames have a full estimate")),
         };
         let frames = [
@@ -183,6 +188,7 @@ impl Running {
             ("frames.full_estimate", outcomes.n_good.to_string()),
             ("frames.artifact_followed", outcomes.n_followed.to_string()),
             ("frames.artifact_capped", outcomes.n_capped.to_string()),
+            ("frames.artifact_noisy", outcomes.n_noisy.to_string()),
         ];
         let mut values: Vec<(String, String)> =
             core.models.iter().map(|(name, runs)| (format!("model.{name}"), runs.clone())).collect();

@@ -15,6 +15,8 @@ pub struct Outcomes {
     pub n_followed: u64,
     /// Of these, those whose artifact is at its limit of distance from the calibration.
     pub n_capped: u64,
+    /// Of these, those whose joint angles are too noisy to tell the artifact well.
+    pub n_noisy: u64,
     /// Those with each flag, by the flag's name, in the order of the flags' bits.
     pub flags: Vec<(&'static str, u64)>,
 }
@@ -25,9 +27,10 @@ impl Outcomes {
         self.n += 1;
         self.n_with_force += u64::from(estimate.force.is_some());
         self.n_good += u64::from(estimate.force.is_some() && estimate.flags.is_empty());
-        let followed = [Adaptation::Learning, Adaptation::Waiting, Adaptation::Capped];
+        let followed = [Adaptation::Learning, Adaptation::Waiting, Adaptation::Capped, Adaptation::Noisy];
         self.n_followed += u64::from(followed.contains(&estimate.adaptation));
         self.n_capped += u64::from(estimate.adaptation == Adaptation::Capped);
+        self.n_noisy += u64::from(estimate.adaptation == Adaptation::Noisy);
         if estimate.flags.is_empty() {
             return;
         }
@@ -42,6 +45,11 @@ impl Outcomes {
     /// True if most followed artifacts are at their limit of distance from the calibration.
     pub fn is_capped(&self) -> bool {
         2 * self.n_capped > self.n_followed
+    }
+
+    /// True if joint angles are noisy in many of the frames with artifact following; the others may have a touch.
+    pub fn is_noisy(&self) -> bool {
+        4 * self.n_noisy > self.n_followed
     }
 
     /// Fraction of `n_expected` frames that are good, 0 to 1. Missing frames count like those without a force.
@@ -122,6 +130,18 @@ mod tests {
         assert_eq!(of(&[Adaptation::Off, Adaptation::Frozen]), (0, false));
         assert_eq!(of(&[Adaptation::Capped, Adaptation::Learning]), (2, false));
         assert_eq!(of(&[Adaptation::Capped, Adaptation::Waiting, Adaptation::Capped]), (3, true));
+    }
+
+    #[test]
+    fn joint_angles_are_noisy_where_many_frames_say_so() {
+        let of = |n_noisy: usize, n_waiting: usize| {
+            let mut outcomes = Outcomes::default();
+            let estimate = |adaptation| Estimate { adaptation, ..Estimate::default() };
+            (0..n_noisy).for_each(|_| outcomes.handle(&estimate(Adaptation::Noisy)));
+            (0..n_waiting).for_each(|_| outcomes.handle(&estimate(Adaptation::Waiting)));
+            (outcomes.n_followed, outcomes.is_noisy())
+        };
+        assert_eq!((of(0, 0), of(0, 3), of(1, 3), of(2, 4)), ((0, false), (3, false), (4, false), (6, true)));
     }
 
     #[test]
