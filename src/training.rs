@@ -221,6 +221,7 @@ fn train_without(
     let lambdas = request.lambdas();
     let started = Instant::now();
     let mut report = Report::new(request, &data.dataset, &data.notes);
+    let mut n_steps = 0;
     for (idx, lambda) in lambdas.iter().enumerate() {
         let settings = request.settings(*lambda, data.dataset.n_windows(Part::Train), data.touch_scale(), data.axes);
         if lambdas.len() > 1 {
@@ -238,16 +239,15 @@ fn train_without(
             let (step, steps) = (outcome.steps, trainer.steps());
             return Err(TrainingError::Interrupted { step, steps, checkpoint });
         }
+        n_steps = outcome.steps;
         let touch = calibrate_touch(&mut outcome.best, &data.dataset, data.rate_hz, request.threads)?;
         report.handle_outcome(*lambda, trainer.config(), outcome, touch);
     }
     report.finish(&data.dataset, started.elapsed(), observer).map_err(|error| match error {
         // Every step is in the checkpoint of the last run.
         TrainingError::Cancelled(_) => {
-            let lambda = lambdas[lambdas.len() - 1];
-            let steps =
-                request.settings(lambda, data.dataset.n_windows(Part::Train), data.touch_scale()).schedule.steps;
-            TrainingError::Interrupted { step: steps, steps, checkpoint: request.checkpoint(lambda) }
+            let checkpoint = request.checkpoint(lambdas[lambdas.len() - 1]);
+            TrainingError::Interrupted { step: n_steps, steps: n_steps, checkpoint }
         }
         error => error,
     })?;

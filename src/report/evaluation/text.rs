@@ -58,8 +58,7 @@ fn tangential(text: &mut String, result: &Evaluated) {
     if scores.is_empty() {
         return;
     }
-    let mut table = Table::new();
-    table.load_style(presets::ASCII_MARKDOWN).set_header(TANGENTIAL_HEADER);
+    let mut table = terminal::table(TANGENTIAL_HEADER);
     for (glove, model, score) in scores {
         let bias: Vec<String> = score.bias_gf.iter().map(|bias| number(*bias, 1)).collect();
         table.add_row([
@@ -71,7 +70,7 @@ fn tangential(text: &mut String, result: &Evaluated) {
             score.n_frames.to_string(),
         ]);
     }
-    let _ = writeln!(text, "\n{TANGENTIAL}\n\n{table}");
+    let _ = writeln!(text, "\n{TANGENTIAL}\n\n{}", shown(&table, 2));
 }
 
 /// What the table of the tangential force is called, and its columns.
