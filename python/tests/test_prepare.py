@@ -138,7 +138,7 @@ def test_a_model_of_three_axes_is_trained_and_its_tangential_forces_are_columns(
     page = (ROOT / "docs/src/how-to/three-axes.md").read_text()
     shown = page.split("```yaml\n")[1].split("```")[0]
     params.write_text(shown + "    calibration.max_force: 1000.0\n")  # a model of a few steps reads force in the air
-    trained = tpf.train(bag, model, params, kind="tactile-only", axes=3, steps=5, stride=20, progress=False)
+    trained = tpf.train(bag, model, params, axes=3, steps=5, stride=20, progress=False)
     assert trained.report["test"]["final"]["tangential"]["n_frames"] > 100
     index = tpf.replay(bag, params)["index"]
     is_known = ~np.isnan(index.force_n)

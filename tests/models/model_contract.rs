@@ -175,7 +175,10 @@ fn each_flaw_has_its_own_line() {
             Flaw::LongerPose,
             "input pose is [N, 9, 2], but the window of input tactile has 8 frames; both inputs take the same frames",
         ),
-        (Flaw::TwoForces, "output force has shape [N, 2], expected [N] or [N, 1], one force a window, or [N, 3], its x, y and z in the frame of the patch"),
+        (
+            Flaw::TwoForces,
+            "output force has shape [N, 2], expected [N] or [N, 1], one force a window, or [N, 3], its x, y and z in the frame of the patch",
+        ),
         (
             Flaw::TwoForcesUntold,
             "a trial run of 3 windows failed: output force gave 6 values for 3 windows, expected one each",
