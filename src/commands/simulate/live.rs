@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say};
 use crate::leave;
-use crate::msg::{JointState, PoseArray, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
+use crate::msg::{JointState, PoseArray, Stage, TFMessage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::hand::Finger;
 use crate::sim::{Activity, Fault, Fingers, LiveSession, Prompt, SYNTHETIC_TOPIC};
-use crate::synthetic::{HandForm, JOINTS, Message, POSES, STAGE, TAXELS, message, truth_topic};
+use crate::synthetic::{FRAMES, HandForm, JOINTS, Message, POSES, STAGE, TAXELS, message, truth_topic};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";
@@ -85,6 +85,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let (topic, type_name) = match args.hand {
         HandForm::Angles => (JOINTS, JointState::TYPE_NAME),
         HandForm::Poses(_) => (POSES, PoseArray::TYPE_NAME),
+        HandForm::Transforms => (FRAMES, TFMessage::TYPE_NAME),
     };
     let joints = listening.speak(&of_glove(topic)?, known(type_name), Delivery::Data)?;
     let under = match spec.conditions.fingers {
@@ -115,6 +116,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
                 Message::Taxels(message) => listener.say(taxels, &message),
                 Message::Joints(message) => listener.say(joints, &message),
                 Message::Poses(message) => listener.say(joints, &message),
+                Message::Frames(message) => listener.say(joints, &message),
                 Message::Truth(under, message) => truth.get(&under).is_some_and(|truth| listener.say(*truth, &message)),
                 Message::Stage(_) => false, // who collects annotates
             });
