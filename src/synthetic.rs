@@ -15,7 +15,7 @@ use crate::recording::SESSION_NOTES;
 use crate::sim::hand::Finger;
 use crate::sim::{Fingers, Record, SessionSpec, SimError, simulate};
 use crate::units::Stamp;
-pub use hand_forms::HandForm;
+pub use hand_forms::{HandForm, static_frames};
 
 /// Topic of the taxels.
 pub const TAXELS: &str = "/glove/taxels";
@@ -25,6 +25,8 @@ pub const JOINTS: &str = "/hand/joint_states";
 pub const POSES: &str = "/hand/poses";
 /// Topic of the hand's points as frames, in place of [`JOINTS`].
 pub const FRAMES: &str = "/tf";
+/// Topic of those of its frames that never move.
+pub const STATIC_FRAMES: &str = "/tf_static";
 /// Topic of the true force for a glove with taxels on one finger.
 pub const TRUTH: &str = "/load_cell/wrench";
 
@@ -87,7 +89,14 @@ pub fn write_as(
         cdr: Vec::new(),
     };
     let mut n_frames = 0;
+    let mut unsent_frames = match hand {
+        HandForm::Transforms => Some(topics.bag.add_topic::<TFMessage>(STATIC_FRAMES)?),
+        HandForm::Angles | HandForm::Poses(_) => None,
+    };
     for record in session {
+        if let Some(channel) = unsent_frames.take() {
+            topics.send(channel, record.received(), &static_frames(record.stamp()))?;
+        }
         check(observer)?;
         n_frames += u64::from(matches!(record, Record::Truth { .. }));
         observer.progress(n_frames, total);

@@ -15,7 +15,8 @@ use super::write::{RECEIPTS_KEY, RECEIPTS_LIVE};
 use super::{BagChannel, BagError, BagMessage, BagReader, SchemaError};
 use crate::fusion::{Event, JointSource, JointSourceIdx, Receipts, TactileSourceIdx};
 use crate::msg::binding::{
-    BindingError, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic, TruthBinding, TruthFields,
+    BindingError, FrameStore, FramesBinding, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields,
+    Topic, TruthBinding, TruthFields, static_topic,
 };
 use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{AngleWatch, Stage, WireType, canonical_type_name, from_cdr};
@@ -105,6 +106,8 @@ pub struct Inputs {
     joint_names: BTreeSet<String>,
     /// One a joint source, of the joints that are needed.
     angles: Vec<AngleWatch>,
+    /// One a joint source: what `/tf` and `/tf_static` tell.
+    frames: Vec<FrameStore>,
     /// What was found in the parts of the message that is being decoded.
     message: MessageParts,
     /// By source: messages that were for it, and the others.
@@ -137,6 +140,7 @@ impl Inputs {
             reader.required(name)?;
         }
         let angles = topics.joint_sources.iter().map(|source| AngleWatch::new(source.scale)).collect();
+        let frames = topics.joints.iter().map(|_| FrameStore::default()).collect();
         let mut inputs = Inputs {
             topics,
             definitions: reader.definitions().clone(),
@@ -144,13 +148,49 @@ impl Inputs {
             roles: BTreeMap::new(),
             counters: BTreeMap::new(),
             joint_names: BTreeSet::new(),
+            frames,
             message: MessageParts::default(),
             shares: BTreeMap::new(),
         };
         for channel in reader.channels() {
             inputs.bind(channel)?;
         }
+        inputs.keep_static_frames(reader)?;
         Ok(inputs)
+    }
+
+    /// Keeps the frames that don't change, wherever the bag has them: they hold from its first message on. Where a live node
+    /// recorded them, they hold from when it received them, as they did there.
+    fn keep_static_frames(&mut self, reader: &BagReader) -> Result<(), InputError> {
+        let topics: BTreeSet<String> = self.topics.joints.iter().filter_map(static_topic).collect();
+        let is_it = |channel: &&Arc<BagChannel>| topics.contains(&channel.topic) && !is_live(channel);
+        let channels: Vec<&Arc<BagChannel>> = reader.channels().iter().filter(is_it).collect();
+        if channels.is_empty() {
+            return Ok(());
+        }
+        let stated = |channel: &&Arc<BagChannel>| reader.summary().by_channel.get(&channel.id).copied();
+        let mut n_left: Option<u64> = channels.iter().map(stated).sum();
+        for path in reader.files() {
+            let mut file = BagReader::open(&[path.to_path_buf()])?;
+            while n_left != Some(0)
+                && let Some(message) = file.next_message()?
+            {
+                if !topics.contains(&message.channel.topic) || is_live(message.channel) {
+                    continue;
+                }
+                n_left = n_left.map(|n| n.saturating_sub(1));
+                for (source, topic) in self.topics.joints.iter().enumerate() {
+                    if static_topic(topic).as_ref() != Some(&message.channel.topic) {
+                        continue;
+                    }
+                    let tree = self.tree_of(message.channel, &topic.type_name)?;
+                    let binding = FramesBinding::compile(&topic.fields, &tree, &self.frames[source]);
+                    let mut binding = binding.map_err(|error| binding_error(message.channel, error))?;
+                    let _ = binding.keep(message.data); // what can't be read is counted when its turn comes
+                }
+            }
+        }
+        Ok(())
     }
 
     /// The parts of the messages of a channel, each to be given to [`decode`](Self::decode) in turn; none where they mean
@@ -192,6 +232,7 @@ impl Inputs {
                     }
                     (Input::Event(event), Ok(()))
                 }
+                Err(error) if error.is_kept() => (Input::None, Ok(())),
                 Err(error) => (Input::None, Err(counted(&error, self.shares.entry(of).or_default()))),
             },
             Role::Truth(source, binding) => match binding.decode(message.data, received) {
@@ -225,7 +266,8 @@ impl Inputs {
     pub fn topics(&self) -> BTreeSet<String> {
         let InputTopics { taxels, joints, truth, stage, .. } = &self.topics;
         let names = taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
-        names.chain(truth.iter().map(|topic| &topic.name)).chain([stage]).cloned().collect()
+        let frames = joints.iter().filter_map(static_topic);
+        names.chain(truth.iter().map(|topic| &topic.name)).chain([stage]).cloned().chain(frames).collect()
     }
 
     /// Annotations that were told beside the bag; no message is one then.
@@ -256,9 +298,7 @@ impl Inputs {
         let InputTopics { taxels, joints, .. } = &self.topics;
         let names = || taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
         let mut feeding = reader.channels().iter().filter(|channel| names().any(|name| *name == channel.topic));
-        let live =
-            |channel: &Arc<BagChannel>| channel.metadata.get(RECEIPTS_KEY).is_some_and(|note| note == RECEIPTS_LIVE);
-        if feeding.all(live) { Receipts::Live } else { Receipts::Unknown }
+        if feeding.all(is_live) { Receipts::Live } else { Receipts::Unknown }
     }
 
     /// Whether some message of some topic could not be read.
@@ -327,9 +367,17 @@ impl Inputs {
             roles.push(Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), binding)));
         }
         for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
-            let binding = JointBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
+            let tree = self.tree_of(channel, &topic.type_name)?;
+            let binding = JointBinding::compile_with(&topic.fields, &tree, &self.frames[source]);
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
             roles.push(Role::Samples(SampleBinding::Joints(JointSourceIdx(source), binding)));
+        }
+        let tells_frames = |topic: &Topic<JointFields>| static_topic(topic).as_ref() == Some(&channel.topic);
+        for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| tells_frames(topic)) {
+            let tree = self.tree_of(channel, &topic.type_name)?;
+            let binding = FramesBinding::compile(&topic.fields, &tree, &self.frames[source]);
+            let binding = binding.map_err(|error| binding_error(channel, error))?;
+            roles.push(Role::Samples(SampleBinding::Frames(JointSourceIdx(source), binding)));
         }
         for (source, topic) in self.topics.truth.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
             let binding = TruthBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
@@ -367,6 +415,7 @@ impl Role {
         match self {
             Role::Samples(SampleBinding::Taxels(source, _)) => (TAXELS, source.0),
             Role::Samples(SampleBinding::Joints(source, _)) => (ANGLES, source.0),
+            Role::Samples(SampleBinding::Frames(source, _)) => ("frames", source.0),
             Role::Truth(source, _) => ("true force", *source),
             Role::Stage => ("stage", 0),
         }
@@ -379,6 +428,11 @@ impl Role {
             Role::Stage => 0,
         }
     }
+}
+
+/// Whether a live node recorded it.
+fn is_live(channel: &Arc<BagChannel>) -> bool {
+    channel.metadata.get(RECEIPTS_KEY).is_some_and(|note| note == RECEIPTS_LIVE)
 }
 
 fn binding_error(channel: &BagChannel, error: BindingError) -> InputError {

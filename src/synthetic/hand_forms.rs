@@ -16,7 +16,7 @@ pub enum HandForm {
     /// The poses of a right hand's points on [`POSES`](super::POSES), in the order of a layout.
     Poses(NamedLayout),
     /// The points of a right hand as frames on [`FRAMES`](super::FRAMES): each in the one before it on its finger, by the
-    /// names of `openxr25`.
+    /// names of `openxr25`. Those that never move are on [`STATIC_FRAMES`](super::STATIC_FRAMES).
     Transforms,
 }
 
@@ -35,10 +35,23 @@ pub(super) fn poses(names: &[String], positions: &[f64], layout: NamedLayout) ->
     hand_of(names, positions, layout).into_iter().map(pose).collect()
 }
 
-/// The frames of a right hand; NaN where an angle is missing.
+/// The frames of a right hand that move; NaN where an angle is missing.
 pub(super) fn frames(names: &[String], positions: &[f64], stamp: Stamp) -> TFMessage {
+    frames_of(&hand_of(names, positions, FRAMES_OF), stamp, |point| !never_moves(point))
+}
+
+/// Those that don't: the wrist, and where the fingers' metacarpals begin.
+pub fn static_frames(stamp: Stamp) -> TFMessage {
+    frames_of(&hand::poses(&[0.0; JOINTS.len()], FRAMES_OF, Side::Right), stamp, never_moves)
+}
+
+fn never_moves(point: usize) -> bool {
+    let layout = FRAMES_OF.layout();
+    point == layout.wrist || layout.fingers.iter().any(|chain| chain[0] == point)
+}
+
+fn frames_of(poses: &[HandPose], stamp: Stamp, is_wanted: impl Fn(usize) -> bool) -> TFMessage {
     let points = FRAMES_OF.points();
-    let poses = hand_of(names, positions, FRAMES_OF);
     let layout = FRAMES_OF.layout();
     let mut parents = vec![None; poses.len()];
     for chain in layout.fingers.iter().map(|chain| &chain[..]).chain([&layout.thumb[..]]) {
@@ -56,7 +69,9 @@ pub(super) fn frames(names: &[String], positions: &[f64], stamp: Stamp) -> TFMes
         let header = Header { stamp: stamp.into(), frame_id };
         TransformStamped { header, child_frame_id: points[child].clone(), transform }
     };
-    TFMessage { transforms: parents.into_iter().enumerate().map(frame).collect() }
+    TFMessage {
+        transforms: parents.into_iter().enumerate().filter(|(point, _)| is_wanted(*point)).map(frame).collect(),
+    }
 }
 
 fn hand_of(names: &[String], positions: &[f64], layout: NamedLayout) -> Vec<HandPose> {

@@ -11,6 +11,8 @@ mod node;
 #[cfg(feature = "ros")]
 mod node_collect;
 #[cfg(feature = "ros")]
+mod node_devices;
+#[cfg(feature = "ros")]
 mod node_faults;
 #[cfg(feature = "ros")]
 mod node_init;

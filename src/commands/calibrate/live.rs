@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     // As the graph of this tool has them: it asks for no more than best effort.
     let wanted = wanted(&cfg, &ParamTree::empty(NODE), &names, &bindings)?;
     for (input, (tree, _)) in names.inputs.iter().zip(&bindings) {
-        listening.hear(&input.topic, TopicType::Defined(tree), Delivery::Data)?;
+        listening.hear(&input.topic, TopicType::Defined(tree), Delivery::of(input))?;
     }
     let mut recorder = match args.touches || live.press.is_asked() {
         true => Some(Recorder::start(&cfg, &names, &definitions, &mut listening)?),
@@ -174,6 +174,7 @@ impl Hand {
             let decoded = binding.decode(cdr, *received);
             let health = &mut self.checks.watched.inputs[source];
             match &decoded {
+                Err(error) if error.is_kept() => continue,
                 Err(error) if error.is_for_another() => {
                     health.handle_for_another(error.reason(), &error.to_string());
                     continue;

@@ -13,7 +13,9 @@ use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::hand::Finger;
 use crate::sim::{Activity, Fault, Fingers, LiveSession, Prompt, SYNTHETIC_TOPIC};
-use crate::synthetic::{FRAMES, HandForm, JOINTS, Message, POSES, STAGE, TAXELS, message, truth_topic};
+use crate::synthetic::{
+    FRAMES, HandForm, JOINTS, Message, POSES, STAGE, STATIC_FRAMES, TAXELS, message, static_frames, truth_topic,
+};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";
@@ -99,7 +101,16 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     }
     let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
     listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
+    let frames = match args.hand {
+        HandForm::Transforms => {
+            Some(listening.speak(&of_glove(STATIC_FRAMES)?, known(TFMessage::TYPE_NAME), Delivery::Latched)?)
+        }
+        HandForm::Angles | HandForm::Poses(_) => None,
+    };
     let listener = listening.start()?;
+    if let Some(frames) = frames {
+        listener.say(frames, &static_frames(start));
+    }
     say("the data is synthetic: a physical model of a glove on a hand, no recording");
     let (mut n_sent, mut n_late, mut said) = (0_u64, 0_u64, None::<Instant>);
     while !interrupt::happened() {
