@@ -26,6 +26,8 @@ pub struct Document {
     pub regions: Vec<String>,
     /// Whether a true force is there to train on.
     pub has_truth: bool,
+    /// Whether annotations tell when nothing is touched.
+    pub has_annotations: bool,
 }
 
 /// The parameter file for what is in `bags`, to be used with `model` where there is one.
@@ -86,6 +88,7 @@ pub fn document(bags: &[BagReport], model: Option<&ModelFile>, ask: &mut dyn Ask
         topics,
         regions: regions.into_iter().map(|one| one.name).collect(),
         has_truth: !truths.is_empty(),
+        has_annotations: bags.iter().any(|bag| !bag.candidates.stages.is_empty()),
         text: yaml.finish(),
     })
 }

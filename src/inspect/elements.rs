@@ -133,7 +133,7 @@ impl ElementWatch {
     /// What was seen, where messages always have as many, and several.
     pub(super) fn seen(&self) -> Option<Elements> {
         let [fewest, most] = self.counts;
-        if self.n_seen == 0 || fewest != most || most < 2 || most > MAX_ELEMENTS {
+        if self.n_seen == 0 || fewest != most || !(2..=MAX_ELEMENTS).contains(&most) {
             return None;
         }
         let is_key = |key: &&KeyWatch| key.tells && hints::found(&key.field, KEYS).is_some();

@@ -13,11 +13,11 @@ mod taxels;
 mod truth;
 
 pub use frames::FrameStore;
-pub use hand::{HandFields, hand_paths, hand_stamp, static_topic};
+pub use hand::{HandFields, hand_paths, hand_stamp};
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use stamp::{Since, StampFrom, StampUnit};
-pub use static_frames::FramesBinding;
+pub use static_frames::{FramesBinding, static_topic};
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
 pub use truth::{TruthBinding, TruthFields};
 

@@ -255,7 +255,12 @@ fn without_a_model_the_file_loads_and_says_how_to_get_one() {
     let question = "Which finger are the 6 taxels of /glove/taxels on?";
     assert!(init(folder, &bag, &[]).failure().starts_with(question));
     let run = init(folder, &bag, &["--yes"]).ok();
-    assert!(run.stderr.contains(question) && run.stdout.contains("next: tpf train"), "{run:?}");
+    assert!(
+        run.stderr.contains(question)
+            && run.stdout.contains("next: tpf train")
+            && run.stdout.ends_with(" -o fingertip.onnx\n"),
+        "{run:?}"
+    );
     let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
     assert!(text.contains("No model was given") && text.contains("`tpf train"), "{text}");
     assert_eq!(load(folder).fusion.regions[0].joints, INDEX);

@@ -1,7 +1,7 @@
 //! Messages that hold the keypoints of a hand, as positions, poses or transforms.
 
 use super::frames::FrameStore;
-use super::{BindingError, JointFields, NamesFrom, SampleError, Topic, plan};
+use super::{BindingError, SampleError, plan};
 use crate::hand::{self, Layout, Point, Side};
 use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs, ReadError};
@@ -25,7 +25,8 @@ pub struct HandFields {
     pub joints: Vec<String>,
 }
 
-const TF: &str = "tf2_msgs/msg/TFMessage";
+/// Messages of transforms.
+pub(super) const TF: &str = "tf2_msgs/msg/TFMessage";
 
 /// Where the stamp of a hand is whose points are told by name, in types that are known here; none where it is in the header.
 ///
@@ -33,13 +34,6 @@ const TF: &str = "tf2_msgs/msg/TFMessage";
 pub fn hand_stamp(type_name: &str, points: &[String]) -> Option<String> {
     let last = points.last().filter(|_| canonical_type_name(type_name) == TF)?;
     Some(format!("transforms[child_frame_id={last}].header.stamp"))
-}
-
-/// The topic with the transforms that don't change, beside the one that a joint source reads: `/tf_static` for `/tf`. None for
-/// sources that read no transforms.
-pub fn static_topic(topic: &Topic<JointFields>) -> Option<String> {
-    let is_hand = matches!(topic.fields.names, NamesFrom::Hand(_));
-    (is_hand && canonical_type_name(&topic.type_name) == TF).then(|| format!("{}_static", topic.name))
 }
 
 /// Where types that are known here hold the positions of points, and their names.

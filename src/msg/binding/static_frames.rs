@@ -1,9 +1,16 @@
 //! Messages of transforms that don't change: `/tf_static` beside `/tf`.
 
 use super::frames::FrameStore;
-use super::hand::HandPlan;
-use super::{BindingError, JointFields, NamesFrom, SampleError};
-use crate::msg::definition::TypeTree;
+use super::hand::{HandPlan, TF};
+use super::{BindingError, JointFields, NamesFrom, SampleError, Topic};
+use crate::msg::definition::{TypeTree, canonical_type_name};
+
+/// The topic with the transforms that don't change, beside the one that a joint source reads: `/tf_static` for `/tf`. None for
+/// sources that read no transforms.
+pub fn static_topic(topic: &Topic<JointFields>) -> Option<String> {
+    let is_hand = matches!(topic.fields.names, NamesFrom::Hand(_));
+    (is_hand && canonical_type_name(&topic.type_name) == TF).then(|| format!("{}_static", topic.name))
+}
 
 /// Keeps the frames of one message after another for the joint source that they belong to.
 #[derive(Debug, Clone)]
