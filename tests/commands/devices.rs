@@ -166,7 +166,9 @@ fn made_of(device: &str) -> (Vec<usize>, Vec<usize>, Vec<usize>) {
     let cfg = config::load(&folder.join("made.yaml"), DEFAULT_NODE).unwrap_or_else(|error| panic!("{error}\n{text}"));
     for region in &cfg.fusion.regions {
         let path = &cfg.models[region.model].spec.path;
-        let model = LinearModel::new(8, region.taxels.len(), region.joints.len()).metadata("unit", "N");
+        // Nobody tells the scale of angles that are counts: they must weigh little.
+        let model = LinearModel::new(8, region.taxels.len(), region.joints.len()).gains(1.0, 0.001);
+        let model = model.metadata("unit", "N");
         std::fs::write(path, model.bytes()).unwrap();
     }
     replay(folder, "glove.mcap", "made.yaml", "out.mcap");
