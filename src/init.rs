@@ -7,6 +7,10 @@
 //! | what | rule |
 //! |---|---|
 //! | taxels | arrays whose type or name says so, else those whose form allows it; of fixed length, and some value changes |
+//! | axes | x, y and z of the same taxels are one source, x first; where a model takes as many taxels as one axis, z |
+//! | parts of a finger | one source: the arrays behind the same name of a finger |
+//! | elements of an array | a source each, where a field tells them apart; else a patch each, by their order |
+//! | several hands on a topic | that of the parameter `only`, which is asked |
 //! | several such arrays | all, where each is named after another finger; else it is asked |
 //! | sign | that of the correlation with the measured force from 0.3 on; else of the skewness from 0.5 on: a press is rarer than rest; else 1 |
 //! | joint angles | named angles that move; those that the model names before those that name fingers; points of a hand where there are no angles |
@@ -22,10 +26,12 @@ mod document;
 mod error;
 mod fingers;
 mod force;
+mod groups;
 mod joints;
 mod model_file;
 mod plan;
 mod regions;
+mod sides;
 mod taxels;
 mod write;
 mod yaml;

@@ -27,7 +27,7 @@ pub use outgoing::{EstimateTopics, Outgoing, Slot};
 pub use schema::definition_text;
 pub use standard::{
     Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Point, Pose, PoseArray,
-    Quaternion, Text, Time, Vector3, Wrench, WrenchStamped,
+    Quaternion, TFMessage, Text, Time, Transform, TransformStamped, Vector3, Wrench, WrenchStamped,
 };
 pub use texts::standard_text;
 pub use type_hash::{rihs01, type_hash};

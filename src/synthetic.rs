@@ -1,19 +1,21 @@
 //! Sessions of a synthetic glove as bags: the messages of a driver, a tracker, a load cell and a protocol.
 
+mod hand_forms;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::bag::{BagError, BagMetadata, BagWriter, OutChannel, WriteOptions};
-use crate::hand::{self, NamedLayout, Side};
 use crate::msg::{
-    Duration, Header, JointState, Point, Pose, PoseArray, Quaternion, Stage, TaxelArray, Vector3, WireType, Wrench,
-    WrenchStamped, to_cdr_into,
+    Duration, Header, JointState, PoseArray, Stage, TFMessage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped,
+    to_cdr_into,
 };
 use crate::observer::{Cancelled, Observer, check};
 use crate::recording::SESSION_NOTES;
-use crate::sim::hand::{Finger, JOINTS as SIM_JOINTS};
+use crate::sim::hand::Finger;
 use crate::sim::{Fingers, Record, SessionSpec, SimError, simulate};
 use crate::units::Stamp;
+pub use hand_forms::{HandForm, static_frames};
 
 /// Topic of the taxels.
 pub const TAXELS: &str = "/glove/taxels";
@@ -21,6 +23,10 @@ pub const TAXELS: &str = "/glove/taxels";
 pub const JOINTS: &str = "/hand/joint_states";
 /// Topic of the hand's points, in place of [`JOINTS`].
 pub const POSES: &str = "/hand/poses";
+/// Topic of the hand's points as frames, in place of [`JOINTS`].
+pub const FRAMES: &str = "/tf";
+/// Topic of those of its frames that never move.
+pub const STATIC_FRAMES: &str = "/tf_static";
 /// Topic of the true force for a glove with taxels on one finger.
 pub const TRUTH: &str = "/load_cell/wrench";
 
@@ -30,16 +36,6 @@ pub fn truth_topic(under: Option<Finger>) -> String {
 }
 /// Topic of the annotations.
 pub const STAGE: &str = "/stage";
-
-/// Form in which the hand is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum HandForm {
-    /// Joint angles on [`JOINTS`].
-    #[default]
-    Angles,
-    /// The poses of a right hand's points on [`POSES`], in the order of a layout.
-    Poses(NamedLayout),
-}
 
 /// The reason why a session is not written.
 #[derive(Debug, thiserror::Error)]
@@ -81,6 +77,7 @@ pub fn write_as(
         joints: match hand {
             HandForm::Angles => bag.add_topic::<JointState>(JOINTS)?,
             HandForm::Poses(_) => bag.add_topic::<PoseArray>(POSES)?,
+            HandForm::Transforms => bag.add_topic::<TFMessage>(FRAMES)?,
         },
         hand,
         truth: match spec.conditions.fingers {
@@ -92,7 +89,14 @@ pub fn write_as(
         cdr: Vec::new(),
     };
     let mut n_frames = 0;
+    let mut unsent_frames = match hand {
+        HandForm::Transforms => Some(topics.bag.add_topic::<TFMessage>(STATIC_FRAMES)?),
+        HandForm::Angles | HandForm::Poses(_) => None,
+    };
     for record in session {
+        if let Some(channel) = unsent_frames.take() {
+            topics.send(channel, record.received(), &static_frames(record.stamp()))?;
+        }
         check(observer)?;
         n_frames += u64::from(matches!(record, Record::Truth { .. }));
         observer.progress(n_frames, total);
@@ -118,6 +122,7 @@ impl Topics {
             Message::Taxels(message) => self.send(self.taxels, received, &message),
             Message::Joints(message) => self.send(self.joints, received, &message),
             Message::Poses(message) => self.send(self.joints, received, &message),
+            Message::Frames(message) => self.send(self.joints, received, &message),
             Message::Truth(under, message) => {
                 let channel = match self.truth.get(&under) {
                     Some(channel) => *channel,
@@ -148,6 +153,8 @@ pub enum Message {
     Joints(JointState),
     /// On [`POSES`].
     Poses(PoseArray),
+    /// On [`FRAMES`].
+    Frames(TFMessage),
     /// On the [`truth_topic`] of the finger above the load cell.
     Truth(Option<Finger>, WrenchStamped),
     /// On [`STAGE`].
@@ -169,9 +176,11 @@ pub fn message(record: &Record, hand: HandForm) -> Message {
                 let (name, position) = (names.to_vec(), positions.clone());
                 Message::Joints(JointState { header: header(""), name, position, velocity, effort })
             }
-            HandForm::Poses(layout) => {
-                Message::Poses(PoseArray { header: header("wrist"), poses: poses(names, positions, layout) })
-            }
+            HandForm::Poses(layout) => Message::Poses(PoseArray {
+                header: header("wrist"),
+                poses: hand_forms::poses(names, positions, layout),
+            }),
+            HandForm::Transforms => Message::Frames(hand_forms::frames(names, positions, record.stamp())),
         },
         Record::Truth { force, torque, under, .. } => {
             let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
@@ -183,15 +192,4 @@ pub fn message(record: &Record, hand: HandForm) -> Message {
             Message::Stage(Stage { header: header(""), stage, substage, pose, repetition, zero_load })
         }
     }
-}
-
-/// The poses of a right hand; NaN where an angle is missing.
-fn poses(names: &[String], positions: &[f64], layout: NamedLayout) -> Vec<Pose> {
-    let angle = |joint: &str| names.iter().zip(positions).find(|(name, _)| *name == joint).map(|(_, angle)| *angle);
-    let angles = SIM_JOINTS.map(|joint| angle(joint).unwrap_or(f64::NAN));
-    let pose = |hand::HandPose { position: [x, y, z], orientation: [qx, qy, qz, qw] }| Pose {
-        position: Point { x, y, z },
-        orientation: Quaternion { x: qx, y: qy, z: qz, w: qw },
-    };
-    hand::poses(&angles, layout, Side::Right).into_iter().map(pose).collect()
 }

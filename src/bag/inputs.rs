@@ -1,6 +1,7 @@
 //! Which topics of a bag feed the core, and how their messages become events.
 
 mod counts;
+mod static_frames;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -15,8 +16,8 @@ use super::write::{RECEIPTS_KEY, RECEIPTS_LIVE};
 use super::{BagChannel, BagError, BagMessage, BagReader, SchemaError};
 use crate::fusion::{Event, JointSource, JointSourceIdx, Receipts, TactileSourceIdx};
 use crate::msg::binding::{
-    BindingError, ForceReading, JointBinding, JointFields, SampleBinding, TaxelBinding, TaxelFields, Topic,
-    TruthBinding, TruthFields,
+    BindingError, ForceReading, FrameStore, FramesBinding, JointBinding, JointFields, SampleBinding, TaxelBinding,
+    TaxelFields, Topic, TruthBinding, TruthFields, static_topic,
 };
 use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{AngleWatch, Stage, WireType, canonical_type_name, from_cdr};
@@ -106,6 +107,8 @@ pub struct Inputs {
     joint_names: BTreeSet<String>,
     /// One a joint source, of the joints that are needed.
     angles: Vec<AngleWatch>,
+    /// One a joint source: what `/tf` and `/tf_static` tell.
+    frames: Vec<FrameStore>,
     /// What was found in the parts of the message that is being decoded.
     message: MessageParts,
     /// By source: messages that were for it, and the others.
@@ -138,6 +141,7 @@ impl Inputs {
             reader.required(name)?;
         }
         let angles = topics.joint_sources.iter().map(|source| AngleWatch::new(source.scale)).collect();
+        let frames = topics.joints.iter().map(|_| FrameStore::default()).collect();
         let mut inputs = Inputs {
             topics,
             definitions: reader.definitions().clone(),
@@ -145,12 +149,14 @@ impl Inputs {
             roles: BTreeMap::new(),
             counters: BTreeMap::new(),
             joint_names: BTreeSet::new(),
+            frames,
             message: MessageParts::default(),
             shares: BTreeMap::new(),
         };
         for channel in reader.channels() {
             inputs.bind(channel)?;
         }
+        inputs.keep_static_frames(reader)?;
         Ok(inputs)
     }
 
@@ -193,6 +199,7 @@ impl Inputs {
                     }
                     (Input::Event(event), Ok(()))
                 }
+                Err(error) if error.is_kept() => (Input::None, Ok(())),
                 Err(error) => (Input::None, Err(counted(&error, self.shares.entry(of).or_default()))),
             },
             Role::Truth(source, binding) => match binding.decode(message.data, received) {
@@ -226,7 +233,8 @@ impl Inputs {
     pub fn topics(&self) -> BTreeSet<String> {
         let InputTopics { taxels, joints, truth, stage, .. } = &self.topics;
         let names = taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
-        names.chain(truth.iter().map(|topic| &topic.name)).chain([stage]).cloned().collect()
+        let frames = joints.iter().filter_map(static_topic);
+        names.chain(truth.iter().map(|topic| &topic.name)).chain([stage]).cloned().chain(frames).collect()
     }
 
     /// Annotations that were told beside the bag; no message is one then.
@@ -257,9 +265,7 @@ impl Inputs {
         let InputTopics { taxels, joints, .. } = &self.topics;
         let names = || taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
         let mut feeding = reader.channels().iter().filter(|channel| names().any(|name| *name == channel.topic));
-        let live =
-            |channel: &Arc<BagChannel>| channel.metadata.get(RECEIPTS_KEY).is_some_and(|note| note == RECEIPTS_LIVE);
-        if feeding.all(live) { Receipts::Live } else { Receipts::Unknown }
+        if feeding.all(is_live) { Receipts::Live } else { Receipts::Unknown }
     }
 
     /// Whether some message of some topic could not be read.
@@ -328,9 +334,17 @@ impl Inputs {
             roles.push(Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), binding)));
         }
         for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
-            let binding = JointBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
+            let tree = self.tree_of(channel, &topic.type_name)?;
+            let binding = JointBinding::compile_with(&topic.fields, &tree, &self.frames[source]);
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
             roles.push(Role::Samples(SampleBinding::Joints(JointSourceIdx(source), binding)));
+        }
+        let tells_frames = |topic: &Topic<JointFields>| static_topic(topic).as_ref() == Some(&channel.topic);
+        for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| tells_frames(topic)) {
+            let tree = self.tree_of(channel, &topic.type_name)?;
+            let binding = FramesBinding::compile(&topic.fields, &tree, &self.frames[source]);
+            let binding = binding.map_err(|error| binding_error(channel, error))?;
+            roles.push(Role::Samples(SampleBinding::Frames(JointSourceIdx(source), binding)));
         }
         for (source, topic) in self.topics.truth.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
             let binding = TruthBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
@@ -368,6 +382,7 @@ impl Role {
         match self {
             Role::Samples(SampleBinding::Taxels(source, _)) => (TAXELS, source.0),
             Role::Samples(SampleBinding::Joints(source, _)) => (ANGLES, source.0),
+            Role::Samples(SampleBinding::Frames(source, _)) => ("frames", source.0),
             Role::Truth(source, _) => ("true force", *source),
             Role::Stage => ("stage", 0),
         }
@@ -380,6 +395,11 @@ impl Role {
             Role::Stage => 0,
         }
     }
+}
+
+/// Whether a live node recorded it.
+fn is_live(channel: &Arc<BagChannel>) -> bool {
+    channel.metadata.get(RECEIPTS_KEY).is_some_and(|note| note == RECEIPTS_LIVE)
 }
 
 fn binding_error(channel: &BagChannel, error: BindingError) -> InputError {

@@ -112,7 +112,13 @@ fn told(written: &Written, args: &Args) -> String {
         (true, _) => format!("next: tpf replay {bag} --params-file {output} -o forces.mcap\n"),
         (false, true) => {
             let region = if made.regions.len() > 1 { format!(" --region {}", made.regions[0]) } else { String::new() };
-            format!("next: tpf train {bag} --params-file {output}{region} -o MODEL.onnx\n")
+            let at_rest = if made.has_annotations { "" } else { " --zero-load-below 0.1N" };
+            let model = match &made.regions[..] {
+                [_] => "fingertip.onnx".to_owned(), // as the file names it
+                all => format!("{}.onnx", all[0]),
+            };
+            let model = args.output.with_file_name(model);
+            format!("next: tpf train {bag} --params-file {output}{region}{at_rest} -o {}\n", model.display())
         }
         (false, false) => "next: a model, see the file; the bags hold no true force to train one on\n".to_owned(),
     };

@@ -1,6 +1,7 @@
 //! The parameter file as text.
 
 use super::ask::{Ask, Chooser, InitError};
+use super::fingers::FINGERS;
 use super::force;
 use super::joints;
 use super::plan::{JointSource, ModelFile, Region, TaxelSource, TruthSource};
@@ -25,6 +26,8 @@ pub struct Document {
     pub regions: Vec<String>,
     /// Whether a true force is there to train on.
     pub has_truth: bool,
+    /// Whether annotations tell when nothing is touched.
+    pub has_annotations: bool,
 }
 
 /// The parameter file for what is in `bags`, to be used with `model` where there is one.
@@ -85,6 +88,7 @@ pub fn document(bags: &[BagReport], model: Option<&ModelFile>, ask: &mut dyn Ask
         topics,
         regions: regions.into_iter().map(|one| one.name).collect(),
         has_truth: !truths.is_empty(),
+        has_annotations: bags.iter().any(|bag| !bag.candidates.stages.is_empty()),
         text: yaml.finish(),
     })
 }
@@ -113,7 +117,7 @@ fn left_out(yaml: &mut Yaml, what: &str, topics: &[String]) {
     }
 }
 
-fn tactile(yaml: &mut Yaml, source: &TaxelSource<'_>, model: Option<&ModelFile>) {
+fn tactile(yaml: &mut Yaml, source: &TaxelSource, model: Option<&ModelFile>) {
     yaml.section(6, &source.name);
     source.why.iter().for_each(|why| yaml.comment(8, why));
     let is_clock = |line: &&SourceLine| !matches!(line, SourceLine::Value { key: "frame_clock", .. });
@@ -127,6 +131,7 @@ fn tactile(yaml: &mut Yaml, source: &TaxelSource<'_>, model: Option<&ModelFile>)
         let why = format!("samples come at {} Hz, the model's frames at {} Hz", number(rate), number(model));
         yaml.entry(8, "frame_clock", "grid", &why);
     }
+    source.more.iter().for_each(|(key, value, why)| yaml.entry(8, key, value, why));
     yaml.entry(8, "sign", &source.sign.0.to_string(), &source.sign.1);
 }
 
@@ -152,7 +157,7 @@ fn truth(yaml: &mut Yaml, source: &TruthSource) {
     source.lines.iter().for_each(|(key, value, why)| yaml.entry(8, key, value, why));
 }
 
-fn models(yaml: &mut Yaml, regions: &[Region], taxels: &[TaxelSource<'_>], model: Option<&ModelFile>, has_truth: bool) {
+fn models(yaml: &mut Yaml, regions: &[Region], taxels: &[TaxelSource], model: Option<&ModelFile>, has_truth: bool) {
     let path = |name: &str| model.map_or_else(|| yaml_text(&format!("{name}.onnx")), |model| yaml_text(&model.path));
     if model.is_none() {
         let n_taxels = taxels.iter().map(|source| source.n_taxels.to_string()).collect::<Vec<_>>().join(", ");
@@ -195,7 +200,8 @@ fn region(yaml: &mut Yaml, region: &Region, several_sources: bool) {
     if let Some(truth) = &region.truth {
         yaml.entry(8, "truth", truth, "");
     }
-    let frame_id = if region.name.contains("patch") { region.name.clone() } else { format!("{}_tip", region.name) };
+    let is_tip = region.finger.is_some_and(|finger| FINGERS.contains(&finger));
+    let frame_id = if is_tip { format!("{}_tip", region.name) } else { region.name.clone() };
     yaml.entry(8, "frame_id", &frame_id, "CHECK: the frame as your robot description names it");
 }
 

@@ -3,8 +3,8 @@
 /// Fingers as regions are called, in the order of this package's own files.
 pub(super) const FINGERS: [&str; 5] = ["index", "middle", "ring", "little", "thumb"];
 
-/// Words of each finger, as they begin.
-const WORDS: [(&str, &str); 8] = [
+/// Words of each finger, and of the palm, as they begin.
+const WORDS: [(&str, &str); 9] = [
     ("index", "index"),
     ("middle", "middle"),
     ("ring", "ring"),
@@ -13,6 +13,7 @@ const WORDS: [(&str, &str); 8] = [
     ("pinkie", "little"),
     ("thumb", "thumb"),
     ("forefinger", "index"),
+    ("palm", "palm"),
 ];
 
 /// Joints of the thumb in the order of those of a finger: tip to base, then abduction.

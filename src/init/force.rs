@@ -8,6 +8,9 @@ use crate::inspect::{BagReport, ForceCandidate, ForceRange, Likelihood, number, 
 /// A force beyond this is in gF: no fingertip presses with 100 N.
 const MOST_NEWTONS: f64 = 100.0;
 
+/// Correlation with the taxels from which on a number goes with them.
+const FOLLOWS: f64 = 0.3;
+
 const WRENCH_STAMPED: &str = "geometry_msgs/msg/WrenchStamped";
 
 /// The sources of true force, and what else could be one.
@@ -24,14 +27,21 @@ pub(super) fn sources(
     let is_read = |one: &&&ForceCandidate| !one.ranges.is_empty();
     let likely: Vec<&ForceCandidate> =
         all.iter().filter(is_read).filter(|one| one.likelihood == Likelihood::Likely).copied().collect();
-    let possible = all.iter().filter(is_read).filter(|one| one.likelihood == Likelihood::Possible);
-    let others = possible.map(|one| format!("{} ({})", one.topic, one.fields.join(", "))).collect();
+    let possible: Vec<&ForceCandidate> =
+        all.iter().filter(is_read).filter(|one| one.likelihood == Likelihood::Possible).copied().collect();
+    // A number of a driver's own type is a force where the taxels go with it.
+    let follows = |one: &ForceCandidate| best(one).and_then(|range| range.with_taxels).map_or(0.0, f64::abs);
+    let following = possible.iter().filter(|one| follows(one) >= FOLLOWS && !is_of_device(one, bags));
+    let following = following.max_by(|a, b| follows(a).total_cmp(&follows(b))).copied();
+    let likely = if likely.is_empty() { following.into_iter().collect() } else { likely };
+    let is_taken = |one: &ForceCandidate| likely.iter().any(|taken| std::ptr::eq(*taken, one));
+    let others = possible.iter().filter(|one| !is_taken(one));
+    let others = others.map(|one| format!("{} ({})", one.topic, one.fields.join(", "))).collect();
     let fingers: std::collections::BTreeSet<&str> =
         likely.iter().filter_map(|one| fingers::finger(&one.topic)).collect();
     let mut why = None;
     let chosen = if likely.len() > 1 && fingers.len() < likely.len() {
         let options = likely.iter().map(|one| one.topic.clone()).collect();
-        let follows = |one: &ForceCandidate| best(one).and_then(|range| range.with_taxels).map_or(0.0, f64::abs);
         let likeliest =
             (0..likely.len()).max_by(|a, b| follows(likely[*a]).total_cmp(&follows(likely[*b]))).unwrap_or(0);
         let because = "it goes with the taxels best".to_owned();
@@ -43,6 +53,12 @@ pub(super) fn sources(
         likely
     };
     Ok((chosen.into_iter().map(|one| source(one, why.clone(), bags)).collect(), others))
+}
+
+/// Whether the topic holds taxels, too: what a tactile sensor says of forces is no true force.
+fn is_of_device(one: &ForceCandidate, bags: &[BagReport]) -> bool {
+    let mut taxels = bags.iter().flat_map(|bag| &bag.candidates.tactile);
+    taxels.any(|taxels| taxels.topic == one.topic && taxels.likelihood != Likelihood::Unlikely)
 }
 
 /// Gives each region a force of its own finger. Where one load cell goes from finger to finger and its topic says which, a
@@ -69,9 +85,11 @@ pub(super) fn for_other_fingers(truths: &mut Vec<TruthSource>, regions: &mut [Re
 /// The number of a topic that is the force: what goes with the taxels best, else what spans most.
 fn best(one: &ForceCandidate) -> Option<&ForceRange> {
     let span = |range: &ForceRange| range.values[1] - range.values[0];
-    // A torque is in no unit of force.
-    let forces = || one.ranges.iter().filter(|range| !range.field.contains("torque"));
-    let follows = |range: &&ForceRange| range.with_taxels.is_some_and(|with| with.abs() >= 0.3);
+    // A torque is in no unit of force: where six numbers come as an array, the last three.
+    let place = |range: &ForceRange| range.field.strip_suffix(']')?.rsplit_once('[')?.1.parse::<usize>().ok();
+    let is_torque = |range: &ForceRange| range.field.contains("torque") || place(range).is_some_and(|place| place > 2);
+    let forces = || one.ranges.iter().filter(|range| !is_torque(range));
+    let follows = |range: &&ForceRange| range.with_taxels.is_some_and(|with| with.abs() >= FOLLOWS);
     let by_taxels = |range: &&ForceRange| range.with_taxels.map_or(0.0, f64::abs);
     let following = forces().filter(follows).max_by(|a, b| by_taxels(a).total_cmp(&by_taxels(b)));
     following.or_else(|| forces().max_by(|a, b| span(a).total_cmp(&span(b))))
@@ -102,7 +120,9 @@ fn source(one: &ForceCandidate, chosen: Option<String>, bags: &[BagReport]) -> T
         }
     }
     let mut why: Vec<String> = chosen.into_iter().collect();
-    why.push(format!("likely: {}", one.reasons.join("; ")));
+    let word =
+        if one.likelihood == Likelihood::Likely { "likely" } else { "CHECK: possible, and the taxels go with it" };
+    why.push(format!("{word}: {}", one.reasons.join("; ")));
     TruthSource { name: source_name(&one.topic), finger: fingers::finger(&one.topic), lines, why }
 }
 

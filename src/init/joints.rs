@@ -6,7 +6,7 @@ use super::ask::{Chooser, InitError, Question};
 use super::fingers;
 use super::plan::{JointSource, ModelFile, TaxelSource, free_name, listed, most_seen};
 use crate::hand::JOINTS;
-use crate::inspect::{BagReport, HandCandidate, JointCandidate, Likelihood, number};
+use crate::inspect::{BagReport, HandCandidate, JointCandidate, Likelihood, Sides, number};
 
 /// Most angles that no name ties to a finger and that are still taken: those of one finger or a gripper.
 pub(super) const MAX_UNNAMED: usize = 8;
@@ -23,13 +23,15 @@ struct Found<'a> {
     is_likely: bool,
     hand: Option<&'static str>,
     rate_hz: f64,
+    topic: String,
+    sides: Option<&'a Sides>,
     told: String,
 }
 
 /// The sources of joint angles, and what is there but not taken.
 pub(super) fn sources<'a>(
     bags: &'a [BagReport],
-    taxels: &[TaxelSource<'_>],
+    taxels: &[TaxelSource],
     model: Option<&ModelFile>,
     chooser: &mut Chooser<'_>,
 ) -> Result<(Vec<JointSource<'a>>, Vec<String>), InitError> {
@@ -78,10 +80,11 @@ pub(super) fn sources<'a>(
     }
     let mut sources: Vec<JointSource<'a>> = Vec::new();
     for one in use_ {
-        let (hand, mut source) = (one.hand, one.source);
+        let Found { hand, mut source, topic, sides, told, .. } = one;
         if source.is_whole_hand {
-            source.more.push(side(&one.told, hand.or(worn), chooser)?);
+            source.more.push(side(&told, hand.or(worn), chooser)?);
         }
+        source.more.extend(super::sides::line(sides, &topic, worn, chooser)?);
         let taken: Vec<&str> = sources.iter().map(|known| known.name.as_str()).collect();
         source.name = free_name(&source.name, &taken);
         sources.push(source);
@@ -128,6 +131,8 @@ fn of_angles<'a>(one: &'a JointCandidate, model: Option<&ModelFile>) -> Found<'a
         is_likely: one.likelihood == Likelihood::Likely,
         hand: fingers::side(&one.topic),
         rate_hz: one.rate_hz.unwrap_or_default(),
+        topic: one.topic.clone(),
+        sides: one.sides.as_ref(),
         told,
         source: JointSource {
             name: one.parameters.name.clone(),
@@ -155,6 +160,8 @@ fn of_hand<'a>(one: &'a HandCandidate, model: Option<&ModelFile>) -> Found<'a> {
         is_likely: true,
         hand: fingers::side(&one.topic),
         rate_hz: one.rate_hz.unwrap_or_default(),
+        topic: one.topic.clone(),
+        sides: None,
         told,
         source: JointSource {
             name: one.parameters.name.clone(),

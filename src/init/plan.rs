@@ -39,10 +39,14 @@ pub(super) fn most_seen<'a, C>(
 
 /// A source of taxels.
 #[derive(Debug, Clone)]
-pub(super) struct TaxelSource<'a> {
+pub(super) struct TaxelSource {
     pub(super) name: String,
-    pub(super) found: &'a TactileCandidate,
+    pub(super) found: TactileCandidate,
     pub(super) n_taxels: usize,
+    /// What tells it from its siblings.
+    pub(super) label: Option<String>,
+    /// Keys beside those that inspection suggests, each with its reason.
+    pub(super) more: Vec<(&'static str, String, String)>,
     pub(super) finger: Option<&'static str>,
     pub(super) hand: Option<&'static str>,
     /// 1 or -1, and why.

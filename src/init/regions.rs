@@ -4,13 +4,14 @@ use super::ask::{Chooser, InitError, Question};
 use super::fingers::{FINGERS, finger, on_finger};
 use super::joints::MAX_UNNAMED;
 use super::plan::{JointSource, ModelFile, Region, TaxelSource, TruthSource, free_name};
+use crate::inspect::{Elements, source_name};
 
 /// Name of a patch that no name ties to a finger.
 const PATCH: &str = "patch";
 
 /// The patches of all sources.
 pub(super) fn regions(
-    sources: &[TaxelSource<'_>],
+    sources: &[TaxelSource],
     joints: &[JointSource<'_>],
     truths: &[TruthSource],
     model: Option<&ModelFile>,
@@ -19,9 +20,13 @@ pub(super) fn regions(
     let mut regions: Vec<Region> = Vec::new();
     for source in sources {
         for part in parts(source, joints, truths, model, chooser)? {
-            let name = part.finger.unwrap_or(PATCH);
-            let name =
-                source.hand.filter(|_| sources.len() > 1).map_or(name.to_owned(), |hand| format!("{hand}_{name}"));
+            let name = match (part.finger, &source.label) {
+                (Some(finger), _) => finger.to_owned(),
+                (None, Some(label)) if label.starts_with(|c: char| c.is_ascii_alphabetic()) => source_name(label),
+                (None, Some(label)) => format!("{PATCH}_{}", label.replace('-', "_")),
+                (None, None) => PATCH.to_owned(),
+            };
+            let name = source.hand.filter(|_| sources.len() > 1).map_or(name.clone(), |hand| format!("{hand}_{name}"));
             let taken: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
             let name = free_name(&name, &taken);
             let (own, model_joints) = region_joints(part.finger, joints, model);
@@ -59,7 +64,7 @@ struct Part {
 }
 
 fn parts(
-    source: &TaxelSource<'_>,
+    source: &TaxelSource,
     joints: &[JointSource<'_>],
     truths: &[TruthSource],
     model: Option<&ModelFile>,
@@ -82,6 +87,12 @@ fn parts(
         let n_parts = n_taxels / wanted;
         why.insert(0, format!("the model takes {wanted} taxels, and there are {n_parts} times as many"));
         return Ok(split(n_parts, n_taxels, &named, &why, kept));
+    }
+    if let (None, Some(Elements { array, n, .. }), None) = (source.finger, &source.found.elements, model)
+        && source.found.is_made_of(*n)
+    {
+        why.insert(0, format!("a patch for each of the {n} elements of {array}"));
+        return Ok(split(*n as usize, n_taxels, &named, &why, kept));
     }
     if source.finger.is_none()
         && model.is_none()
@@ -152,7 +163,7 @@ fn named_fingers(joints: &[JointSource<'_>], truths: &[TruthSource]) -> Vec<&'st
 
 /// The finger of a patch that its own names don't tell.
 fn only_finger(
-    source: &TaxelSource<'_>,
+    source: &TaxelSource,
     joints: &[JointSource<'_>],
     truths: &[TruthSource],
     model: Option<&ModelFile>,

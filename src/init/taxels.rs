@@ -3,73 +3,100 @@
 use std::collections::BTreeSet;
 
 use super::ask::{Chooser, InitError, Question};
-use super::fingers;
+use super::groups::{self, Group};
 use super::plan::{ModelFile, TaxelSource, free_name, listed, most_seen};
-use crate::inspect::{BagReport, ForceCandidate, Likelihood, TactileCandidate, number};
+use super::{fingers, sides};
+use crate::inspect::{BagReport, ForceCandidate, Likelihood, TactileCandidate, number, source_name};
 
 /// Correlation with the measured force, and skewness, from which on they tell the sign.
 const FOLLOWS: f64 = 0.3;
 const SKEWED: f64 = 0.5;
 
 /// The sources of taxels.
-pub(super) fn sources<'a>(
-    bags: &'a [BagReport],
+pub(super) fn sources(
+    bags: &[BagReport],
     model: Option<&ModelFile>,
     chooser: &mut Chooser<'_>,
-) -> Result<Vec<TaxelSource<'a>>, InitError> {
+) -> Result<Vec<TaxelSource>, InitError> {
     let all: Vec<&TactileCandidate> =
         most_seen(bags, |bag| &bag.candidates.tactile, |one| (&one.topic, &one.field, one.n_messages));
     let usable: Vec<&TactileCandidate> = all.iter().copied().filter(|one| changes(one)).collect();
     let likeliest = usable.iter().map(|one| one.likelihood).min();
-    let mut found: Vec<&TactileCandidate> = match likeliest {
+    let found: Vec<&TactileCandidate> = match likeliest {
         Some(Likelihood::Likely) => of(&usable, Likelihood::Likely),
         Some(Likelihood::Possible) => of(&usable, Likelihood::Possible),
         Some(Likelihood::Unlikely) | None => return Err(none(bags, &all)),
     };
-    if let Some(model) = model {
-        let fits = |one: &&TactileCandidate| {
-            let (n_taxels, n_missing) = (one.n_taxels.unwrap_or_default(), one.taxels.missing.len() as u64);
-            let wanted = model.n_taxels as u64;
-            n_taxels.saturating_sub(n_missing) == wanted || n_taxels.is_multiple_of(wanted)
-        };
-        if !found.iter().any(fits) {
-            let counts: BTreeSet<u64> = found.iter().filter_map(|one| one.n_taxels).collect();
-            let got = counts.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
-            return Err(InitError::Model { model: model.path.clone(), expected: model.n_taxels, got });
-        }
-        found.retain(fits);
-    }
+    let mut found = grouped(&found, model)?;
     found.sort_by_key(|one| rank(one));
     let mut why = Vec::new();
-    if found.len() > 1 && !are_fingers(&found) {
-        let options = found.iter().map(|one| told(one)).collect();
+    let places: BTreeSet<(&str, &str)> = found.iter().map(Group::place).collect();
+    if places.len() > 1 && !are_fingers(&found) {
+        let mut firsts: Vec<&Group<'_>> = Vec::new();
+        for one in &found {
+            if firsts.iter().all(|first| first.place() != one.place()) {
+                firsts.push(one);
+            }
+        }
+        let options: Vec<String> = firsts.iter().map(|one| told(one)).collect();
         let because = "the first by type, by the axis that a press changes most (z), and by how many taxels change";
         let words = "Which array holds the taxels?".to_owned();
-        let choice = chooser.choose(Question { words, options, likeliest: 0, because: because.to_owned() })?;
+        let question = Question { words, options: options.clone(), likeliest: 0, because: because.to_owned() };
+        let choice = chooser.choose(question)?;
         let others: Vec<String> =
-            found.iter().enumerate().filter(|(idx, _)| *idx != choice.idx).map(|(_, one)| told(one)).collect();
+            options.iter().enumerate().filter(|(idx, _)| *idx != choice.idx).map(|(_, told)| told.clone()).collect();
         why.push(format!("{}; the others: {}", choice.told(because), listed(&others)));
-        found = vec![found[choice.idx]];
+        let (topic, field) = firsts[choice.idx].place();
+        let (topic, field) = (topic.to_owned(), field.to_owned());
+        found.retain(|one| one.place() == (&topic, &field));
     }
-    let mut sources: Vec<TaxelSource<'a>> = Vec::new();
-    let has_one_topic = found.iter().all(|one| one.topic == found[0].topic);
-    for one in &found {
-        let wanted = match (found.len() > 1 && has_one_topic, finger_of(one)) {
-            (true, Some(finger)) => format!("{}_{finger}", one.parameters.name),
-            _ => one.parameters.name.clone(),
+    let has_one_topic = found.iter().all(|one| one.found.topic == found[0].found.topic);
+    let n_found = found.len();
+    let mut sources: Vec<TaxelSource> = Vec::new();
+    for one in found {
+        let name = &one.found.parameters.name;
+        let wanted = match (finger_of(&one), &one.label) {
+            (Some(finger), _) if n_found > 1 && has_one_topic => format!("{name}_{finger}"),
+            (None, Some(label)) if n_found > 1 => source_name(&format!("{name}_{label}")),
+            _ => name.clone(),
         };
         let taken: Vec<&str> = sources.iter().map(|source| source.name.as_str()).collect();
+        let side = sides::line(one.found.sides.as_ref(), &one.found.topic, None, chooser)?;
         sources.push(TaxelSource {
             name: free_name(&wanted, &taken),
-            found: one,
-            n_taxels: one.n_taxels.and_then(|n| usize::try_from(n).ok()).unwrap_or_default(),
-            finger: finger_of(one),
-            hand: hand_of(one),
-            sign: sign(one, bags),
-            why: why.iter().cloned().chain(reasons(one)).collect(),
+            n_taxels: one.found.n_taxels.and_then(|n| usize::try_from(n).ok()).unwrap_or_default(),
+            finger: finger_of(&one),
+            hand: hand_of(&one),
+            label: one.label.clone(),
+            more: side.into_iter().collect(),
+            sign: sign(one.main, bags),
+            why: why.iter().cloned().chain(reasons(&one)).collect(),
+            found: one.found,
         });
     }
     Ok(sources)
+}
+
+/// What belongs together as one source, as far as it fits the model.
+fn grouped<'a>(found: &[&'a TactileCandidate], model: Option<&ModelFile>) -> Result<Vec<Group<'a>>, InitError> {
+    let [whole, elements, singles] = groups::ways(found);
+    let Some(model) = model else { return Ok(whole) };
+    let wanted = model.n_taxels as u64;
+    let is_as_large = |one: &Group<'_>| one.n_taxels().saturating_sub(one.found.taxels.missing.len() as u64) == wanted;
+    for mut way in [whole, elements] {
+        way.retain(is_as_large);
+        if !way.is_empty() {
+            return Ok(way);
+        }
+    }
+    let counts: BTreeSet<u64> = singles.iter().map(Group::n_taxels).collect();
+    let mut fitting = singles;
+    fitting.retain(|one| is_as_large(one) || one.n_taxels().is_multiple_of(wanted));
+    if fitting.is_empty() {
+        let got = counts.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+        return Err(InitError::Model { model: model.path.clone(), expected: model.n_taxels, got });
+    }
+    Ok(fitting)
 }
 
 /// Whether an array is a sensor's: of fixed length and alive.
@@ -101,7 +128,8 @@ fn none(bags: &[BagReport], all: &[&TactileCandidate]) -> InitError {
 }
 
 /// What of several candidates is first: our own type, then a press (z) before shear, then live taxels, then rate.
-fn rank(one: &TactileCandidate) -> (bool, bool, std::cmp::Reverse<u64>, std::cmp::Reverse<u64>) {
+fn rank(one: &Group<'_>) -> (bool, bool, std::cmp::Reverse<u64>, std::cmp::Reverse<u64>) {
+    let one = one.main;
     let is_ours = one.type_name == "tactile_pose_fusion/msg/TaxelArray";
     let last = one.field.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
     let is_shear = last.ends_with('x') || last.ends_with('y');
@@ -111,27 +139,29 @@ fn rank(one: &TactileCandidate) -> (bool, bool, std::cmp::Reverse<u64>, std::cmp
     (!is_ours, is_shear, std::cmp::Reverse(live), std::cmp::Reverse(rate))
 }
 
-fn told(one: &TactileCandidate) -> String {
-    let rate = one.sample_rate_hz.map_or(String::new(), |rate| format!(" at {} Hz", number(rate)));
-    format!("{} ({}), {} taxels{rate}", one.topic, one.field, one.n_taxels.unwrap_or_default())
+fn told(one: &Group<'_>) -> String {
+    let main = one.main;
+    let rate = main.sample_rate_hz.map_or(String::new(), |rate| format!(" at {} Hz", number(rate)));
+    format!("{} ({}), {} taxels{rate}", main.topic, main.field, main.n_taxels.unwrap_or_default())
 }
 
-fn finger_of(one: &TactileCandidate) -> Option<&'static str> {
-    fingers::finger(&one.field).or_else(|| fingers::finger(&one.topic))
+fn finger_of(one: &Group<'_>) -> Option<&'static str> {
+    fingers::finger(&one.found.field).or_else(|| fingers::finger(&one.found.topic))
 }
 
-fn hand_of(one: &TactileCandidate) -> Option<&'static str> {
-    fingers::side(&one.field).or_else(|| fingers::side(&one.topic))
+fn hand_of(one: &Group<'_>) -> Option<&'static str> {
+    fingers::side(&one.found.field).or_else(|| fingers::side(&one.found.topic))
 }
 
 /// Whether each is named after another finger, or another hand's.
-fn are_fingers(found: &[&TactileCandidate]) -> bool {
+fn are_fingers(found: &[Group<'_>]) -> bool {
     let named: BTreeSet<(Option<&str>, &str)> =
         found.iter().filter_map(|one| Some((hand_of(one), finger_of(one)?))).collect();
     named.len() == found.len()
 }
 
-fn reasons(one: &TactileCandidate) -> Vec<String> {
+fn reasons(group: &Group<'_>) -> Vec<String> {
+    let one = group.main;
     let word = if one.likelihood == Likelihood::Likely { "likely" } else { "CHECK: possible" };
     let mut why = vec![format!("{word}: {}", one.reasons.join("; "))];
     let values = one
@@ -139,6 +169,7 @@ fn reasons(one: &TactileCandidate) -> Vec<String> {
         .map_or(String::new(), |[least, most]| format!(", {} to {}", number(least.into()), number(most.into())));
     let rate = one.sample_rate_hz.map_or(String::new(), |rate| format!(", {} samples a second", number(rate)));
     why.push(format!("{} of {} values a message{values}{rate}", one.element, one.n_values[1]));
+    why.extend(group.why.iter().cloned());
     why
 }
 

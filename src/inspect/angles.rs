@@ -15,6 +15,11 @@ pub(super) const MAX_JOINTS: usize = 256;
 const NO_ANGLE: &[&str] =
     &["vel", "effort", "torque", "current", "force", "acc", "temp", "volt", "taxel", "tactile", "stamp"];
 
+/// Whether a path leads to the coordinate of each of several motors, as robots call it.
+pub(super) fn is_coordinate(path: &str) -> bool {
+    path.ends_with("[].q")
+}
+
 /// Last names of paths that lead to parts of positions and orientations in space.
 const COORDINATES: &[&str] = &["x", "y", "z", "w"];
 
@@ -45,7 +50,7 @@ impl JointRun {
                 && !hints::is_standard(type_name)
                 && hints::found(path, NO_ANGLE).is_none()
                 && !COORDINATES.contains(&path.rsplit('.').next().unwrap_or_default())
-                && hints::told(topic, type_name, path, hints::JOINT).is_some());
+                && (is_coordinate(path) || hints::told(topic, type_name, path, hints::JOINT).is_some()));
         is_one.then(JointRun::default)
     }
 

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::force_run::{ForceRange, MAX_FIELDS};
+use super::force_run::{ForceRange, ForceWatch, MAX_FIELDS};
 use super::hints;
 use super::likelihood::Likelihood;
 use super::taxel_means::Skin;
@@ -39,7 +39,7 @@ pub(super) fn candidate(view: &View<'_>, estimates_of: &[&str], skins: &[Skin]) 
     if hints::is_ours(type_name) || type_name.contains("/srv/") || type_name.contains("/action/") {
         return None;
     }
-    let of_topic = hints::found(name, hints::FORCE);
+    let of_topic = hints::found(name, hints::FORCE).or(hints::is_ft(name).then_some("ft"));
     let of_type = hints::found(hints::short(type_name), hints::FORCE);
     let is_number = |numeric: &&NumericPath| {
         matches!(
@@ -62,6 +62,13 @@ pub(super) fn candidate(view: &View<'_>, estimates_of: &[&str], skins: &[Skin]) 
     } else if let Some(path) = fields.first() {
         reasons.push(format!("its field {path} says 'force'"));
     }
+    // Axes that come as an array, where it is as short as those of a force sensor are.
+    let is_short =
+        |path: &str| look.arrays.iter().all(|array| array.path != path || array.n_values[1] <= hints::MOST_FORCES);
+    let in_array = |watch: &&ForceWatch| watch.path.strip_suffix(']').and_then(|path| path.rsplit_once('[')).is_some();
+    let of_arrays = look.forces.iter().filter(in_array).filter(|watch| watch.is_seen());
+    let of_arrays = of_arrays.filter(|watch| is_short(watch.path.split('[').next().unwrap_or_default()));
+    let of_arrays: Vec<String> = of_arrays.map(|watch| watch.path.clone()).collect();
     if fields.is_empty() {
         fields = named(hints::FORCE).cloned().collect();
         if let Some(path) = fields.first() {
@@ -69,6 +76,11 @@ pub(super) fn candidate(view: &View<'_>, estimates_of: &[&str], skins: &[Skin]) 
         } else if of_topic.is_some() || of_type.is_some() {
             fields = numeric.iter().map(|numeric| numeric.path.clone()).collect();
         }
+    }
+    if !of_arrays.is_empty() {
+        let arrays: Vec<&str> = of_arrays.iter().filter_map(|path| path.split('[').next()).collect();
+        fields.retain(|path| !arrays.contains(&path.as_str()));
+        fields.extend(of_arrays);
     }
     if fields.is_empty() {
         return None;

@@ -36,17 +36,28 @@ pub(super) struct ForceWatch {
 /// The numbers of a type that can be forces, each by itself.
 pub(super) fn watches(tree: &TypeTree, topic: &str) -> Vec<ForceWatch> {
     let type_name = tree.type_name();
-    let is_named = hints::found(topic, hints::FORCE).or(hints::found(hints::short(type_name), hints::FORCE)).is_some();
+    let is_named = hints::found(topic, hints::FORCE).or(hints::found(hints::short(type_name), hints::FORCE)).is_some()
+        || hints::is_force_sensor(topic, type_name, 1);
     let is_one = |numeric: &NumericPath| {
         let is_number = matches!(numeric.kind.element, ElementKind::Number(primitive) if primitive.size() >= 2);
         let is_force = is_named || hints::found(&numeric.path, hints::FORCE).is_some();
         !hints::is_ours(type_name) && !numeric.kind.many && is_number && is_force
     };
-    let watch = |numeric: NumericPath| {
-        let plan = FieldPlan::compile(tree, &numeric.path, ReadAs::Numbers).ok()?;
-        Some(ForceWatch { path: numeric.path, plan, values: None, sums: Vec::new() })
+    let watch = |path: String| {
+        let plan = FieldPlan::compile(tree, &path, ReadAs::Numbers).ok()?;
+        Some(ForceWatch { path, plan, values: None, sums: Vec::new() })
     };
-    numeric_paths(tree).into_iter().filter(is_one).filter_map(watch).take(MAX_FIELDS).collect()
+    let numeric = numeric_paths(tree);
+    let single = numeric.iter().filter(|one| is_one(one)).map(|one| one.path.clone());
+    // A force sensor may send its axes as an array: each element by itself.
+    let is_array = |one: &&NumericPath| {
+        let is_flat = one.kind.many && !one.path.contains('.') && !hints::is_ours(type_name);
+        is_flat && hints::is_force_sensor(topic, type_name, 1) && !one.kind.element.is_byte()
+    };
+    let elements =
+        |one: &NumericPath| (0..hints::MOST_FORCES).map(|k| format!("{}[{k}]", one.path)).collect::<Vec<_>>();
+    let of_arrays = numeric.iter().filter(is_array).flat_map(elements);
+    single.chain(of_arrays).filter_map(watch).take(MAX_FIELDS).collect()
 }
 
 impl ForceWatch {
@@ -62,6 +73,11 @@ impl ForceWatch {
             let (x, y) = (skin.mean, force);
             sums.iter_mut().zip([1.0, x, y, x * x, y * y, x * y]).for_each(|(sum, part)| *sum += part);
         }
+    }
+
+    /// Whether some message held the number.
+    pub(super) fn is_seen(&self) -> bool {
+        self.values.is_some()
     }
 
     /// What was seen of it; none where no number came.

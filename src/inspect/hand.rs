@@ -73,7 +73,7 @@ pub(super) fn candidate(view: &View<'_>, watch: &HandWatch) -> Option<HandCandid
             lines.line("names_field", &yaml_text(names));
         }
     }
-    lines.stamp(look.stamp_path());
+    lines.stamp(look);
     lines.noted("hand.layout", layout, &reasons[0]);
     if let Some(valid) = &watch.valid {
         lines.line("hand.valid", &yaml_text(valid));

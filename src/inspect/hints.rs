@@ -7,6 +7,26 @@ pub(super) const TACTILE: &[&str] =
 pub(super) const JOINT: &[&str] = &["joint", "encoder", "position", "angle", "servo", "ergonomic"];
 /// Words of forces.
 pub(super) const FORCE: &[&str] = &["force", "load", "wrench"];
+/// Most numbers that a force sensor sends at once: three axes of force and three of torque.
+pub(super) const MOST_FORCES: u64 = 6;
+
+/// Whether an array of so many numbers is that of a force sensor, by the name of its topic or type. The last word of a topic
+/// knows best: `/fingertip/load_cell` is a load cell, `/load_cell/skin` is a skin.
+pub(super) fn is_force_sensor(topic: &str, type_name: &str, n_values: u64) -> bool {
+    let of_topic = || {
+        let part = |part: &&str| found(part, FORCE).is_some() || found(part, TACTILE).is_some() || is_ft(part);
+        let last = topic.rsplit('/').find(part)?;
+        Some(found(last, FORCE).is_some() || is_ft(last))
+    };
+    let of_type = || found(short(type_name), FORCE).is_some();
+    (1..=MOST_FORCES).contains(&n_values) && of_topic().unwrap_or_else(of_type)
+}
+
+/// `ft` and `fts` as people name force torque sensors.
+pub(super) fn is_ft(name: &str) -> bool {
+    words(name).iter().any(|word| matches!(word.as_str(), "ft" | "fts"))
+}
+
 /// Words of the number of consecutive samples in a message, or of rows.
 pub(super) const ROWS: &[&str] = &["row", "sample", "height", "batch"];
 /// Words of the number of values in a sample, or of columns.

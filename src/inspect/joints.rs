@@ -2,11 +2,12 @@
 
 use serde::Serialize;
 
-use super::angles::{Angle, JOINT_STATE, MAX_JOINTS};
+use super::angles::{Angle, JOINT_STATE, MAX_JOINTS, is_coordinate};
 use super::arrays::ArrayWatch;
 use super::hints;
 use super::likelihood::Likelihood;
 use super::parameters::{SourceLines, yaml_text};
+use super::sides::{SideWatch, Sides};
 use super::view::View;
 
 /// A topic that can be joint angles.
@@ -38,6 +39,9 @@ pub struct JointCandidate {
     pub likelihood: Likelihood,
     /// What that is, and what speaks against it.
     pub reasons: Vec<String>,
+    /// Which hand messages are of.
+    #[serde(skip)]
+    pub sides: Option<Sides>,
     /// Lines for the parameter file, below `ros__parameters`.
     pub parameters: SourceLines,
 }
@@ -57,6 +61,8 @@ pub(super) fn candidate(view: &View<'_>, array: &ArrayWatch) -> Option<JointCand
         reasons.push("its type is made for joint angles".to_owned());
     } else if let Some(hint) = hints::told(&topic.name, &topic.type_name, &array.path, hints::JOINT) {
         reasons.push(hint);
+    } else if is_coordinate(&array.path) {
+        reasons.push("robots call the coordinate of a motor q".to_owned());
     }
     if is_named && !is_joint_state {
         reasons.push("it names as many joints as it has values".to_owned());
@@ -84,7 +90,9 @@ pub(super) fn candidate(view: &View<'_>, array: &ArrayWatch) -> Option<JointCand
             }
         }
     }
-    lines.stamp(look.stamp_path());
+    lines.stamp(look);
+    let sides = look.side.as_ref().and_then(SideWatch::seen);
+    lines.only(sides.as_ref());
     if is_integer {
         lines.noted("scale", "1.0", "rad per count: set it");
     } else if looks_like_degrees {
@@ -103,6 +111,7 @@ pub(super) fn candidate(view: &View<'_>, array: &ArrayWatch) -> Option<JointCand
         is_named,
         likelihood,
         reasons,
+        sides,
         parameters: lines,
     })
 }

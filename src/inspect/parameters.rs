@@ -4,6 +4,9 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
+use super::sides::Sides;
+use super::topic::Look;
+
 /// The lines of one source in a parameter file, below `ros__parameters`.
 ///
 /// Shown, and serialized, as YAML that can be pasted there.
@@ -57,11 +60,27 @@ impl SourceLines {
     }
 
     /// Where the stamp comes from, unless it is where it is looked for anyway.
-    pub(super) fn stamp(&mut self, path: Option<&str>) {
-        match path {
+    pub(super) fn stamp(&mut self, look: &Look) {
+        match look.stamp_path() {
             Some("header.stamp") => {}
             Some(path) => self.line("stamp", &yaml_text(path)),
-            None => self.noted("stamp", "receipt", "the type has none, so the time of receipt counts"),
+            None => self.noted("stamp", "receipt", look.why_receipt()),
+        }
+        if let (None, Some((path, unit))) = (look.stamp_path(), &look.clock) {
+            self.remark(&format!(
+                "{path} may be the device's clock: stamp: {path}, stamp_unit: {unit}, stamp_since: boot"
+            ));
+        }
+    }
+
+    /// Which of several hands on the topic it is, where one is known.
+    pub(super) fn only(&mut self, sides: Option<&Sides>) {
+        let Some(Sides { field, values }) = sides else { return };
+        match &values[..] {
+            [only] => {
+                self.noted("only", &yaml_text(&format!("{field}={only}")), "all messages here are; others are not used")
+            }
+            _ => self.remark(&format!("several are on the topic; one of them: only: {field}={}", values[0])),
         }
     }
 }

@@ -74,6 +74,14 @@ impl StampRun {
         true
     }
 
+    /// Whether no stamp is set, or all are the same.
+    pub(super) fn is_useless(&self) -> bool {
+        match self.n_stamps {
+            0 => self.n_unset > 0,
+            n => n > 1 && self.n_repeated + 1 == n,
+        }
+    }
+
     /// The statistics; `intervals` are those of the stamps as if they were log times.
     pub(super) fn stats(&self, field: &str, intervals: Option<&TopicStats>) -> StampStats {
         let ms = |ns: i64| ns as f64 / 1e6;

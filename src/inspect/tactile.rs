@@ -3,11 +3,14 @@
 use serde::Serialize;
 
 use super::arrays::ArrayWatch;
+use super::elements::{ElementWatch, Elements};
 use super::grid::{Grid, GridFit};
 use super::hints;
 use super::likelihood::Likelihood;
 use super::numbers::{count, number, range};
 use super::parameters::{SourceLines, decimal, yaml_text};
+use super::sides::{SideWatch, Sides};
+use super::topic::Look;
 use super::view::View;
 
 const TAXEL_ARRAY: &str = "tactile_pose_fusion/msg/TaxelArray";
@@ -24,7 +27,7 @@ const MODEL_RATE_HZ: f64 = 100.0;
 const RATE_TOLERANCE: f64 = 0.2;
 
 /// A count that explains the length of an array.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Count {
     /// Path of the field that says it; absent where it follows from others.
     pub field: Option<String>,
@@ -44,7 +47,7 @@ pub struct TaxelStats {
 }
 
 /// A topic that can be a tactile array.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct TactileCandidate {
     /// Its topic.
     pub topic: String,
@@ -72,12 +75,25 @@ pub struct TactileCandidate {
     /// What was seen of the taxels one by one.
     #[serde(skip)]
     pub taxels: TaxelStats,
+    /// The elements of an array of messages that the numbers are spread over.
+    #[serde(skip)]
+    pub elements: Option<Elements>,
+    /// Which hand messages are of.
+    #[serde(skip)]
+    pub sides: Option<Sides>,
     /// How much speaks for it.
     pub likelihood: Likelihood,
     /// What that is, and what speaks against it.
     pub reasons: Vec<String>,
     /// Lines for the parameter file, below `ros__parameters`.
     pub parameters: SourceLines,
+}
+
+impl TactileCandidate {
+    /// Whether its taxels are those of so many elements, in their order.
+    pub fn is_made_of(&self, n: u64) -> bool {
+        self.n_taxels.is_some_and(|n_taxels| n > 1 && n_taxels > n && n_taxels.is_multiple_of(n))
+    }
 }
 
 /// The tactile array that an array can be.
@@ -89,7 +105,10 @@ pub(super) fn candidate(view: &View<'_>, array: &ArrayWatch) -> Option<TactileCa
     let grid = array.grid().map(|(idx, fit)| (&look.grids[idx], fit));
     let [fewest, most] = grid.map_or(array.n_values, |(_, fit)| fit.cols);
     let n_taxels = (fewest == most).then_some(most);
-    let message_rate = stamps.and_then(|stamps| stamps.rate_hz).or(stats.and_then(|stats| stats.rate_hz));
+    let sides = look.side.as_ref().and_then(SideWatch::seen);
+    let n_hands = sides.as_ref().map_or(1, |sides| sides.values.len());
+    let stamped = stamps.filter(|_| look.stamp_path().is_some()).and_then(|stamps| stamps.rate_hz);
+    let message_rate = stamped.or(stats.and_then(|stats| stats.rate_hz)).map(|rate| rate / n_hands as f64);
     let n_rows = grid.map_or(1, |(_, fit)| fit.rows[1]);
     let sample_rate_hz = message_rate.map(|rate| rate * n_rows as f64);
     let (likelihood, reasons) = judge(view, array, grid.map(|(_, fit)| fit), n_taxels);
@@ -110,7 +129,11 @@ pub(super) fn candidate(view: &View<'_>, array: &ArrayWatch) -> Option<TactileCa
     if !is_ours && topic.type_name != FLOAT_MULTI_ARRAY {
         lines.line("field", &yaml_text(&array.path));
     }
-    lines.stamp(look.stamp_path());
+    lines.stamp(look);
+    lines.only(sides.as_ref());
+    if let (false, Some(path)) = (is_ours, &look.sequence) {
+        lines.noted("sequence", &yaml_text(path), "counts messages, so that lost ones are known");
+    }
     if let (false, Some((grid, fit))) = (is_ours, grid) {
         match grid {
             Grid::Fields { rows, cols } => {
@@ -155,10 +178,18 @@ pub(super) fn candidate(view: &View<'_>, array: &ArrayWatch) -> Option<TactileCa
         cols,
         n_taxels,
         taxels: taxel_stats(array, n_taxels),
+        elements: elements(look, &array.path),
+        sides,
         likelihood,
         reasons,
         parameters: lines,
     })
+}
+
+/// The elements that an array of numbers is spread over, where each holds as many.
+fn elements(look: &Look, path: &str) -> Option<Elements> {
+    let (array, _) = path.split_once("[].")?;
+    look.elements.iter().find(|watch| watch.array == array).and_then(ElementWatch::seen)
 }
 
 /// The taxels of samples that follow one another in a message are the same ones.
@@ -204,6 +235,10 @@ fn judge(
     } else if let Some(hint) = told(hints::TACTILE) {
         likelihood = Likelihood::Likely;
         reasons.push(hint);
+    }
+    if topic.type_name != TAXEL_ARRAY && hints::is_force_sensor(&topic.name, &topic.type_name, array.n_values[1]) {
+        let n = range(array.n_values);
+        return (Likelihood::Unlikely, vec![format!("its {n} numbers are named as those of a force sensor are")]);
     }
     let other = told(hints::JOINT).or(told(hints::FORCE));
     // A glove's message may hold more than taxels: the name of a field knows better than that of its topic.

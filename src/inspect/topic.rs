@@ -1,10 +1,12 @@
 //! One topic of a bag, looked into by its own schema.
 
 use super::arrays::{self, ArrayWatch};
+use super::elements::{self, ElementWatch};
 use super::force_run::{self, ForceWatch};
 use super::grid::{self, Grid};
 use super::hand_points::{self, HandWatch};
 use super::hints;
+use super::sides::{self, SideWatch};
 use super::stamps::StampRun;
 use super::taxel_means::{MAX_SKINS, Skin};
 use crate::bag::{BagChannel, BagMessage};
@@ -41,6 +43,14 @@ pub(super) struct Look {
     pub(super) forces: Vec<ForceWatch>,
     /// Fields that can hold the points of a hand.
     pub(super) hands: Vec<HandWatch>,
+    /// Arrays of messages that hold arrays of numbers.
+    pub(super) elements: Vec<ElementWatch>,
+    /// Which hand messages are of.
+    pub(super) side: Option<SideWatch>,
+    /// Path of a count of messages.
+    pub(super) sequence: Option<String>,
+    /// A number that may be the device's own clock: its path, and its unit.
+    pub(super) clock: Option<(String, &'static str)>,
     /// All fields with numbers.
     pub(super) numeric: Vec<NumericPath>,
     /// Stage annotations, and how many of them say that nothing is touched.
@@ -96,6 +106,10 @@ impl Topic {
             let numbers = &mut look.buffers.numbers;
             look.forces.iter_mut().for_each(|force| force.handle(cdr, skins, numbers));
             look.hands.iter_mut().for_each(|hand| hand.handle(cdr, numbers));
+            look.elements.iter_mut().for_each(|elements| elements.handle(cdr, numbers));
+            if let Some(side) = &mut look.side {
+                side.handle(cdr, numbers, &mut look.buffers.names);
+            }
         }
     }
 
@@ -134,6 +148,10 @@ impl Look {
             row_period: row_period(tree),
             forces: force_run::watches(tree, topic),
             hands: hand_points::watches(tree, topic),
+            elements: elements::watches(tree),
+            side: sides::watch(tree),
+            sequence: sequence(tree),
+            clock: clock(tree),
             numeric: numeric_paths(tree),
             n_zero_load: (tree.type_name() == Stage::TYPE_NAME).then_some(0),
             n_too_long: 0,
@@ -143,9 +161,17 @@ impl Look {
         }
     }
 
-    /// Path of the stamp.
+    /// Path of the stamp; none where messages leave it unset, or never advance it.
     pub(super) fn stamp_path(&self) -> Option<&str> {
-        self.stamp.as_ref().map(FieldPlan::path)
+        self.stamp.as_ref().filter(|_| !self.stamps.is_useless()).map(FieldPlan::path)
+    }
+
+    /// Why the time of receipt has to count.
+    pub(super) fn why_receipt(&self) -> &'static str {
+        match self.stamp {
+            Some(_) => "the stamps in the messages are not set, so the time of receipt counts",
+            None => "the type has none, so the time of receipt counts",
+        }
     }
 
     fn handle(&mut self, message: &BagMessage<'_>) -> Result<Option<Stamp>, ReadError> {
@@ -183,6 +209,24 @@ fn stamp_plan(tree: &TypeTree) -> Option<FieldPlan> {
     std::iter::once("header.stamp".to_owned())
         .chain(by_type)
         .find_map(|path| FieldPlan::compile(tree, &path, ReadAs::Stamp).ok())
+}
+
+/// A whole number of the message that is called a sequence.
+fn sequence(tree: &TypeTree) -> Option<String> {
+    let is_called = |name: &str| matches!(name, "sequence" | "seq" | "sequence_number");
+    let found = tree.root().fields.iter().find(|field| is_called(&field.name))?;
+    FieldPlan::compile(tree, &found.name, ReadAs::Count).ok().map(|_| found.name.clone())
+}
+
+/// A number of the message that is called a time and says its unit.
+fn clock(tree: &TypeTree) -> Option<(String, &'static str)> {
+    let of_field = |field: &crate::msg::definition::FieldDefinition| {
+        let name = field.name.to_ascii_lowercase();
+        let unit = ["ns", "us", "ms"].into_iter().find(|unit| name.ends_with(&format!("_{unit}")))?;
+        let is_time = name.contains("time") && FieldPlan::compile(tree, &field.name, ReadAs::Nanos).is_ok();
+        is_time.then(|| (field.name.clone(), unit))
+    };
+    tree.root().fields.iter().find_map(of_field)
 }
 
 fn row_period(tree: &TypeTree) -> Option<String> {

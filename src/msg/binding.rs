@@ -8,13 +8,16 @@ mod joints;
 mod samples;
 mod sequence;
 mod stamp;
+mod static_frames;
 mod taxels;
 mod truth;
 
+pub use frames::FrameStore;
 pub use hand::{HandFields, hand_paths, hand_stamp};
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use stamp::{Since, StampFrom, StampUnit};
+pub use static_frames::{FramesBinding, static_topic};
 pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
 pub use truth::{ForceFields, ForceReading, TruthBinding, TruthFields};
 
@@ -102,6 +105,9 @@ pub enum SampleError {
         /// What the field is instead.
         got: String,
     },
+    /// It tells frames that don't change, which are kept: no sample by themselves.
+    #[error("transforms that don't change are kept, and are no sample")]
+    Kept,
     /// There are no rows, or no values.
     #[error("a {type_name} without values: {rows} rows, {n_values} values")]
     Empty {
@@ -201,7 +207,12 @@ pub enum SampleError {
 impl SampleError {
     /// Whether nothing is wrong with the message: it is for another source.
     pub fn is_for_another(&self) -> bool {
-        matches!(self, SampleError::NotForSource { .. })
+        matches!(self, SampleError::NotForSource { .. } | SampleError::Kept)
+    }
+
+    /// Whether what it told is kept, so that nothing is lost.
+    pub fn is_kept(&self) -> bool {
+        *self == SampleError::Kept
     }
 
     /// A short name for counters, the same for every error of a kind.
@@ -209,7 +220,7 @@ impl SampleError {
         match self {
             SampleError::Read(ReadError { fault: CdrError::NoMatch { .. }, .. }) => "no_match",
             SampleError::Read(_) => "unreadable",
-            SampleError::NotForSource { .. } => "not_for_source",
+            SampleError::NotForSource { .. } | SampleError::Kept => "not_for_source",
             SampleError::Empty { .. } => "empty",
             SampleError::Shape { .. } | SampleError::Uneven { .. } | SampleError::NotOneForce { .. } => "shape",
             SampleError::RowPeriod { .. } => "row_period",

@@ -133,6 +133,33 @@ pub struct PoseArray {
     pub poses: Vec<Pose>,
 }
 
+/// From the coordinates of one frame to those of another.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Transform {
+    /// Origin of the child in its parent.
+    pub translation: Vector3,
+    /// Orientation of the child in its parent.
+    pub rotation: Quaternion,
+}
+
+/// Where a frame is in its parent.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct TransformStamped {
+    /// Time, and the parent.
+    pub header: Header,
+    /// The frame.
+    pub child_frame_id: String,
+    /// The transform.
+    pub transform: Transform,
+}
+
+/// Transforms of some frames, as on `/tf`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct TFMessage {
+    /// The transforms.
+    pub transforms: Vec<TransformStamped>,
+}
+
 /// A force and a torque about the origin of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Wrench {
@@ -221,6 +248,18 @@ impl WireType for Pose {
 
 impl WireType for PoseArray {
     const TYPE_NAME: &'static str = "geometry_msgs/msg/PoseArray";
+}
+
+impl WireType for Transform {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/Transform";
+}
+
+impl WireType for TransformStamped {
+    const TYPE_NAME: &'static str = "geometry_msgs/msg/TransformStamped";
+}
+
+impl WireType for TFMessage {
+    const TYPE_NAME: &'static str = "tf2_msgs/msg/TFMessage";
 }
 
 impl WireType for Vector3 {

@@ -1,6 +1,6 @@
 //! The `.msg` texts of the types that are known here without an installation.
 
-/// Canonical name and text of every type that has a struct here, ours and the standard ones, and of `/tf`.
+/// Canonical name and text of every type that has a struct here, ours and the standard ones.
 pub(super) const TEXTS: [(&str, &str); 23] = [
     ("builtin_interfaces/msg/Duration", include_str!("../../msg/standard/Duration.msg")),
     ("builtin_interfaces/msg/Time", include_str!("../../msg/standard/Time.msg")),

@@ -30,6 +30,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::time::Duration;
 
+use ros2_client::QosProfile;
 use ros2_client::qos::Durability;
 use tokio::sync::mpsc;
 
@@ -45,7 +46,7 @@ use super::wire::threads::{self, runtime};
 use crate::config::{Config, ParamTree};
 use crate::fusion::{JointSourceIdx, TactileSourceIdx};
 use crate::leave;
-use crate::msg::binding::{BindingError, JointBinding, SampleBinding, TaxelBinding};
+use crate::msg::binding::{BindingError, FrameStore, FramesBinding, JointBinding, SampleBinding, TaxelBinding};
 use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{ContactArray, WireType, WrenchStamped, type_hash};
 use engine::{Command, Engine, Input, Outputs};
@@ -185,6 +186,7 @@ pub fn input_bindings(
     names: &Names,
     definitions: &Definitions,
 ) -> Result<Vec<(TypeTree, Vec<SampleBinding>)>, NodeError> {
+    let frames: Vec<FrameStore> = cfg.joints.iter().map(|_| FrameStore::default()).collect();
     let of_input = |input: &InputName| {
         let tree = definitions.tree(&input.type_name)?;
         let mut bindings = Vec::new();
@@ -194,9 +196,14 @@ pub fn input_bindings(
             bindings.push(SampleBinding::Taxels(TactileSourceIdx(source), binding));
         }
         for &source in &input.joints {
-            let binding = JointBinding::compile(&cfg.joints[source].fields, &tree);
+            let binding = JointBinding::compile_with(&cfg.joints[source].fields, &tree, &frames[source]);
             let binding = Box::new(binding.map_err(|error| refused(&input.topic, error))?);
             bindings.push(SampleBinding::Joints(JointSourceIdx(source), binding));
+        }
+        for &source in &input.frames {
+            let binding = FramesBinding::compile(&cfg.joints[source].fields, &tree, &frames[source]);
+            let binding = binding.map_err(|error| refused(&input.topic, error))?;
+            bindings.push(SampleBinding::Frames(JointSourceIdx(source), binding));
         }
         Ok((tree, bindings))
     };
@@ -215,15 +222,25 @@ fn inputs(
     bindings: Vec<(TypeTree, Vec<SampleBinding>)>,
 ) -> Result<Vec<Input>, NodeError> {
     let mut inputs = Vec::new();
-    for (wanted, (ty, bindings)) in wanted(cfg, tree, names, &bindings)?.into_iter().zip(bindings) {
-        let Some(Wanted { topic, qos, .. }) = wanted.first() else { continue };
-        let subscription = graph.subscription(topic, TopicType::Defined(&ty), qos)?;
+    let of_inputs = names.inputs.iter().zip(wanted(cfg, tree, names, &bindings)?).zip(bindings);
+    for ((input, wanted), (ty, bindings)) in of_inputs {
+        let qos = input_qos(tree, input)?;
+        let subscription = graph.subscription(&input.topic, TopicType::Defined(&ty), &qos)?;
         inputs.push(Input { wanted, subscription, bindings });
     }
     Ok(inputs)
 }
 
-/// The requirements of the sources for each input. `[inputs][sources]`
+/// The QoS of an input. Frames that don't change are published once, long before.
+fn input_qos(tree: &ParamTree, input: &InputName) -> Result<QosProfile, NodeError> {
+    let default = match input.frames.is_empty() {
+        true => qos::input_default(),
+        false => qos::frames(),
+    };
+    Ok(qos::with_overrides(default, tree, &input.topic, Side::Subscription)?)
+}
+
+/// The requirements of the sources for each input; none of what need not come. `[inputs][sources]`
 ///
 /// # Errors
 /// [`NodeError`] for an override of QoS that this node doesn't support.
@@ -233,19 +250,18 @@ pub fn wanted(
     names: &Names,
     bindings: &[(TypeTree, Vec<SampleBinding>)],
 ) -> Result<Vec<Vec<Wanted>>, NodeError> {
-    let of_input = |(InputName { topic, .. }, (ty, bindings)): (&InputName, &(TypeTree, Vec<SampleBinding>))| {
-        let qos = qos::with_overrides(qos::input_default(), tree, topic, Side::Subscription)?;
-        let of_source = |binding: &SampleBinding| Wanted {
-            key: match binding {
+    let of_input = |(input, (ty, bindings)): (&InputName, &(TypeTree, Vec<SampleBinding>))| {
+        let qos = input_qos(tree, input)?;
+        let of_source = |binding: &SampleBinding| {
+            let key = match binding {
                 SampleBinding::Taxels(source, _) => format!("tactile.{}", cfg.fusion.tactile_sources[source.0].name),
                 SampleBinding::Joints(source, _) => format!("joint.{}", cfg.fusion.joint_sources[source.0].name),
-            },
-            topic: topic.clone(),
-            type_name: ty.type_name().to_owned(),
-            type_hash: type_hash(ty),
-            qos: qos.clone(),
+                SampleBinding::Frames(..) => return None,
+            };
+            let (topic, type_name) = (input.topic.clone(), ty.type_name().to_owned());
+            Some(Wanted { key, topic, type_name, type_hash: type_hash(ty), qos: qos.clone() })
         };
-        Ok(bindings.iter().map(of_source).collect())
+        Ok(bindings.iter().filter_map(of_source).collect())
     };
     names.inputs.iter().zip(bindings).map(of_input).collect()
 }

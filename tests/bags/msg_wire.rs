@@ -115,6 +115,11 @@ fn standard_structs_mirror_their_texts() {
     assert_mirrors_text(&pose.orientation);
     assert_mirrors_text(&pose);
     assert_mirrors_text(&PoseArray { header: header(), poses: vec![pose; 3] });
+    let transform = Transform { translation: wrench().force, rotation: pose.orientation };
+    assert_mirrors_text(&transform);
+    let stamped = TransformStamped { header: header(), child_frame_id: "wrist".to_owned(), transform };
+    assert_mirrors_text(&stamped);
+    assert_mirrors_text(&TFMessage { transforms: vec![stamped; 2] });
     assert_mirrors_text(&JointState {
         header: header(),
         name: vec!["index_mcp".to_owned(), "index_pip".to_owned(), String::new()],

@@ -11,7 +11,7 @@ use common::onnx::LinearModel;
 use common::tpf::{Run, tpf};
 use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, NewChannel};
 use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE};
-use tactile_pose_fusion::msg::{Header, WireType, WrenchStamped, to_cdr};
+use tactile_pose_fusion::msg::{Float32MultiArray, Header, MultiArrayLayout, WireType, WrenchStamped, to_cdr};
 
 const INDEX: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
 
@@ -219,6 +219,35 @@ fn cells_that_hold_no_taxel_are_left_out_of_the_region_and_replay_takes_the_zero
 }
 
 #[test]
+fn a_load_cell_that_sends_an_array_is_the_true_force_and_no_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let press = |k: i64| if (k / 100) % 2 == 1 { 2.0 } else { 0.0 };
+    let array = |data: Vec<f32>| Float32MultiArray { layout: MultiArrayLayout::default(), data };
+    for topic in ["/ft_sensor/raw", "/fingertip/load_cell", "/right/force_torque"] {
+        let mut bag = Bag::create(&path.join("glove.mcap"));
+        for k in 0..600 {
+            let (force, noise) = (press(k) as f32, (k * 7919 % 13) as f32 * 0.01);
+            bag.send(
+                "/finger/pressure",
+                at(10 * k),
+                &array((0..8).map(|n| 100.0 + 9.0 * force + noise + n as f32).collect()),
+            );
+            bag.send(topic, at(10 * k), &array(vec![noise, -noise, -3.0 - force + noise, 0.0, 0.001 * force, 0.0]));
+            bag.joints(at(10 * k), &["index_pip"], &[0.5 + 0.4 * (k as f64 * 0.02).sin()]);
+        }
+        bag.finish();
+        init(path, "glove.mcap", &["--yes"]).ok();
+        let (cfg, text) = (load(path), fs::read_to_string(path.join("made.yaml")).unwrap());
+        assert_eq!((cfg.tactile.len(), cfg.tactile[0].name.as_str()), (1, "/finger/pressure"), "{topic}: {text}");
+        assert_eq!(cfg.truth.iter().map(|truth| truth.name.as_str()).collect::<Vec<_>>(), [topic], "{text}");
+        assert!(text.contains("field: \"data[2]\"") && cfg.truth_sources[0].inverted, "{topic}: {text}");
+        fs::remove_file(path.join("glove.mcap")).unwrap();
+        fs::remove_file(path.join("made.yaml")).unwrap();
+    }
+}
+
+#[test]
 fn without_a_model_the_file_loads_and_says_how_to_get_one() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -226,7 +255,12 @@ fn without_a_model_the_file_loads_and_says_how_to_get_one() {
     let question = "Which finger are the 6 taxels of /glove/taxels on?";
     assert!(init(folder, &bag, &[]).failure().starts_with(question));
     let run = init(folder, &bag, &["--yes"]).ok();
-    assert!(run.stderr.contains(question) && run.stdout.contains("next: tpf train"), "{run:?}");
+    assert!(
+        run.stderr.contains(question)
+            && run.stdout.contains("next: tpf train")
+            && run.stdout.ends_with(" -o fingertip.onnx\n"),
+        "{run:?}"
+    );
     let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
     assert!(text.contains("No model was given") && text.contains("`tpf train"), "{text}");
     assert_eq!(load(folder).fusion.regions[0].joints, INDEX);

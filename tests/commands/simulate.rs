@@ -5,10 +5,15 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
-use common::bags::messages;
+use common::bags::{Bag, Recorded, messages};
 use common::onnx::LinearModel;
 use common::tpf::tpf;
-use tactile_pose_fusion::msg::{WrenchStamped, from_cdr};
+use tactile_pose_fusion::bag::{BagReader, Input, InputTopics, Inputs};
+use tactile_pose_fusion::config::{self, DEFAULT_NODE};
+use tactile_pose_fusion::fusion::Event;
+use tactile_pose_fusion::hand::JOINTS;
+use tactile_pose_fusion::msg::{TFMessage, TaxelArray, WireType, WrenchStamped, from_cdr};
+use tactile_pose_fusion::units::Stamp;
 
 const SIMULATE: [&str; 8] = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes=2"];
 
@@ -46,6 +51,38 @@ fn a_simulated_session_replays_with_its_annotated_zero() {
 /// Forces of a session whose hand is written in this form, N.
 fn forces(folder: &Path, form: &str, hand: &str) -> Vec<f64> {
     tpf(folder, &[&SIMULATE[..], &["--seed", "7", "--hand", form, "-o", form]].concat()).ok();
+    let (params_file, output) = (format!("{form}.yaml"), format!("{form}.mcap"));
+    write_params(&folder.join(&params_file), hand);
+    let bag = format!("{form}/glove1_user01_session1");
+    tpf(folder, &["replay", &bag, "--params-file", &params_file, "-o", &output]).ok();
+    let wrenches = messages(&folder.join(output)).into_iter().filter(|message| message.topic.ends_with("/wrench"));
+    wrenches.map(|message| from_cdr::<WrenchStamped>(&message.data).unwrap().wrench.force.z).collect()
+}
+
+#[test]
+fn a_hand_in_poses_gives_the_forces_of_its_angles() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    LinearModel::new(64, 6, 4).gains(0.01, 3.0).metadata("unit", "gF").write(folder, "model.onnx");
+    let of_angles = forces(folder, "angles", "{topic: /hand/joint_states}");
+    let of_frames = forces(folder, "transforms", TRANSFORMS);
+    let off = of_frames.iter().zip(&of_angles).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(of_frames.len() == of_angles.len() && off < 1e-5, "transforms: {off} N");
+    assert!(of_angles.len() > 10_000);
+    for form in ["openxr", "openxr25", "mano21"] {
+        let hand =
+            format!("{{topic: /hand/poses, type: geometry_msgs/msg/PoseArray, hand: {{layout: {form}, side: right}}}}");
+        let of_poses = forces(folder, form, &hand);
+        assert_eq!(of_poses.len(), of_angles.len(), "{form}");
+        let off = of_poses.iter().zip(&of_angles).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-5, "{form}: {off} N");
+    }
+}
+
+const TRANSFORMS: &str = "{topic: /tf, type: tf2_msgs/msg/TFMessage, hand: {layout: openxr25, side: right}}";
+
+/// Parameters of a glove beside this source of joint angles.
+fn write_params(path: &Path, hand: &str) {
     let params = format!(
         "/**:
   ros__parameters:
@@ -59,29 +96,115 @@ fn forces(folder: &Path, form: &str, hand: &str) -> Vec<f64> {
     region.index: {{model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}}
 "
     );
-    let (params_file, output) = (format!("{form}.yaml"), format!("{form}.mcap"));
-    fs::write(folder.join(&params_file), params).unwrap();
-    let bag = format!("{form}/glove1_user01_session1");
-    tpf(folder, &["replay", &bag, "--params-file", &params_file, "-o", &output]).ok();
-    let wrenches = messages(&folder.join(output)).into_iter().filter(|message| message.topic.ends_with("/wrench"));
-    wrenches.map(|message| from_cdr::<WrenchStamped>(&message.data).unwrap().wrench.force.z).collect()
+    fs::write(path, params).unwrap();
+}
+
+/// The joint angles that a bag holds, as its parameters read them: stamp, and the angles of the hand in their order, rad.
+fn angles_of(params: &Path, bag: &Path) -> Vec<(Stamp, [f64; 20])> {
+    let cfg = config::load(params, DEFAULT_NODE).unwrap();
+    let topics = InputTopics {
+        taxels: cfg.tactile.clone(),
+        joints: cfg.joints.clone(),
+        truth: vec![],
+        joint_sources: cfg.fusion.joint_sources.clone(),
+        needed: cfg.needed_joints(),
+        stage: cfg.stage_topic.clone(),
+        told: None,
+        message_definitions: None,
+    };
+    let mut reader = BagReader::open(&[bag.to_path_buf()]).unwrap();
+    let mut inputs = Inputs::new(topics, &mut reader).unwrap();
+    let mut angles = Vec::new();
+    while let Some(message) = reader.next_message().unwrap() {
+        for part in inputs.parts(message.channel).unwrap() {
+            if let Input::Event(Event::Joints(sample)) = inputs.decode(&message, part) {
+                let angle =
+                    |joint: &str| sample.names.iter().position(|name| name == joint).map(|at| sample.positions[at]);
+                angles.push((sample.stamp, JOINTS.map(|joint| angle(joint).unwrap_or(f64::NAN))));
+            }
+        }
+    }
+    angles
 }
 
 #[test]
-fn a_hand_in_poses_gives_the_forces_of_its_angles() {
+fn the_angles_that_come_back_from_a_hand_in_any_form_are_those_that_were_simulated() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    LinearModel::new(64, 6, 4).gains(0.01, 3.0).metadata("unit", "gF").write(folder, "model.onnx");
-    let of_angles = forces(folder, "angles", "{topic: /hand/joint_states}");
-    assert!(of_angles.len() > 10_000);
-    for form in ["openxr", "openxr25", "mano21"] {
-        let hand =
-            format!("{{topic: /hand/poses, type: geometry_msgs/msg/PoseArray, hand: {{layout: {form}, side: right}}}}");
-        let of_poses = forces(folder, form, &hand);
-        assert_eq!(of_poses.len(), of_angles.len(), "{form}");
-        let off = of_poses.iter().zip(&of_angles).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(off < 1e-5, "{form}: {off} N");
+    let simulated = |form: &str| {
+        tpf(folder, &[&SIMULATE[..], &["--seed", "7", "--hand", form, "-o", form]].concat()).ok();
+        folder.join(format!("{form}/glove1_user01_session1"))
+    };
+    let params = folder.join("hand.yaml");
+    write_params(&params, "{topic: /hand/joint_states}");
+    let told = angles_of(&params, &simulated("angles"));
+    assert!(told.len() > 10_000, "{}", told.len());
+    for form in ["openxr", "openxr25", "mano21", "transforms"] {
+        let bag = simulated(form);
+        match form {
+            "transforms" => write_params(&params, TRANSFORMS),
+            layout => write_params(
+                &params,
+                &format!(
+                    "{{topic: /hand/poses, type: geometry_msgs/msg/PoseArray, hand: {{layout: {layout}, side: right}}}}"
+                ),
+            ),
+        }
+        let found = angles_of(&params, &bag);
+        assert_eq!(found.len(), told.len(), "{form}");
+        let mut worst = 0.0_f64;
+        for ((stamp, found), (of, told)) in found.iter().zip(&told) {
+            assert_eq!(stamp, of, "{form}");
+            for (joint, (found, told)) in found.iter().zip(told).enumerate() {
+                // Points don't tell to which side a thumb's bone turns: measured angles near 0 may be a little below.
+                let told = if matches!(JOINTS[joint], "thumb_ip" | "thumb_mcp") { told.abs() } else { *told };
+                let off = (found - told).abs();
+                assert!(off < 1e-6, "{form}: {} is {found} and not {told}", JOINTS[joint]); // NaN is no angle
+                worst = worst.max(off);
+            }
+        }
+        assert!(worst < 1e-6, "{form}: {worst}");
     }
+}
+
+#[test]
+fn frames_that_do_not_change_hold_from_the_first_message_on_wherever_the_bag_has_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    tpf(folder, &[&SIMULATE[..], &["--seed", "7", "--hand", "transforms", "-o", "sessions"]].concat()).ok();
+    let all = messages(&folder.join("sessions/glove1_user01_session1"));
+    let (frames, rest): (Vec<_>, Vec<_>) = all.into_iter().partition(|message| message.topic == "/tf_static");
+    assert_eq!(frames.len(), 1);
+    let params = folder.join("hand.yaml");
+    write_params(&params, TRANSFORMS);
+    let write = |name: &str, frames: &[Recorded], after: bool| {
+        let mut bag = Bag::create(&folder.join(name));
+        let last = rest.last().unwrap().log_time;
+        let mut send = |message: &Recorded, at| match message.type_name.as_str() {
+            TFMessage::TYPE_NAME => bag.send_bytes::<TFMessage>(&message.topic, at, &message.data),
+            TaxelArray::TYPE_NAME => bag.send_bytes::<TaxelArray>(&message.topic, at, &message.data),
+            _ => {}
+        };
+        if !after {
+            frames.iter().for_each(|message| send(message, message.log_time));
+        }
+        rest.iter().for_each(|message| send(message, message.log_time));
+        if after {
+            frames.iter().for_each(|message| send(message, last));
+        }
+        bag.finish();
+        angles_of(&params, &folder.join(name))
+    };
+    let (before, after, without) =
+        (write("a.mcap", &frames, false), write("b.mcap", &frames, true), write("c.mcap", &[], false));
+    let bits = |angles: &[(Stamp, [f64; 20])]| -> Vec<_> {
+        angles.iter().map(|(stamp, angles)| (*stamp, angles.map(f64::to_bits))).collect()
+    };
+    assert!(before.len() > 10_000 && bits(&before) == bits(&after));
+    assert!(before[0].1.iter().all(|angle| angle.is_finite()), "{:?}", before[0]);
+    // Without them nothing says where the fingers begin.
+    let is_unknown = |(_, angles): &(Stamp, [f64; 20])| angles[..16].iter().all(|angle| angle.is_nan());
+    assert!(without.iter().all(is_unknown), "{:?}", without[0]);
 }
 
 #[test]

@@ -4,6 +4,7 @@
 pub mod bags;
 pub mod browser;
 pub mod compared;
+pub mod devices;
 pub mod fake;
 pub mod graphs;
 pub mod layouts;

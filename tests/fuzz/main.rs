@@ -17,6 +17,7 @@ mod cdr;
 mod core;
 mod definition;
 mod driver;
+mod hand;
 mod idl;
 mod metadata;
 mod model;
@@ -41,6 +42,11 @@ fn sqlite() {
 #[test]
 fn idl() {
     driver::run(&idl::TARGET, 4000);
+}
+
+#[test]
+fn hand() {
+    driver::run(&hand::TARGET, 4000);
 }
 
 #[test]

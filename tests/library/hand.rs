@@ -9,6 +9,9 @@ use tactile_pose_fusion::msg::binding::{
     HandFields, JointBinding, JointFields, NamesFrom, StampFrom, hand_paths, hand_stamp,
 };
 use tactile_pose_fusion::msg::definition::TypeTree;
+use tactile_pose_fusion::msg::{
+    Header, Quaternion, TFMessage, Time, Transform, TransformStamped, Vector3, WireType, definition_text, to_cdr,
+};
 use tactile_pose_fusion::sim::hand::TERMINAL_POSES;
 use tactile_pose_fusion::units::Stamp;
 
@@ -18,6 +21,17 @@ struct Hand {
     side: String,
     points: Vec<Point>,
     angles: Vec<f64>,
+    /// The points as frames, of some hands.
+    #[serde(default)]
+    frames: Vec<Frame>,
+}
+
+/// A frame in the one of another point.
+#[derive(Deserialize)]
+struct Frame {
+    parent: Option<usize>,
+    translation: Point,
+    rotation: [f64; 4],
 }
 
 /// The hands of tests/python/hand_reference.py.
@@ -26,7 +40,12 @@ fn reference() -> Vec<Hand> {
 }
 
 fn named(layout: &str) -> NamedLayout {
-    if layout == "openxr" { NamedLayout::OpenXr } else { NamedLayout::Mano21 }
+    match layout {
+        "openxr" => NamedLayout::OpenXr,
+        "openxr25" => NamedLayout::OpenXr25,
+        "manus" => NamedLayout::Manus,
+        _ => NamedLayout::Mano21,
+    }
 }
 
 fn side(side: &str) -> Side {
@@ -49,6 +68,49 @@ fn random_hands_have_the_angles_that_scipy_made_them_from() {
         let found = angles(&hand.points, &named(&hand.layout).layout(), side(&hand.side));
         let off = worst(&found, &hand.angles);
         assert!(off < 1e-6, "hand {k}: {off} rad\n{found:?}\n{:?}", hand.angles);
+    }
+}
+
+#[test]
+fn random_frames_in_one_another_have_the_angles_that_scipy_made_them_from() {
+    let hands: Vec<Hand> = reference().into_iter().filter(|hand| !hand.frames.is_empty()).collect();
+    assert_eq!(hands.len(), 20);
+    for (k, hand) in hands.iter().enumerate() {
+        let layout = named(&hand.layout);
+        let names = layout.points();
+        let transform = |(child, frame): (&String, &Frame)| {
+            let ([x, y, z], [qx, qy, qz, qw]) = (frame.translation, frame.rotation);
+            TransformStamped {
+                header: Header {
+                    stamp: Time { sec: 7, nanosec: 0 },
+                    frame_id: frame.parent.map_or("world", |at| &names[at]).to_owned(),
+                },
+                child_frame_id: child.clone(),
+                transform: Transform {
+                    translation: Vector3 { x, y, z },
+                    rotation: Quaternion { x: qx, y: qy, z: qz, w: qw },
+                },
+            }
+        };
+        let transforms = names.iter().zip(&hand.frames).map(transform).collect();
+        let (positions, names_at) = hand_paths(TFMessage::TYPE_NAME).expect("known");
+        let points = HandFields {
+            layout: layout.layout(),
+            side: side(&hand.side),
+            points: names.clone(),
+            names: names_at.iter().map(|path| (*path).to_owned()).collect(),
+            valid: None,
+            first: 0,
+            joints: JOINTS.map(str::to_owned).to_vec(),
+        };
+        let stamp = hand_stamp(TFMessage::TYPE_NAME, &names).map(StampFrom::Field);
+        let names = NamesFrom::Hand(Box::new(points));
+        let fields = JointFields { stamp, positions: positions.to_owned(), names, only: None };
+        let tree = TypeTree::from_schema(TFMessage::TYPE_NAME, &definition_text(TFMessage::TYPE_NAME).expect("known"));
+        let mut binding = JointBinding::compile(&fields, &tree.expect("it resolves")).expect("it compiles");
+        let found = binding.decode(&to_cdr(&TFMessage { transforms }), Stamp(9)).expect("angles");
+        let off = worst(found.positions, &hand.angles);
+        assert!(off < 1e-6, "hand {k}: {off} rad");
     }
 }
 

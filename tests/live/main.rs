@@ -13,6 +13,8 @@ mod node_call;
 #[cfg(feature = "ros")]
 mod node_collect;
 #[cfg(feature = "ros")]
+mod node_devices;
+#[cfg(feature = "ros")]
 mod node_doctor;
 #[cfg(feature = "ros")]
 mod node_faults;

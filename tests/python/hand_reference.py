@@ -52,12 +52,26 @@ def hand(rng, layout, side):
     if layout == "mano21":
         points = [wrist, *thumb, *(point for chain in fingers for point in chain)]
     else:
-        points = [0.5 * knuckles[1], wrist, *thumb]
+        points = [*([0.5 * knuckles[1]] if layout == "openxr" else []), wrist, *thumb]
         for base, chain in zip(bases, fingers):
             points += [base, *chain]
     points = np.array(points) * ([-1, 1, 1] if side == "left" else [1, 1, 1])
     moved = Rotation.random(random_state=rng).apply(points) + rng.normal(0, 1, 3)
     return moved.tolist(), [float(angle) for angle in angles]
+
+
+def frames(rng, points):
+    """The points as frames, each turned at random and told in the one before it on its finger: parent, translation, x y z w."""
+    turns = Rotation.random(len(points), random_state=rng)
+    told = []
+    for k, point in enumerate(points):
+        # The wrist, four points of the thumb, five of each finger.
+        begins = k == 1 or (k >= 5 and k % 5 == 0)
+        parent = None if k == 0 else 0 if begins else k - 1
+        origin, turn = (np.zeros(3), Rotation.identity()) if parent is None else (np.array(points[parent]), turns[parent])
+        translation = turn.inv().apply(np.array(point) - origin)
+        told.append({"parent": parent, "translation": translation.tolist(), "rotation": (turn.inv() * turns[k]).as_quat().tolist()})
+    return told
 
 
 def main():
@@ -67,6 +81,10 @@ def main():
         layout, side = ("openxr", "mano21")[k % 2], ("left", "right")[k // 2 % 2]
         points, angles = hand(rng, layout, side)
         hands.append({"layout": layout, "side": side, "points": points, "angles": angles})
+    for k in range(20):
+        layout, side = ("openxr25", "manus")[k % 2], ("left", "right")[k // 2 % 2]
+        points, angles = hand(rng, layout, side)
+        hands.append({"layout": layout, "side": side, "points": points, "angles": angles, "frames": frames(rng, points)})
     with open(sys.argv[1], "w") as out:
         out.write("[\n" + ",\n".join(json.dumps(hand) for hand in hands) + "\n]\n")
 

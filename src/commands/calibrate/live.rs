@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     // As the graph of this tool has them: it asks for no more than best effort.
     let wanted = wanted(&cfg, &ParamTree::empty(NODE), &names, &bindings)?;
     for (input, (tree, _)) in names.inputs.iter().zip(&bindings) {
-        listening.hear(&input.topic, TopicType::Defined(tree), Delivery::Data)?;
+        listening.hear(&input.topic, TopicType::Defined(tree), Delivery::of(input))?;
     }
     let mut recorder = match args.touches || live.press.is_asked() {
         true => Some(Recorder::start(&cfg, &names, &definitions, &mut listening)?),

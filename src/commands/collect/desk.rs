@@ -65,7 +65,7 @@ impl Desk {
         let mut inputs = Vec::new();
         for (input, (tree, bindings)) in names.inputs.iter().zip(input_bindings(cfg, &names, &definitions)?) {
             let InputName { topic, type_name, .. } = input.clone();
-            listening.hear(&topic, TopicType::Defined(&tree), Delivery::Data)?;
+            listening.hear(&topic, TopicType::Defined(&tree), Delivery::of(input))?;
             let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&tree));
             let readings = bindings.into_iter().map(Reading::Samples).collect();
             inputs.push(Input { topic, type_name, schema, hash, readings });

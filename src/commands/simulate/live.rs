@@ -8,12 +8,14 @@ use std::time::{Duration, Instant};
 use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say, tell};
 use crate::leave;
-use crate::msg::{JointState, PoseArray, Stage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
+use crate::msg::{JointState, PoseArray, Stage, TFMessage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::hand::Finger;
 use crate::sim::{Activity, Fault, Fingers, LiveSession, Prompt, SYNTHETIC_TOPIC};
-use crate::synthetic::{HandForm, JOINTS, Message, POSES, STAGE, TAXELS, message, truth_topic};
+use crate::synthetic::{
+    FRAMES, HandForm, JOINTS, Message, POSES, STAGE, STATIC_FRAMES, TAXELS, message, static_frames, truth_topic,
+};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";
@@ -85,6 +87,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let (topic, type_name) = match args.hand {
         HandForm::Angles => (JOINTS, JointState::TYPE_NAME),
         HandForm::Poses(_) => (POSES, PoseArray::TYPE_NAME),
+        HandForm::Transforms => (FRAMES, TFMessage::TYPE_NAME),
     };
     let joints = listening.speak(&of_glove(topic)?, known(type_name), Delivery::Data)?;
     let under = match spec.conditions.fingers {
@@ -98,7 +101,16 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     }
     let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
     listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
+    let frames = match args.hand {
+        HandForm::Transforms => {
+            Some(listening.speak(&of_glove(STATIC_FRAMES)?, known(TFMessage::TYPE_NAME), Delivery::Latched)?)
+        }
+        HandForm::Angles | HandForm::Poses(_) => None,
+    };
     let listener = listening.start()?;
+    if let Some(frames) = frames {
+        listener.say(frames, &static_frames(start));
+    }
     tell("the data is synthetic: a physical model of a glove on a hand, no recording");
     let (mut n_sent, mut n_late, mut said) = (0_u64, 0_u64, None::<Instant>);
     while !interrupt::happened() {
@@ -115,6 +127,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
                 Message::Taxels(message) => listener.say(taxels, &message),
                 Message::Joints(message) => listener.say(joints, &message),
                 Message::Poses(message) => listener.say(joints, &message),
+                Message::Frames(message) => listener.say(joints, &message),
                 Message::Truth(under, message) => truth.get(&under).is_some_and(|truth| listener.say(*truth, &message)),
                 Message::Stage(_) => false, // who collects annotates
             });

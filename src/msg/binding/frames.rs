@@ -1,6 +1,7 @@
-//! Frames of `/tf`: where they are in a frame that they have in common.
+//! Frames of `/tf` and `/tf_static`: where they are in a frame that they have in common.
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::hand::Point;
 
@@ -12,6 +13,16 @@ const MAX_CHAIN: usize = 64;
 
 /// Rounds after which a frame that was not heard of again is not there any more.
 const MAX_ROUNDS: u64 = 10;
+
+/// The frames of one joint source, whichever of its topics tell them.
+#[derive(Debug, Clone, Default)]
+pub struct FrameStore(Arc<Mutex<Frames>>);
+
+impl FrameStore {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Frames> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// The newest transform of each frame.
 #[derive(Debug, Clone, Default)]
@@ -26,22 +37,31 @@ struct Link {
     parent: String,
     translation: Point,
     rotation: [f64; 4], // x, y, z, w
-    round: u64,
+    /// None where it holds until it is told anew.
+    round: Option<u64>,
 }
 
 impl Frames {
-    /// Takes a transform of `child` in `parent`. Beyond [`MAX_FRAMES`] new frames are left out.
-    pub(super) fn handle(&mut self, parent: &str, child: &str, translation: Point, rotation: [f64; 4]) {
+    /// Takes a transform of `child` in `parent`, which holds for good where it `is_static`. Beyond [`MAX_FRAMES`] new frames
+    /// are left out.
+    pub(super) fn handle(
+        &mut self,
+        (parent, child): (&str, &str),
+        translation: Point,
+        rotation: [f64; 4],
+        is_static: bool,
+    ) {
+        let round = (!is_static).then_some(self.round);
         let is_full = self.links.len() >= MAX_FRAMES;
         match self.links.get_mut(child) {
             Some(link) => {
                 if link.parent != parent {
                     parent.clone_into(&mut link.parent);
                 }
-                (link.translation, link.rotation, link.round) = (translation, rotation, self.round);
+                (link.translation, link.rotation, link.round) = (translation, rotation, round);
             }
             None if !is_full => {
-                let (parent, round) = (parent.to_owned(), self.round);
+                let parent = parent.to_owned();
                 self.links.insert(child.to_owned(), Link { parent, translation, rotation, round });
             }
             None => {}
@@ -59,7 +79,7 @@ impl Frames {
         let (mut point, mut at) = ([0.0; 3], frame);
         for _ in 0..MAX_CHAIN {
             let Some(link) = self.links.get(at) else { return Some((point, at)) };
-            if self.round - link.round > MAX_ROUNDS {
+            if link.round.is_some_and(|round| self.round - round > MAX_ROUNDS) {
                 return None;
             }
             let turned = turned(point, link.rotation)?;
@@ -92,9 +112,9 @@ mod tests {
     #[test]
     fn origins_are_those_of_the_whole_chain() {
         let mut frames = Frames::default();
-        frames.handle("wrist", "index", [1.0, 0.0, 0.0], [0.0, 0.0, 2.0 * QUARTER, 2.0 * QUARTER]); // about z, any length
-        frames.handle("index", "tip", [0.0, 3.0, 0.0], [0.0, 0.0, 0.0, 1.0]);
-        frames.handle("tip", "nail", [0.0, 0.0, 0.5], [QUARTER, 0.0, 0.0, QUARTER]);
+        frames.handle(("wrist", "index"), [1.0, 0.0, 0.0], [0.0, 0.0, 2.0 * QUARTER, 2.0 * QUARTER], false); // about z, any length
+        frames.handle(("index", "tip"), [0.0, 3.0, 0.0], [0.0, 0.0, 0.0, 1.0], false);
+        frames.handle(("tip", "nail"), [0.0, 0.0, 0.5], [QUARTER, 0.0, 0.0, QUARTER], false);
         let (point, root) = frames.origin("nail").unwrap();
         assert_eq!(root, "wrist");
         for (axis, expected) in [-2.0, 0.0, 0.5].into_iter().enumerate() {
@@ -106,26 +126,28 @@ mod tests {
     #[test]
     fn a_frame_that_is_not_heard_of_any_more_is_not_there() {
         let mut frames = Frames::default();
-        let tell = |frames: &mut Frames, child: &str| frames.handle("wrist", child, [1.0; 3], [0.0, 0.0, 0.0, 1.0]);
+        let tell =
+            |frames: &mut Frames, child: &str| frames.handle(("wrist", child), [1.0; 3], [0.0, 0.0, 0.0, 1.0], false);
         tell(&mut frames, "lost");
+        frames.handle(("wrist", "mount"), [1.0; 3], [0.0, 0.0, 0.0, 1.0], true);
         for _ in 0..=MAX_ROUNDS {
             assert!(frames.origin("lost").is_some());
             tell(&mut frames, "kept");
             frames.end_round();
         }
         assert_eq!(frames.origin("lost"), None);
-        assert!(frames.origin("kept").is_some());
+        assert!(frames.origin("kept").is_some() && frames.origin("mount").is_some());
     }
 
     #[test]
     fn no_rotation_and_no_end_give_no_point() {
         let mut frames = Frames::default();
-        frames.handle("a", "b", [1.0; 3], [0.0; 4]);
-        frames.handle("c", "d", [1.0; 3], [0.0, 0.0, 0.0, 1.0]);
-        frames.handle("d", "c", [1.0; 3], [0.0, 0.0, 0.0, 1.0]);
-        frames.handle("a", "e", [1.0; 3], [f64::NAN; 4]);
+        frames.handle(("a", "b"), [1.0; 3], [0.0; 4], false);
+        frames.handle(("c", "d"), [1.0; 3], [0.0, 0.0, 0.0, 1.0], false);
+        frames.handle(("d", "c"), [1.0; 3], [0.0, 0.0, 0.0, 1.0], false);
+        frames.handle(("a", "e"), [1.0; 3], [f64::NAN; 4], false);
         assert_eq!(["b", "d", "e"].map(|frame| frames.origin(frame)), [None; 3]);
-        (0..2 * MAX_FRAMES).for_each(|k| frames.handle("a", &k.to_string(), [0.0; 3], [0.0, 0.0, 0.0, 1.0]));
+        (0..2 * MAX_FRAMES).for_each(|k| frames.handle(("a", &k.to_string()), [0.0; 3], [0.0, 0.0, 0.0, 1.0], false));
         assert_eq!(frames.links.len(), MAX_FRAMES);
     }
 }

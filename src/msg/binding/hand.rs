@@ -1,6 +1,6 @@
 //! Messages that hold the keypoints of a hand, as positions, poses or transforms.
 
-use super::frames::Frames;
+use super::frames::FrameStore;
 use super::{BindingError, SampleError, plan};
 use crate::hand::{self, Layout, Point, Side};
 use crate::msg::definition::{TypeTree, canonical_type_name};
@@ -25,7 +25,8 @@ pub struct HandFields {
     pub joints: Vec<String>,
 }
 
-const TF: &str = "tf2_msgs/msg/TFMessage";
+/// Messages of transforms.
+pub(super) const TF: &str = "tf2_msgs/msg/TFMessage";
 
 /// Where the stamp of a hand is whose points are told by name, in types that are known here; none where it is in the header.
 ///
@@ -69,12 +70,19 @@ const VALID: usize = 7;
 struct Transforms {
     parents: FieldPlan,
     read: Vec<String>,
-    frames: Frames,
+    frames: FrameStore,
 }
 
 impl HandPlan {
     /// Compiles the path of the points' positions, and what stands beside them.
-    pub(super) fn compile(path: &str, fields: &HandFields, tree: &TypeTree) -> Result<Self, BindingError> {
+    ///
+    /// Where points are frames, `frames` are those that all topics of the source tell.
+    pub(super) fn compile(
+        path: &str,
+        fields: &HandFields,
+        tree: &TypeTree,
+        frames: &FrameStore,
+    ) -> Result<Self, BindingError> {
         let axes = |of: &str, axes: &[&str]| -> Result<Vec<FieldPlan>, BindingError> {
             axes.iter().map(|axis| plan("field", tree, &format!("{of}.{axis}"), ReadAs::Numbers)).collect()
         };
@@ -90,7 +98,7 @@ impl HandPlan {
         let transforms = match stamped.filter(|_| !orientations.is_empty() && fields.names.len() == 1) {
             Some(stamped) => {
                 let parents = plan("field", tree, &format!("{stamped}.header.frame_id"), ReadAs::Texts)?;
-                Some(Transforms { parents, read: vec![], frames: Frames::default() })
+                Some(Transforms { parents, read: vec![], frames: frames.clone() })
             }
             None => None,
         };
@@ -118,7 +126,8 @@ impl HandPlan {
         let n_points = self.read(cdr)?;
         self.points.fill([f64::NAN; 3]);
         if self.transforms.is_some() {
-            self.place_frames(cdr)?;
+            self.take_frames(cdr, false)?;
+            self.place_frames()?;
             angles.extend(hand::angles(&self.points, &self.fields.layout, self.fields.side));
             return Ok(());
         }
@@ -138,8 +147,14 @@ impl HandPlan {
         Ok(())
     }
 
-    /// Places the points that are frames, in the frame that they have in common with the last of them.
-    fn place_frames(&mut self, cdr: &[u8]) -> Result<(), SampleError> {
+    /// Keeps the transforms of a message that hold until they are told anew.
+    pub(super) fn keep_frames(&mut self, cdr: &[u8]) -> Result<(), SampleError> {
+        self.read(cdr)?;
+        self.take_frames(cdr, true)
+    }
+
+    /// Takes the transforms of a message whose columns have been read.
+    fn take_frames(&mut self, cdr: &[u8], are_static: bool) -> Result<(), SampleError> {
         let Some(Transforms { parents, read, frames }) = &mut self.transforms else { return Ok(()) };
         parents.read_texts(cdr, read)?;
         let children = &self.texts[0];
@@ -148,9 +163,19 @@ impl HandPlan {
         {
             return Err(SampleError::Beside { type_name: self.type_name.clone(), n_points: children.len(), n_beside });
         }
+        let mut frames = frames.lock();
         for (k, (parent, child)) in read.iter().zip(children).enumerate() {
-            frames.handle(parent, child, [x[k], y[k], z[k]], [qx[k], qy[k], qz[k], qw[k]]);
+            frames.handle((parent, child), [x[k], y[k], z[k]], [qx[k], qy[k], qz[k], qw[k]], are_static);
         }
+        Ok(())
+    }
+
+    /// Places the points that are frames, in the frame that they have in common with the last of them, which must have been
+    /// in the message that was taken.
+    fn place_frames(&mut self) -> Result<(), SampleError> {
+        let Some(Transforms { frames, .. }) = &self.transforms else { return Ok(()) };
+        let children = &self.texts[0];
+        let mut frames = frames.lock();
         let Some(last) = self.fields.points.last().filter(|last| children.contains(last)) else {
             let wanted = self.fields.points.last().map_or(String::new(), |last| format!("a transform of {last}"));
             let got = children.first().map_or("nothing".to_owned(), |first| format!("'{}'", first.escape_debug()));

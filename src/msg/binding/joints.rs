@@ -1,5 +1,6 @@
 //! Messages that hold joint angles.
 
+use super::frames::FrameStore;
 use super::hand::{HandFields, HandPlan};
 use super::stamp::StampPlan;
 use super::{BindingError, OnlyPlan, SampleError, StampFrom, plan};
@@ -78,6 +79,14 @@ impl JointBinding {
     /// # Errors
     /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
     pub fn compile(fields: &JointFields, tree: &TypeTree) -> Result<Self, BindingError> {
+        Self::compile_with(fields, tree, &FrameStore::default())
+    }
+
+    /// As [`compile`](Self::compile), where other topics tell frames of this source, too.
+    ///
+    /// # Errors
+    /// As [`compile`](Self::compile).
+    pub fn compile_with(fields: &JointFields, tree: &TypeTree, frames: &FrameStore) -> Result<Self, BindingError> {
         let sent = |names| -> Result<AngleSource, BindingError> {
             let positions = Box::new(plan("positions", tree, &fields.positions, ReadAs::Numbers)?);
             Ok(AngleSource::Sent { positions, names })
@@ -86,7 +95,7 @@ impl JointBinding {
             NamesFrom::Field(path) => (sent(Some(Box::new(plan("names", tree, path, ReadAs::Texts)?)))?, vec![]),
             NamesFrom::Constant(names) => (sent(None)?, names.clone()),
             NamesFrom::Hand(hand) => {
-                let plan = HandPlan::compile(&fields.positions, hand, tree)?;
+                let plan = HandPlan::compile(&fields.positions, hand, tree, frames)?;
                 (AngleSource::Hand(Box::new(plan)), hand.joints.clone())
             }
         };

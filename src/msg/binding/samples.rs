@@ -1,6 +1,6 @@
 //! From the bytes of an input to the event that they are for the core: one way for bags and for the live node.
 
-use super::{JointBinding, SampleError, TaxelBinding};
+use super::{FramesBinding, JointBinding, SampleError, TaxelBinding};
 use crate::fusion::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
 use crate::units::Stamp;
 
@@ -11,13 +11,15 @@ pub enum SampleBinding {
     Taxels(TactileSourceIdx, Box<TaxelBinding>),
     /// Joint angles of a source.
     Joints(JointSourceIdx, Box<JointBinding>),
+    /// Frames of a joint source that don't change, and give no event.
+    Frames(JointSourceIdx, FramesBinding),
 }
 
 impl SampleBinding {
     /// Decodes a message that arrived at `received`.
     ///
     /// # Errors
-    /// [`SampleError`] when it holds no samples, or not the ones that it says.
+    /// [`SampleError`] when it holds no samples, or not the ones that it says; [`SampleError::Kept`] for frames, which are kept.
     pub fn decode<'a>(&'a mut self, cdr: &[u8], received: Stamp) -> Result<Event<'a>, SampleError> {
         match self {
             SampleBinding::Taxels(source, binding) => {
@@ -42,6 +44,9 @@ impl SampleBinding {
                     received,
                 }))
             }
+            SampleBinding::Frames(_, frames) => {
+                Err(frames.keep(cdr).map_or_else(|error| error, |()| SampleError::Kept))
+            }
         }
     }
 
@@ -50,6 +55,7 @@ impl SampleBinding {
         match self {
             SampleBinding::Taxels(_, binding) => binding.clock_restarts(),
             SampleBinding::Joints(_, binding) => binding.clock_restarts(),
+            SampleBinding::Frames(..) => 0,
         }
     }
 }

@@ -267,7 +267,7 @@ fn force(one: &ForceCandidate) -> String {
         let way = match (with_taxels, taxels) {
             (Some(with), Some(taxels)) if *with >= FOLLOWS => format!("; it rises with {taxels}"),
             (Some(with), Some(taxels)) if *with <= -FOLLOWS => {
-                format!("; it falls where {taxels} rise: if that is a press, sign: -1")
+                format!("; it falls where {taxels} rises: if that is a press, sign: -1")
             }
             _ => String::new(),
         };

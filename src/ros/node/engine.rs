@@ -283,6 +283,7 @@ impl Running {
         let source = self.source_of(input, part);
         let event = self.bindings[input][part].decode(cdr, self.received);
         match &event {
+            Err(error) if error.is_kept() => return,
             Err(error) if error.is_for_another() => {
                 return self.watched.inputs[source].handle_for_another(error.reason(), &error.to_string());
             }

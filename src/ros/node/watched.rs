@@ -98,7 +98,7 @@ impl Watched {
     pub(crate) fn source_of(&self, binding: &SampleBinding) -> usize {
         match binding {
             SampleBinding::Taxels(source, _) => source.0,
-            SampleBinding::Joints(source, _) => self.tactile.len() + source.0,
+            SampleBinding::Joints(source, _) | SampleBinding::Frames(source, _) => self.tactile.len() + source.0,
         }
     }
 

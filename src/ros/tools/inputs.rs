@@ -43,6 +43,7 @@ impl Inputs {
             let decoded = binding.decode(cdr, *received);
             let health = &mut self.watched.inputs[source];
             match &decoded {
+                Err(error) if error.is_kept() => continue,
                 Err(error) if error.is_for_another() => {
                     health.handle_for_another(error.reason(), &error.to_string());
                     continue;

@@ -13,7 +13,7 @@ use tokio::sync::oneshot;
 use crate::config::NodeName;
 use crate::msg::{WireType, to_cdr};
 use crate::ros::node::Watched;
-use crate::ros::wire::entities::Graph;
+use crate::ros::wire::entities::{Graph, InputName};
 use crate::ros::wire::environment::Environment;
 use crate::ros::wire::error::NodeError;
 use crate::ros::wire::graph::{Around, Endpoint};
@@ -46,6 +46,8 @@ pub enum Delivery {
     Words,
     /// As `Words`, and late subscribers get the last message.
     Latched,
+    /// As `Latched`, from several publishers: frames that don't change.
+    Frames,
 }
 
 /// A received message.
@@ -197,11 +199,17 @@ impl Listener {
 }
 
 impl Delivery {
+    /// How an input of the node is delivered.
+    pub fn of(input: &InputName) -> Self {
+        if input.frames.is_empty() { Delivery::Data } else { Delivery::Frames }
+    }
+
     fn qos(self) -> QosProfile {
         match self {
             Delivery::Data => qos::input_default(),
             Delivery::Words => reliable_qos(1000, Durability::Volatile),
             Delivery::Latched => reliable_qos(1, Durability::TransientLocal),
+            Delivery::Frames => qos::frames(),
         }
     }
 }

@@ -20,6 +20,7 @@ use super::threads;
 use crate::config::{Config, NameError, NodeName};
 use crate::leave;
 use crate::msg::EstimateTopics;
+use crate::msg::binding::static_topic;
 
 /// How often the middleware is checked.
 const LOOK: Duration = Duration::from_millis(250);
@@ -44,6 +45,8 @@ pub struct InputName {
     pub tactile: Vec<usize>,
     /// Indices of the joint sources that are read from it.
     pub joints: Vec<usize>,
+    /// Indices of the joint sources whose frames that don't change it tells.
+    pub frames: Vec<usize>,
 }
 
 impl Names {
@@ -59,6 +62,9 @@ impl Names {
         }
         for (source, input) in cfg.joints.iter().enumerate() {
             named(&mut inputs, topic(&input.name)?, &input.type_name).joints.push(source);
+            if let Some(frames) = static_topic(input) {
+                named(&mut inputs, topic(&frames)?, &input.type_name).frames.push(source);
+            }
         }
         let estimates = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
         Ok(Names {
@@ -75,7 +81,8 @@ impl Names {
 fn named<'n>(inputs: &'n mut Vec<InputName>, topic: String, type_name: &str) -> &'n mut InputName {
     let known = inputs.iter().position(|input| input.topic == topic && input.type_name == type_name);
     let idx = known.unwrap_or_else(|| {
-        inputs.push(InputName { topic, type_name: type_name.to_owned(), tactile: Vec::new(), joints: Vec::new() });
+        let (tactile, joints, frames) = (Vec::new(), Vec::new(), Vec::new());
+        inputs.push(InputName { topic, type_name: type_name.to_owned(), tactile, joints, frames });
         inputs.len() - 1
     });
     &mut inputs[idx]

@@ -47,6 +47,11 @@ pub fn input_default() -> QosProfile {
     QosProfile::subscription_default().history(History::KeepLast { depth: 100 })
 }
 
+/// QoS of an input that tells frames that don't change, which are published once, long before, by several nodes.
+pub fn frames() -> QosProfile {
+    reliable_qos(100, Durability::TransientLocal)
+}
+
 /// QoS of `/rosout`, `rcl_qos_profile_rosout_default`: late subscribers get the lines of the last 10 s.
 pub(in crate::ros) fn rosout() -> QosProfile {
     let qos = reliable_qos(1000, Durability::TransientLocal);
