@@ -100,12 +100,6 @@ bench repetitions="3":
     taskset --cpu-list 0 cargo bench --bench tick
     target/peer-venv/bin/python benches/peer/compare.py target/release/tpf --repetitions {{repetitions}}
 
-# Replay and streaming through the Python package beside the command and beside pure Python; takes the wheel of python-wheel
-python-bench *args:
-    scripts/python-venv target/peer-venv benches/peer/requirements.txt
-    target/peer-venv/bin/python -m pip install --quiet --no-deps --force-reinstall target/release-wheels/*_x86_64.whl
-    target/peer-venv/bin/python benches/peer/package.py {{args}}
-
 # Remake the fixture that holds our network against PyTorch (needs torch from PyPI)
 train-fixture:
     python3 tests/python/train_reference.py > tests/data/train_reference.json

@@ -3,6 +3,7 @@
 //! The layout is that of `lerobot` 0.4.4 and 0.6.1 (`src/lerobot/datasets`): `meta/info.json`, `meta/stats.json`,
 //! `meta/tasks.parquet`, `meta/episodes/chunk-000/file-000.parquet`, and frames in `data/chunk-000/file-000.parquet`.
 
+mod notes;
 mod sealed;
 mod shard;
 
@@ -11,8 +12,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+pub(super) use self::notes::{ShardBag, ShardNotes};
 pub use self::shard::{Joined, join};
-pub(super) use self::shard::{ShardBag, ShardNotes};
 
 use super::card::card;
 use super::stats::{QUANTILES, Stats};

@@ -9,8 +9,8 @@ use crate::msg::EstimateTopics;
 
 /// Whether `output` is there already: a whole bag with the topics that a replay with these parameters writes.
 ///
-/// A replay gives its output its name when it is whole, so only the end of the bag is looked at. Which bag and model it was
-/// made of is not known.
+/// A replay gives its output its name when it is whole, so only the end of the bag is looked at. Which bag and model it
+/// was made of is not known.
 ///
 /// # Errors
 /// [`ReplayError`] when something else is there: no bag, a bag that is cut off, or one without these topics.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::shard::ShardNotes;
+use super::notes::{ShardNotes, hex};
 use crate::sessions::hash_file;
 
 /// The file that makes a dataset a shard, below its folder.
@@ -86,9 +86,4 @@ fn sha256_of(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
     hash_file(&mut hash, path)?;
     Ok(hex(hash.finalize()))
-}
-
-/// SHA-256 in hexadecimal.
-pub(super) fn hex(hash: impl AsRef<[u8]>) -> String {
-    hash.as_ref().iter().map(|byte| format!("{byte:02x}")).collect()
 }

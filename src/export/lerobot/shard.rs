@@ -3,39 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
-use super::{Dataset, DatasetSpec, N_COUNTING, io, sealed};
+use super::notes::ShardNotes;
+use super::{Dataset, N_COUNTING, io, sealed};
 use crate::columns::{Cells, TableReader};
-use crate::config::Config;
-use crate::export::{Episode, ExportError, Failed, Feature, Request};
+use crate::export::{Episode, ExportError, Failed, Feature};
 use crate::observer::{Observer, check};
-use crate::sessions::Shard;
-
-/// What a shard tells of itself.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct ShardNotes {
-    pub(crate) version: String,
-    pub(crate) shard: Shard,
-    /// In all shards.
-    pub(crate) n_bags: usize,
-    /// Whatever else episodes depend on besides the bags.
-    pub(crate) made_by: BTreeMap<String, String>,
-    pub(super) spec: DatasetSpec,
-    /// In the order of the shard.
-    pub(crate) bags: Vec<ShardBag>,
-}
-
-/// A bag of a shard.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct ShardBag {
-    pub(crate) bag: String,
-    pub(crate) synthetic: bool,
-    /// Why it has no episode.
-    pub(crate) error: Option<String>,
-}
 
 /// What became of the bags of shards that were joined.
 #[derive(Debug, Serialize)]
@@ -48,51 +23,11 @@ pub struct Joined {
     pub failed: Vec<Failed>,
 }
 
-impl ShardNotes {
-    /// Of a share of so many bags that are exported like this.
-    ///
-    /// # Errors
-    /// [`ExportError`] when a file that is named can't be read.
-    pub(crate) fn new(shard: Shard, n_bags: usize, cfg: &Config, request: &Request<'_>) -> Result<Self, ExportError> {
-        let sha256 = |bytes: &[u8]| sealed::hex(Sha256::digest(bytes));
-        let of_file = |path: &Path| Ok::<_, ExportError>(sha256(&std::fs::read(path).map_err(io(path))?));
-        let mut same = cfg.clone();
-        let mut models = Vec::new();
-        for model in &mut same.models {
-            let path = std::mem::take(&mut model.spec.path); // machines may have the same file in other places
-            models.push(if request.model.is_none() && path.is_file() { of_file(&path)? } else { "none".to_owned() });
-        }
-        let zero = match request.zero {
-            crate::zero::Wanted::File(path) => of_file(path)?,
-            other => format!("{other:?}"),
-        };
-        let made_by = [
-            ("parameters", sha256(format!("{same:?}").as_bytes())),
-            ("models", models.join(", ")),
-            ("model", request.model.map(of_file).transpose()?.unwrap_or_else(|| "not given".to_owned())),
-            ("backend", format!("{:?}", request.backend)),
-            ("zero", zero),
-            ("in the air", format!("{:?}", request.in_air)),
-            ("--fps", request.fps.to_string()),
-            ("--tactile-window-ms", request.tactile_window_ms.to_string()),
-            ("--task", request.task.to_owned()),
-        ];
-        Ok(ShardNotes {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            shard,
-            n_bags,
-            made_by: made_by.map(|(name, value)| (name.to_owned(), value)).into(),
-            spec: DatasetSpec { fps: request.fps, task: request.task.to_owned(), robot_type: cfg.glove.clone() },
-            bags: Vec::new(),
-        })
-    }
-}
-
 /// Joins the shards of a dataset, in any order: the result is, byte for byte, that of one export of all bags.
 ///
 /// # Errors
-/// [`ExportError`] when one is no shard of this version or damaged, they are not of the same export, one is missing or twice, or `out`
-/// can't be written; there is then no dataset.
+/// [`ExportError`] when one is no shard of this version or damaged, they are not of the same export, one is missing or
+/// twice, or `out` can't be written; there is then no dataset.
 pub fn join(out: &Path, shards: &[PathBuf], observer: &dyn Observer) -> Result<Joined, ExportError> {
     let mut found: BTreeMap<usize, Source> = BTreeMap::new();
     for path in shards {
