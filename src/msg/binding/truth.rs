@@ -1,4 +1,4 @@
-//! Messages of a force sensor that tells the true force.
+//! Decodes messages of a force sensor that measures the true force.
 
 use super::stamp::StampPlan;
 use super::{BindingError, OnlyPlan, SampleError, StampFrom, plan};
@@ -6,19 +6,19 @@ use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs};
 use crate::units::Stamp;
 
-/// Which field of a message holds the true force.
+/// Fields of a message with the true force.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TruthFields {
-    /// Where the stamp comes from; `None` where the type has none and nobody has said.
+    /// Source of the stamp. `None` if the type has no stamp and the parameters don't name one.
     pub stamp: Option<StampFrom>,
-    /// Path of the force: one number, positive under pressure once the sign of the source is applied.
+    /// Path of the force: one number. It is positive under pressure after the sign of the source is applied.
     pub force: String,
-    /// `field=value` that a message must have to be for this source; all messages are where there is none.
+    /// `field=value` that selects the messages of this source. Without it, all messages are for this source.
     pub only: Option<String>,
 }
 
 impl TruthFields {
-    /// The fields of a type that is known here: the z axis of `geometry_msgs/msg/WrenchStamped`.
+    /// Fields of a type that we know: the z axis of `geometry_msgs/msg/WrenchStamped`.
     pub fn for_type(type_name: &str) -> Option<Self> {
         (canonical_type_name(type_name) == "geometry_msgs/msg/WrenchStamped").then(|| TruthFields {
             stamp: Some(StampFrom::Field("header.stamp".to_owned())),
@@ -28,7 +28,7 @@ impl TruthFields {
     }
 }
 
-/// The field of a message type, compiled.
+/// Compiled [`TruthFields`].
 #[derive(Debug, Clone)]
 pub struct TruthBinding {
     type_name: String,
@@ -39,10 +39,10 @@ pub struct TruthBinding {
 }
 
 impl TruthBinding {
-    /// Compiles the field against a type.
+    /// Compiles the fields against a type.
     ///
     /// # Errors
-    /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
+    /// [`BindingError`], which names the field that is missing or has the wrong type, or the missing stamp.
     pub fn compile(fields: &TruthFields, tree: &TypeTree) -> Result<Self, BindingError> {
         Ok(TruthBinding {
             type_name: tree.type_name().to_owned(),
@@ -53,11 +53,12 @@ impl TruthBinding {
         })
     }
 
-    /// Decodes a message that arrived at `received`: when the force was measured, and the force in the source's unit.
+    /// Decodes a message that was received at `received`. Returns the stamp of the force, and the force in the source's
+    /// unit.
     ///
     /// # Errors
-    /// [`SampleError`] when the bytes are not what the definition says, or the field holds another number of values
-    /// than one, or the message is for another source.
+    /// [`SampleError`] if the bytes don't match the definition, if the field doesn't have exactly one value, or if the
+    /// message is for another source.
     pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<(Stamp, f64), SampleError> {
         self.only.admit(cdr)?;
         self.read.clear();
@@ -71,7 +72,7 @@ impl TruthBinding {
         }
     }
 
-    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    /// Number of times that the device's clock was set or restarted, if stamps come from its own clock.
     pub fn clock_restarts(&self) -> u64 {
         self.stamp.clock_restarts()
     }
