@@ -1,4 +1,4 @@
-//! A session as a table: one row a region and frame, at the rate of the model.
+//! Converts a session to a table with one row per region and frame, at the rate of the model.
 
 use super::{ExportError, Session};
 use crate::columns::{Cells, Kind};
@@ -26,16 +26,16 @@ const COLUMNS: [(&str, Kind); 16] = [
     ("synthetic", Kind::Flag),
 ];
 
-/// The columns of a table with these joints.
+/// Columns of a table with these joints.
 pub fn columns(joints: &[String]) -> Vec<(String, Kind)> {
     let fixed = COLUMNS.iter().map(|(name, kind)| ((*name).to_owned(), *kind));
     fixed.chain(joints.iter().map(|joint| (format!("joint.{joint}"), Kind::Number))).collect()
 }
 
-/// The rows of a session, region by region.
+/// Rows of a session, region by region.
 ///
 /// # Errors
-/// [`ExportError::OtherJoints`] when the session lacks a joint of the table.
+/// [`ExportError::OtherJoints`] if the session lacks a joint of the table.
 pub fn rows(cfg: &FusionConfig, joints: &[String], session: &Session<'_>) -> Result<Vec<Vec<Cells>>, ExportError> {
     if let Some(missing) = joints.iter().find(|joint| !session.samples.joints.contains_key(*joint)) {
         let (expected, got) = (missing.clone(), session.samples.joint_names.join(", "));

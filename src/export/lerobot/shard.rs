@@ -1,4 +1,4 @@
-//! Shards of a dataset, written by several processes, joined to the one that a single process writes.
+//! Joins the shards of a dataset, which several processes wrote, to the dataset that a single process writes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,20 +14,20 @@ use crate::export::{Episode, ExportError, Failed, Feature, Request};
 use crate::observer::{Observer, check};
 use crate::sessions::Shard;
 
-/// The file that makes a dataset a shard, below its folder.
+/// Name of the file in a dataset's folder that marks it as a shard.
 pub(super) const FILE: &str = "tpf_shard.json";
 
-/// What a shard tells of itself.
+/// Description of a shard.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct ShardNotes {
     pub(crate) version: String,
     pub(crate) shard: Shard,
-    /// In all shards.
+    /// Number of bags in all shards.
     pub(crate) n_bags: usize,
-    /// Whatever else episodes depend on besides the bags.
+    /// Everything else that the episodes depend on.
     pub(crate) made_by: BTreeMap<String, String>,
     pub(super) spec: DatasetSpec,
-    /// In the order of the shard.
+    /// Bags of this shard, in their order.
     pub(crate) bags: Vec<ShardBag>,
 }
 
@@ -36,33 +36,33 @@ pub(crate) struct ShardNotes {
 pub(crate) struct ShardBag {
     pub(crate) bag: String,
     pub(crate) synthetic: bool,
-    /// Why it has no episode.
+    /// Why it has no episode, if it has none.
     pub(crate) error: Option<String>,
 }
 
-/// What became of the bags of shards that were joined.
+/// Result of joining shards.
 #[derive(Debug, Serialize)]
 pub struct Joined {
-    /// The dataset.
+    /// Path of the dataset.
     pub output: String,
-    /// Bags that are in it, in its order.
+    /// Bags in the dataset, in their order.
     pub bags: Vec<String>,
-    /// Bags that are not.
+    /// Bags that could not be exported.
     pub failed: Vec<Failed>,
 }
 
 impl ShardNotes {
-    /// Of a share of so many bags that are exported like this.
+    /// Describes a shard of an export of `n_bags` bags.
     ///
     /// # Errors
-    /// [`ExportError`] when a file that is named can't be read.
+    /// [`ExportError`] if a file of the configuration can't be read.
     pub(crate) fn new(shard: Shard, n_bags: usize, cfg: &Config, request: &Request<'_>) -> Result<Self, ExportError> {
         let sha256 = |bytes: &[u8]| Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
         let of_file = |path: &Path| Ok::<_, ExportError>(sha256(&std::fs::read(path).map_err(io(path))?));
         let mut same = cfg.clone();
         let mut models = Vec::new();
         for model in &mut same.models {
-            let path = std::mem::take(&mut model.spec.path); // machines may have the same file in other places
+            let path = std::mem::take(&mut model.spec.path); // on another machine the same file may be in another place
             models.push(if request.model.is_none() && path.is_file() { of_file(&path)? } else { "none".to_owned() });
         }
         let zero = match request.zero {
@@ -91,11 +91,11 @@ impl ShardNotes {
     }
 }
 
-/// Joins the shards of a dataset, in any order: the result is, byte for byte, that of one export of all bags.
+/// Joins the shards of a dataset, in any order. The result has the same bytes as one export of all bags.
 ///
 /// # Errors
-/// [`ExportError`] when one is no shard of this version, they are not of the same export, one is missing or twice, or `out`
-/// can't be written; there is then no dataset.
+/// [`ExportError`] if a folder is not a shard of this version, if the shards are of different exports, if one is
+/// missing or given twice, or if `out` can't be written. There is then no dataset.
 pub fn join(out: &Path, shards: &[PathBuf], observer: &dyn Observer) -> Result<Joined, ExportError> {
     let mut found: BTreeMap<usize, Source> = BTreeMap::new();
     for path in shards {
@@ -144,7 +144,7 @@ pub fn join(out: &Path, shards: &[PathBuf], observer: &dyn Observer) -> Result<J
     }
 }
 
-/// A shard that is read.
+/// A shard that is being read.
 struct Source {
     folder: PathBuf,
     notes: ShardNotes,
@@ -181,7 +181,7 @@ impl Source {
         Ok(Source { folder: folder.to_path_buf(), notes, names, table: None, n_files: 0, group: 0 })
     }
 
-    /// Refuses a shard that is not of the same export.
+    /// Refuses a shard of another export.
     fn refuse_mixture(&self, other: &Source) -> Result<(), ExportError> {
         let (a, b) = (&self.notes, &other.notes);
         let mixed = |what: &str, ours: String, theirs: String| {
@@ -202,7 +202,7 @@ impl Source {
         }
     }
 
-    /// The next of its episodes.
+    /// Reads its next episode.
     fn next_episode(&mut self, synthetic: bool) -> Result<Episode, ExportError> {
         let table = loop {
             match self.table.take().filter(|table| self.group < table.n_groups()) {
