@@ -1,4 +1,5 @@
-//! Sessions of a synthetic glove as bags: the messages of a driver, a tracker, a load cell and a protocol.
+//! Writes sessions of a synthetic glove to bags: messages of a glove driver, a hand tracker, a load cell and a
+//! protocol.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,29 +20,29 @@ use crate::units::Stamp;
 pub const TAXELS: &str = "/glove/taxels";
 /// Topic of the joint angles.
 pub const JOINTS: &str = "/hand/joint_states";
-/// Topic of the hand's points, in place of [`JOINTS`].
+/// Topic of the hand's keypoints, used instead of [`JOINTS`].
 pub const POSES: &str = "/hand/poses";
 /// Topic of the true force for a glove with taxels on one finger.
 pub const TRUTH: &str = "/load_cell/wrench";
 
-/// Topic of the true force, by the finger above the load cell; `None` if only one is possible.
+/// Topic of the true force, by the finger above the load cell. `None` if there is only one such finger.
 pub fn truth_topic(under: Option<Finger>) -> String {
     under.map_or_else(|| TRUTH.to_owned(), |finger| format!("/load_cell/{}/wrench", finger.name()))
 }
 /// Topic of the annotations.
 pub const STAGE: &str = "/stage";
 
-/// Form in which the hand is written.
+/// Form of the hand data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum HandForm {
     /// Joint angles on [`JOINTS`].
     #[default]
     Angles,
-    /// The poses of a right hand's points on [`POSES`], in the order of a layout.
+    /// Poses of a right hand's keypoints on [`POSES`], in the order of a layout.
     Poses(NamedLayout),
 }
 
-/// The reason why a session is not written.
+/// A session that can't be written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SyntheticError {
@@ -53,18 +54,18 @@ pub enum SyntheticError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Writes one session; returns the number of its messages.
+/// Writes one session and returns the number of messages.
 ///
 /// # Errors
-/// [`SyntheticError`] when there is no such session, or the bag can't be written; the bag is absent then.
+/// [`SyntheticError`] if there is no such session, or if the bag can't be written. There is then no bag.
 pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Observer) -> Result<u64, SyntheticError> {
     write_as(spec, HandForm::Angles, path, overwrite, observer)
 }
 
-/// Writes one session with the hand in another form; returns the number of its messages.
+/// Writes one session with another form of the hand data, and returns the number of messages.
 ///
 /// # Errors
-/// As [`write()`].
+/// As for [`write()`].
 pub fn write_as(
     spec: &SessionSpec,
     hand: HandForm,
@@ -85,7 +86,7 @@ pub fn write_as(
         hand,
         truth: match spec.conditions.fingers {
             Fingers::Index => BTreeMap::from([(None, bag.add_topic::<WrenchStamped>(TRUTH)?)]),
-            Fingers::All => BTreeMap::new(), // a finger that the load cell is never under has no topic
+            Fingers::All => BTreeMap::new(), // a finger that is never above the load cell has no topic
         },
         stage: bag.add_topic::<Stage>(STAGE)?,
         bag,
@@ -139,7 +140,7 @@ impl Topics {
     }
 }
 
-/// A record in its message type.
+/// A record of a simulated session as a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
     /// On [`TAXELS`].
@@ -154,7 +155,7 @@ pub enum Message {
     Stage(Stage),
 }
 
-/// A record of a simulated session as a message.
+/// Converts a record of a simulated session to a message.
 pub fn message(record: &Record, hand: HandForm) -> Message {
     let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
     let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
@@ -185,7 +186,7 @@ pub fn message(record: &Record, hand: HandForm) -> Message {
     }
 }
 
-/// The poses of a right hand; NaN where an angle is missing.
+/// Poses of a right hand. NaN if an angle is missing.
 fn poses(names: &[String], positions: &[f64], layout: NamedLayout) -> Vec<Pose> {
     let angle = |joint: &str| names.iter().zip(positions).find(|(name, _)| *name == joint).map(|(_, angle)| *angle);
     let angles = SIM_JOINTS.map(|joint| angle(joint).unwrap_or(f64::NAN));
