@@ -79,16 +79,17 @@ impl ContactState {
     pub const ADAPTATION_FROZEN: u8 = 1;
     /// `adaptation`: the artifact is removed, and its changes are followed.
     pub const ADAPTATION_LEARNING: u8 = 2;
-    /// `adaptation`: as before, but this frame is not used for learning, because there may be contact.
+    /// `adaptation`: as before, but this frame is not reliable for learning: a touch, missing joint angles, or a fault.
     pub const ADAPTATION_WAITING: u8 = 3;
-    /// `adaptation`: as before, but the artifact has reached the largest distance from its calibration.
+    /// `adaptation`: as before, but the artifact has reached its largest distance from the calibration.
     pub const ADAPTATION_CAPPED: u8 = 4;
 
     /// `flags`: the window of the model is not full yet.
     pub const WARMUP: u32 = 1;
     /// `flags`: there is no baseline to subtract.
     pub const UNCALIBRATED: u32 = 2;
-    /// `flags`: a joint angle of the window is unknown or too old, so the force has no pose correction.
+    /// `flags`: a joint angle of the window is unknown or too old. The force is the base force, or is computed with the
+    /// artifact of the last known angles removed, or there is no estimate.
     pub const STALE_POSE: u32 = 4;
     /// `flags`: no taxels arrived in time.
     pub const STALE_TACTILE: u32 = 8;

@@ -100,8 +100,8 @@ impl TruthTrack {
 const MOST_PRESSED_GF: f64 = 30_000.0;
 /// A recording with presses has more tared force than this, gF: 0.3 N.
 const LEAST_PRESSED_GF: f64 = 30.0;
-/// Minimum drift and noise of a load cell, gF, by the unit in the parameters. If a cell sends N and the parameters say
-/// gF or mN, its noise seems smaller.
+/// Drift and noise that a load cell may have without a doubt, gF, by the unit in the parameters. For gF and mN they are
+/// small, because a cell that sends N then seems to have little noise.
 const DRIFT_GF: [(ForceUnit, f64); 4] = [
     (ForceUnit::Newton, 15.0),
     (ForceUnit::KilogramForce, 15.0),
