@@ -1,10 +1,10 @@
 //! Computes the paper's network, and the causal network of adaptive models, in our own code. Windows share the work on
 //! common frames.
 //!
-//! Values that depend on one frame are computed once per frame: the encoding of the pose, the input projections of the
-//! first LSTM layer, the taps of the convolutions, and the interior of the convolutions, which is the same in every
-//! window that contains it. The rest is computed once per window: the few frames of each convolution that see its zero
-//! padding, and the recurrences, which start anew in each window. These run over many windows at once.
+//! Values that don't depend on the window are computed once per frame: the encoding of the pose, the input projections
+//! of the first LSTM layer, the taps of the convolutions, and the interior of the convolutions, which is the same in
+//! every window that contains it. The rest is computed once per window: the few frames of each convolution that see its
+//! zero padding, and the recurrences, which start anew in each window. These run over many windows at once.
 //!
 //! Windows come in two layouts. In a stretch, windows overlap: frame `k` of window `i` is frame `i + k`. In lanes,
 //! windows share nothing: frame `k` of window `i` is frame `k` of lane `i`. If the same lanes come again one frame

@@ -54,7 +54,7 @@ pub(super) struct Core<'c> {
     /// Stamps of the first and the last frame.
     pub(super) span: Option<(Stamp, Stamp)>,
     busy: Duration,
-    /// Time of that in the models.
+    /// Part of `busy` that the models took.
     inference: InferenceTime,
     observer: &'c dyn Observer,
 }

@@ -211,9 +211,8 @@ impl Seen {
 
 /// Annotations of a recording that is without load in the spans `free`, from `begin` on.
 ///
-/// A recording without annotations gets two stages of the protocol. Spans in the air become stage 1. A part with
-/// presses becomes stage 2, in which the hand alternates between air and presses. Each stage is divided into training
-/// and test separately.
+/// A recording without annotations gets two stages of the protocol: the time in the air becomes stage 1, the rest
+/// becomes stage 2. Each stage is divided into training and test separately.
 fn stages(known: &Annotations, free: &[ZeroLoad], begin: Stamp) -> Vec<Stage> {
     let mut bounds: Vec<Stamp> = known.all().iter().map(|annotation| annotation.from).chain([begin]).collect();
     for stretch in free {
