@@ -82,7 +82,7 @@ pub enum ModelError {
         first: String,
         /// The second source with its value.
         second: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
     /// A tensor of the contract is missing.
@@ -254,7 +254,7 @@ pub enum ModelError {
         got: f32,
         /// Base minus residual.
         expected: f32,
-        /// What to do, if it is known. Starts with `; `.
+        /// The remedy, if it is known. Starts with `; `.
         hint: &'static str,
     },
 }

@@ -54,7 +54,7 @@ fn overlapped(
         // A thread ends when the other end of its queue is dropped, which has happened by now.
         let reading = reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         let writing = writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        // What the writing stage handled is earlier than what the core handles, so its error comes first.
+        // The writing stage handles earlier portions than the core, so its error comes first.
         let writing = writing?;
         fused?;
         Ok((reading, writing))
