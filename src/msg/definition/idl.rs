@@ -20,8 +20,8 @@ const MAX_TEXT: usize = 2 << 20;
 /// All structs of a schema, by canonical name.
 pub(super) type Structs = BTreeMap<String, MessageDefinition>;
 
-/// Parses a schema as in a bag: the text of one `.idl` file, or of several, each after a separator line and `IDL:
-/// name`.
+/// Parses a schema as in a bag: the text of one `.idl` file, or of several, each after a separator line and
+/// `IDL: name`.
 ///
 /// # Errors
 /// [`DefinitionError::Line`], which names `type_name`, the type of the schema.
