@@ -1,4 +1,4 @@
-//! The zero of a donning from its recording: bags in, a calibration out, judged by the models that will use it.
+//! Makes a calibration from a recording of a donning, and checks it with the models that will use it.
 
 use std::path::PathBuf;
 
@@ -13,38 +13,39 @@ use crate::recording::input_topics;
 use crate::sessions::{InAir, KnownForces, RegionTouches, SessionError, annotated, force_gains};
 use crate::zero::{self, LoadCheck, Wanted, ZeroError, ZeroFrom};
 
-/// What a calibration is taken from.
+/// Options of a calibration.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
-    /// MCAP or `.db3` files or bag folders: one recording; several are parts of one, merged by time.
+    /// MCAP or `.db3` files or bag folders of one recording. Several are merged by time.
     pub bags: &'a [PathBuf],
-    /// The first seconds, in which nothing touches the glove, instead of annotated zero-load stretches.
+    /// Number of seconds at the beginning in which nothing touches the glove. They are used instead of annotated
+    /// zero-load spans.
     pub first_s: Option<f64>,
-    /// What tells when nothing touches the glove, in place of the annotations of the recording.
+    /// Times at which nothing touches the glove. They replace the annotations of the recording.
     pub in_air: Option<&'a InAir>,
-    /// Touches of a known force, which fit what forces are multiplied by; `None` for no such gain.
+    /// Touches of known force, from which force gains are fitted. `None` fits no gains.
     pub known_forces: Option<KnownForces>,
 }
 
 impl<'a> Request<'a> {
-    /// The annotated zero-load stretches of a recording, and no gain.
+    /// Options for the annotated zero-load spans of a recording, without force gains.
     pub fn new(bags: &'a [PathBuf]) -> Self {
         Request { bags, first_s: None, in_air: None, known_forces: None }
     }
 }
 
-/// A calibration and where it is from.
+/// A calibration, with its sources.
 #[derive(Debug)]
 pub struct Calibrated {
-    /// What is kept in a file: [`Calibration::save`].
+    /// The calibration, to be written with [`Calibration::save`].
     pub calibration: Calibration,
-    /// Where the zero is from.
+    /// Source of the zero.
     pub from: ZeroFrom,
-    /// What touches of a known force told, by region.
+    /// Known touches and the gain from them, by region.
     pub touches: Vec<RegionTouches>,
 }
 
-/// Why there is no calibration. Each text is one line.
+/// A calibration that is not possible. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum CalibrateError {
@@ -66,10 +67,11 @@ pub enum CalibrateError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Takes the zero of a recording, checks that the models read no force in it, and fits the gain of known touches.
+/// Takes the zero of a recording, checks that the models estimate no force in it, and fits the gains from known
+/// touches.
 ///
 /// # Errors
-/// [`CalibrateError`] when the recording can't be read, a model can't be loaded, or the zero is refused.
+/// [`CalibrateError`] if the recording can't be read, if a model can't be loaded, or if the zero is refused.
 pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Calibrated, CalibrateError> {
     cfg.calibration.file = None; // a new calibration doesn't start from the old one
     let models = Models::load(&cfg)?;
@@ -95,7 +97,7 @@ pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> R
     Ok(Calibrated { calibration: zero.to_calibration(&cfg, &known_models.hashes), from: zero.from, touches })
 }
 
-/// Takes the rest through the core, whose forces tell whether something touched the glove.
+/// Runs the rest of the recording through the core. Its forces show whether something touched the glove.
 fn judge(
     cfg: &Config,
     bags: &[PathBuf],

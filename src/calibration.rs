@@ -1,4 +1,4 @@
-//! The calibration file: baselines of a glove on a hand, kept so that a session need not start in the air again.
+//! The calibration file: baselines of a glove on a hand, stored so that a session need not start in the air again.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -12,7 +12,7 @@ use crate::fusion::{ArtifactFit, Baseline, ForceGain, TactileSource};
 
 const FORMAT: &str = "tactile_pose_fusion/calibration/1";
 
-/// The largest file that is read; a glove of 4096 taxels takes a hundredth of it.
+/// Largest file that is read. A glove with 4096 taxels needs a hundredth of it.
 const MAX_BYTES: u64 = 16 << 20;
 
 /// Contents of a calibration file. YAML on disk.
@@ -20,25 +20,25 @@ const MAX_BYTES: u64 = 16 << 20;
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     format: String,
-    /// Serial number of the glove, as `glove` in the parameters; empty if not given.
+    /// Serial number of the glove, as in the parameter `glove`. Empty if not given.
     pub glove: String,
-    /// Who wore it, as `user` in the parameters; empty if not given.
+    /// The person who wore it, as in the parameter `user`. Empty if not given.
     pub user: String,
-    /// SHA-256 of each model in use then, by its name in the parameters.
+    /// SHA-256 of each model in use, by the model's name in the parameters.
     pub models: BTreeMap<String, String>,
-    /// What was recorded: bag or live, and for how long at zero load.
+    /// The recording: bag or live, and its time at zero load.
     pub recorded: String,
-    /// The baseline of each tactile source, by its name in the parameters.
+    /// Baseline of each tactile source, by the source's name in the parameters.
     pub sources: BTreeMap<String, Baseline>,
-    /// The artifact of each region whose model has artifacts, by its name in the parameters.
+    /// Artifact of each region whose model has an artifact model, by the region's name in the parameters.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub artifacts: BTreeMap<String, ArtifactFit>,
-    /// What forces are multiplied by in each region that was pressed with known forces, by its name in the parameters.
+    /// Force gain of each region that was touched with known force, by the region's name in the parameters.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub force_gains: BTreeMap<String, ForceGain>,
 }
 
-/// Why a calibration file can't be used. Each text is one line that names the file.
+/// A calibration file that can't be used. Each message is one line that names the file.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum CalibrationFileError {
@@ -61,7 +61,7 @@ pub enum CalibrationFileError {
 }
 
 impl Calibration {
-    /// A calibration of these sources.
+    /// A calibration with these baselines.
     pub fn new(glove: &str, user: &str, recorded: String, sources: BTreeMap<String, Baseline>) -> Self {
         let (glove, user) = (glove.to_owned(), user.to_owned());
         Calibration {
@@ -76,12 +76,12 @@ impl Calibration {
         }
     }
 
-    /// Reads a calibration and checks that it belongs to this glove, user and set of sources.
+    /// Reads a calibration and checks that it is for this glove, this user and these sources.
     ///
-    /// An empty `glove` or `user` on either side is not compared.
+    /// If `glove` or `user` is empty on either side, it is not compared.
     ///
     /// # Errors
-    /// [`CalibrationFileError`], whose text names the file and what doesn't fit.
+    /// [`CalibrationFileError`], which names the file and the difference.
     pub fn load(
         path: &Path,
         glove: &str,
@@ -133,10 +133,10 @@ impl Calibration {
         Ok(found)
     }
 
-    /// Writes a new calibration file, whole or not at all.
+    /// Writes a new calibration file. It appears complete or not at all.
     ///
     /// # Errors
-    /// [`CalibrationFileError::Exists`] when there is one of that name already, [`CalibrationFileError::Write`].
+    /// [`CalibrationFileError::Exists`] if the file exists, [`CalibrationFileError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), CalibrationFileError> {
         match self.written_beside(path)?.persist_noclobber(path) {
             Ok(_) => Ok(()),
@@ -147,7 +147,7 @@ impl Calibration {
         }
     }
 
-    /// Writes a calibration file in place of the one that is there, if there is one, whole or not at all.
+    /// Writes a calibration file and replaces an existing one. The new file appears complete or not at all.
     ///
     /// # Errors
     /// [`CalibrationFileError::Write`].

@@ -1,6 +1,6 @@
-//! What a glove does when the hand moves: the bags of its sessions in, [`Characterized`] out.
+//! Characterizes how a glove responds to movements of the hand, from the bags of its sessions.
 //!
-//! [`characterize`](crate::characterize) is the analysis; this reads bags for it and puts what it finds together.
+//! [`characterize`](crate::characterize) is the analysis. This module reads the bags for it and collects the results.
 
 mod fragment;
 mod load;
@@ -25,32 +25,32 @@ use crate::recording::RecordingError;
 use crate::sessions::{SessionError, session_name};
 use crate::zero::Wanted;
 
-/// A joint is suggested as long as it adds this share to what is explained of the artifact.
+/// Minimum share of the artifact that a joint must explain in addition to others to be suggested.
 pub const MIN_GAIN: f64 = 0.005;
 
-/// What a glove is characterized from.
+/// Options of a characterization.
 #[derive(Debug, Clone, Copy)]
 pub struct Request<'a> {
-    /// One recording each, of one donning of the glove.
+    /// Recordings, each of one donning of the glove.
     pub bags: &'a [PathBuf],
-    /// Where the zero of the taxels is from.
+    /// Source of the zero of the taxels.
     pub zero: Wanted<'a>,
-    /// When nothing touches the glove; `None` for what the annotations say.
+    /// Times at which nothing touches the glove. `None` uses the annotations.
     pub in_air: Option<&'a InAir>,
-    /// Least share that a suggested joint adds to what is explained of the artifact, in `[0, 1)`.
+    /// Minimum share of the artifact that a suggested joint must explain in addition to others, in `[0, 1)`.
     pub min_gain: f64,
-    /// Whether a bag without the true force of the parameters is at fault.
+    /// True if a bag fails without the true force that the parameters name.
     pub needs_truth: bool,
 }
 
 impl<'a> Request<'a> {
-    /// Sessions that are annotated.
+    /// Options for sessions with annotations.
     pub fn new(bags: &'a [PathBuf]) -> Self {
         Request { bags, zero: Wanted::Any, in_air: None, min_gain: MIN_GAIN, needs_truth: false }
     }
 }
 
-/// Why a glove can't be characterized. Each text is one line.
+/// A glove that can't be characterized. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum CharacterizeError {
@@ -71,66 +71,66 @@ pub enum CharacterizeError {
 }
 
 impl CharacterizeError {
-    /// What is wrong with a bag.
+    /// An error in a bag.
     fn in_bag(bag: &Path, reason: &dyn std::fmt::Display) -> Self {
         CharacterizeError::InBag { bag: bag.display().to_string(), reason: reason.to_string() }
     }
 }
 
-/// Everything that was found.
+/// Results of a characterization.
 #[derive(Debug, Serialize)]
 pub struct Characterized {
     /// Version of this crate.
     pub tool_version: &'static str,
-    /// Whether some recording was made by a simulator.
+    /// True if some recording is simulated.
     pub synthetic: bool,
-    /// One a bag, in their order.
+    /// One per bag, in their order.
     pub sessions: Vec<SessionSummary>,
     /// In the order of the parameters.
     pub regions: Vec<RegionResult>,
-    /// Joints that are not looked at, and why.
+    /// Joints that were not examined, with reasons.
     pub joints_left_out: Vec<String>,
-    /// What the recordings lack, and what is not told for that.
+    /// Data that the recordings lack, and results that are missing because of it.
     pub missing: Vec<String>,
     /// Lines for the parameter file, below `ros__parameters`.
     pub parameters: String,
 }
 
-/// What results say of a session.
+/// Summary of a session.
 #[derive(Debug, Serialize)]
 pub struct SessionSummary {
-    /// What it is called: its bag without the folder.
+    /// Name: the bag without its folder.
     pub name: String,
     /// Path of the bag.
     pub bag: String,
-    /// `?` where nothing tells it.
+    /// `?` if unknown.
     pub glove: String,
-    /// `?` where nothing tells it.
+    /// `?` if unknown.
     pub user: String,
-    /// Whether it was made by a simulator.
+    /// True if it is simulated.
     pub synthetic: bool,
-    /// What tells the time in the air.
+    /// Source for the time in the air.
     pub in_air: String,
-    /// Where the baseline comes from.
+    /// Source of the baseline.
     pub zero: String,
     /// Timing of each tactile source.
     pub tactile: Vec<NamedTiming>,
     /// Timing of each joint source.
     pub joints: Vec<NamedTiming>,
-    /// What was lost of the bag.
+    /// Data of the bag that were lost.
     pub losses: Vec<String>,
 }
 
-/// What was found of a region.
+/// Results for a region.
 #[derive(Debug, Serialize)]
 pub struct RegionResult {
     /// Its name.
     pub region: String,
     /// Its taxels as indices into a sample of the source.
     pub taxels: Vec<usize>,
-    /// Its joints by the parameters.
+    /// Its joints in the parameters.
     pub configured_joints: Vec<String>,
-    /// What its taxels do.
+    /// Behaviour of its taxels.
     #[serde(flatten)]
     pub report: RegionReport,
 }
@@ -138,7 +138,7 @@ pub struct RegionResult {
 /// Characterizes a glove from the bags of its sessions.
 ///
 /// # Errors
-/// [`CharacterizeError`] when a bag can't be read, nothing tells when its hand was in the air, or the observer cancels.
+/// [`CharacterizeError`] if a bag can't be read, if the time in the air is unknown, or if the observer cancels.
 pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Characterized, CharacterizeError> {
     let bags = request.bags;
     let scans = bags.iter().map(|bag| Scan::of(bag, cfg, observer)).collect::<Result<Vec<_>, _>>()?;

@@ -1,12 +1,12 @@
-//! Effect of hand motion on a glove's taxels: the paper's characterization for any glove. Pure: no I/O.
+//! Analyses the effect of hand motion on a glove's taxels: the paper's characterization for any glove. Pure: no I/O.
 //!
-//! [`characterize`] takes every frame of one region from every session and answers: which joints affect which taxels,
-//! how pose changes the response to force, how large the artifacts are compared with a tap, how much of them lags, and
-//! how the sensor behaves at rest. Readings are the model's input, baseline subtracted, in the sensor's own unit; `sum`
-//! is the sum over all taxels of the region.
+//! [`characterize`] takes every frame of one region from every session. It finds which joints affect which taxels, how
+//! pose changes the response to force, how large the artifacts are compared with a tap, how much of them lags, and how
+//! the sensor behaves at rest. Readings are the model's input: baseline subtracted, in the sensor's own unit. `sum` is
+//! the sum over all taxels of the region.
 //!
-//! All frames of all sessions are held in memory, because the relevant joints are known only after all frames were
-//! read: 4 bytes for each taxel and joint of a frame, 20 MB for 28 minutes of 6 taxels and 20 joints at 100 Hz.
+//! All frames of all sessions are in memory, because the relevant joints are known only after all frames were read. A
+//! frame takes 4 bytes for each taxel and joint: 20 MB for 28 minutes of 6 taxels and 20 joints at 100 Hz.
 //!
 //! # Source
 //! Pose-aware tactile gloves, Sec. III, Observations 1 to 3.

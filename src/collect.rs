@@ -1,5 +1,5 @@
-//! Leads a user through a collection protocol: current instruction, annotations, sensor values, and whether the data is
-//! good enough to train on. Pure: time is an argument.
+//! Leads a user through a collection protocol: current instruction, annotations, sensor values, and whether the data
+//! are good enough for training. Pure: time is an argument.
 
 mod checks;
 mod done;

@@ -1,4 +1,4 @@
-//! Tables as Parquet files, which DuckDB, Polars and pandas read, and as CSV.
+//! Writes and reads tables: Parquet files, which DuckDB, Polars and pandas read, and CSV.
 
 mod cells;
 mod csv;
@@ -40,7 +40,7 @@ pub enum ColumnsError {
     OtherColumns { path: PathBuf, expected: String, got: String },
 }
 
-/// A table on its way to the disk, group of rows by group of rows; under its name only once it is whole.
+/// A Parquet file that is being written, one group of rows after another. It gets its name only when it is complete.
 pub struct ColumnFile {
     path: PathBuf,
     columns: Vec<(String, Kind)>,
@@ -49,10 +49,10 @@ pub struct ColumnFile {
 }
 
 impl ColumnFile {
-    /// A table of these columns, with notes about the whole of it.
+    /// Creates a table with these columns, and with notes about the whole table.
     ///
     /// # Errors
-    /// [`ColumnsError`] when the file can't be made beside `path`, or a name can't be that of a column.
+    /// [`ColumnsError`] if the file can't be created in the folder of `path`, or if a name is not valid for a column.
     pub fn create(path: &Path, columns: &[(&str, Kind)], notes: &[(&str, String)]) -> Result<Self, ColumnsError> {
         let in_file = |error: ParquetError| ColumnsError::Parquet { path: path.to_path_buf(), error };
         let failed = |error: std::io::Error| ColumnsError::Io { path: path.to_path_buf(), error };
@@ -72,10 +72,10 @@ impl ColumnFile {
         Ok(ColumnFile { path: path.to_path_buf(), columns, writer, file })
     }
 
-    /// Adds rows, which readers may take or leave as a whole: a session, for example.
+    /// Adds a group of rows, such as a session. Readers can skip a group.
     ///
     /// # Errors
-    /// [`ColumnsError`] when columns are of other kinds or lengths than they must be, or the disk refuses.
+    /// [`ColumnsError`] if cells have the wrong kind or length, or if a write fails.
     pub fn write(&mut self, cells: &[Cells]) -> Result<(), ColumnsError> {
         let ColumnFile { path, columns, writer, .. } = self;
         let in_file = |error: ParquetError| ColumnsError::Parquet { path: path.clone(), error };
@@ -93,15 +93,15 @@ impl ColumnFile {
         group.close().map(|_| ()).map_err(in_file)
     }
 
-    /// Adds a note about the whole of the table, which only its end tells.
+    /// Adds a note about the whole table that is known only at its end.
     pub fn note(&mut self, key: &str, value: String) {
         self.writer.append_key_value_metadata(KeyValue::new(key.to_owned(), value));
     }
 
-    /// Notes what is in the table so far, for [`TableReader::open_sealed`]. No rows may follow.
+    /// Adds a checksum of the table so far, for [`TableReader::open_sealed`]. No rows may follow.
     ///
     /// # Errors
-    /// [`ColumnsError`] when the disk refuses.
+    /// [`ColumnsError`] if a write fails.
     pub fn seal(&mut self) -> Result<(), ColumnsError> {
         let flushed = self.writer.flush();
         flushed.map_err(|error| ColumnsError::Io { path: self.path.clone(), error })?;
@@ -113,15 +113,15 @@ impl ColumnFile {
         Ok(())
     }
 
-    /// Bytes on the disk so far.
+    /// Number of bytes that are on the disk.
     pub fn bytes_written(&self) -> usize {
         self.writer.bytes_written()
     }
 
-    /// Gives the table its name, in place of what is there.
+    /// Completes the table and gives it its name. An existing file is replaced.
     ///
     /// # Errors
-    /// [`ColumnsError`] when the disk refuses; what was there is then as it was.
+    /// [`ColumnsError`] if a write fails. An existing file is then unchanged.
     pub fn finish(self) -> Result<(), ColumnsError> {
         let ColumnFile { path, writer, file, .. } = self;
         let closed = writer.close();
@@ -131,7 +131,7 @@ impl ColumnFile {
     }
 }
 
-/// Refuses cells of other kinds or lengths than the columns of a table.
+/// Refuses cells whose kind or length differs from the columns of a table.
 fn check(path: &Path, columns: &[(String, Kind)], cells: &[Cells]) -> Result<(), ColumnsError> {
     let n_rows = cells.first().map_or(0, Cells::n_rows);
     for ((column, expected), cells) in columns.iter().zip(cells) {
@@ -246,7 +246,7 @@ mod tests {
             let mut changed = bytes.clone();
             changed[at] ^= 0x55;
             std::fs::write(&path, &changed).unwrap();
-            // What no seal covers, such as notes, is no part of the cells.
+            // Parts that no seal covers, such as notes, don't change the cells.
             if let Ok(read) = TableReader::open_sealed(&path) {
                 let groups = (0..read.n_groups()).filter_map(|idx| read.group(idx).ok());
                 groups.for_each(|cells| assert_eq!(cells, written, "byte {at}"));

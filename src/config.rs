@@ -1,4 +1,4 @@
-//! A ROS 2 parameter file, parsed into what the other modules are told. The only place with defaults.
+//! Parses a ROS 2 parameter file to the configuration of the other modules. The only place with defaults.
 
 mod domain;
 mod error;
@@ -19,24 +19,24 @@ pub use names::{NameError, NodeName, resolve_name};
 pub use param_file::{Origin, Param, ParamTree, parse_param_file, parse_param_files};
 pub use scalar::ParamValue;
 
-/// The node's full name unless it is given another one.
+/// Default for the node's full name.
 pub const DEFAULT_NODE: &str = "/tactile_pose_fusion";
 
-/// What the keys of QoS overrides begin with: `qos_overrides.<topic>.<publisher|subscription>.<policy>`.
+/// Prefix of QoS overrides: `qos_overrides.<topic>.<publisher|subscription>.<policy>`.
 pub const QOS_OVERRIDES: &str = "qos_overrides.";
 
 /// Reads the configuration of a node from a parameter file.
 ///
 /// # Errors
-/// [`ConfigError`] when the file can't be read, or what it says is refused.
+/// [`ConfigError`] if the file can't be read, or if its content is refused.
 pub fn load(path: &Path, node_fqn: &str) -> Result<Config, ConfigError> {
     Config::from_tree(&load_tree(&[path], node_fqn)?)
 }
 
-/// Reads the parameters of a node from files, the later ones over the earlier ones, before any override.
+/// Reads the parameters of a node from files, without overrides. Later files win over earlier ones.
 ///
 /// # Errors
-/// [`ConfigError`] when a file can't be read or is no parameter file.
+/// [`ConfigError`] if a file can't be read or is not a parameter file.
 pub fn load_tree<P: AsRef<Path>>(paths: &[P], node_fqn: &str) -> Result<ParamTree, ConfigError> {
     let files = paths.iter().map(|path| Ok((read(path.as_ref())?, path.as_ref().to_string_lossy())));
     let files = files.collect::<Result<Vec<_>, ConfigError>>()?;
@@ -44,7 +44,7 @@ pub fn load_tree<P: AsRef<Path>>(paths: &[P], node_fqn: &str) -> Result<ParamTre
     Ok(parse_param_files(&files, node_fqn)?)
 }
 
-/// The text of a file, or the beginning of one that is too long, which the parser then refuses.
+/// Reads the text of a file. Of a file that is too long, it reads only the beginning, which the parser then refuses.
 fn read(path: &Path) -> Result<String, ConfigError> {
     let refuse = |reason: String| ConfigError::Read { file: text::printable(&path.to_string_lossy()), reason };
     let mut bytes = Vec::new();

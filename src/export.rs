@@ -1,5 +1,4 @@
-//! Sessions in the forms that learning tools and tables read: LeRobot datasets, and frames as rows. [`run`] takes bags to
-//! them.
+//! Exports sessions to LeRobot datasets and to tables, for learning tools and spreadsheets. [`run`] does this for bags.
 
 mod card;
 mod episode;
@@ -31,37 +30,37 @@ pub use rows::{TableLayout, rows};
 pub use run::run;
 pub use summary::{BagSummary, EpisodeSummary, Failed, Summary};
 
-/// A session that is to be exported.
+/// A session to export.
 #[derive(Debug)]
 pub struct Session<'a> {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Whether it is no recording but made by a simulator.
+    /// True if the data are simulated, not recorded.
     pub synthetic: bool,
     /// `[regions]`.
     pub estimates: &'a [EstimateTrack],
-    /// `[regions]`: the true force at each estimate; `None` where the bag tells none.
+    /// `[regions]`: the true force at each estimate. `None` if the bag has none.
     pub truth: &'a [Option<Vec<Option<GramForce>>>],
     /// `[regions]`: its tangential part, x y z in the frame of the patch; `None` where the bag tells none.
     pub tangential_truth: &'a [Option<Vec<Option<[GramForce; 3]>>>],
     /// Taxels and joint angles.
     pub samples: &'a Samples,
-    /// What the protocol asked for.
+    /// Annotations of the protocol.
     pub annotations: &'a Annotations,
 }
 
-/// One column of frames.
+/// One column of the frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Feature {
-    /// Without slashes, which LeRobot refuses.
+    /// Its name. It has no slashes, because LeRobot refuses them.
     pub name: String,
-    /// Names of its elements, where each has one.
+    /// Names of its elements, if they have names.
     pub names: Option<Vec<String>>,
-    /// One a frame.
+    /// One cell per frame.
     pub cells: Cells,
 }
 
-/// Why a session can't be exported. Each text is one line.
+/// An export that is not possible. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum ExportError {
@@ -140,7 +139,7 @@ pub enum ExportError {
 }
 
 impl ExportError {
-    /// What is wrong with a bag.
+    /// An error in a bag.
     fn in_bag(bag: &Path, reason: &dyn std::fmt::Display) -> Self {
         ExportError::InBag { bag: bag.display().to_string(), reason: reason.to_string() }
     }

@@ -1,4 +1,4 @@
-//! A glove as its parameters describe it, with its models ready to run.
+//! A glove as described by its parameters, with its models ready to run.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use crate::model::{self, ModelError, ModelInfo};
 use crate::observer::Observer;
 use crate::zero::KnownModels;
 
-/// Why there is no glove to work with.
+/// A glove that can't be loaded.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum GloveError {
@@ -28,38 +28,39 @@ pub struct Glove {
 }
 
 impl Glove {
-    /// The glove of a parameter file, for the node of the default name. Models are found beside the file.
+    /// Loads the glove of a parameter file, for the node with the default name. Paths of models are relative to the
+    /// file.
     ///
     /// # Errors
-    /// [`GloveError`] when a parameter is refused or a model can't be loaded.
+    /// [`GloveError`] if a parameter is refused, or if a model can't be loaded.
     pub fn load(params: impl AsRef<Path>) -> Result<Self, GloveError> {
         Self::new(config::load(params.as_ref(), DEFAULT_NODE)?)
     }
 
-    /// The glove of a configuration.
+    /// Loads the glove of a configuration.
     ///
     /// # Errors
-    /// [`GloveError`] when a model can't be loaded.
+    /// [`GloveError`] if a model can't be loaded.
     pub fn new(cfg: Config) -> Result<Self, GloveError> {
         let models = Models::load(&cfg)?;
         Ok(Glove { cfg, models })
     }
 
-    /// What the parameters say.
+    /// The configuration.
     pub fn config(&self) -> &Config {
         &self.cfg
     }
 
-    /// What is known of each model, in the order of the configuration.
+    /// Information about each model, in the order of the configuration.
     pub fn models(&self) -> &[ModelInfo] {
         &self.models.infos
     }
 
-    /// The core that turns samples into forces. It says UNCALIBRATED until it is given a zero:
-    /// [`Fusion::handle_baseline`], or [`Zero::install`](crate::zero::Zero::install).
+    /// The core that computes forces from samples. Its estimates have the flag UNCALIBRATED until it gets a zero, with
+    /// [`Fusion::handle_baseline`] or [`Zero::install`](crate::zero::Zero::install).
     ///
     /// # Errors
-    /// [`GloveError::Setup`] when a region doesn't fit its model.
+    /// [`GloveError::Setup`] if a region doesn't fit its model.
     pub fn into_core(self) -> Result<Fusion, GloveError> {
         Ok(Fusion::new(self.cfg.fusion, self.models.regressors)?)
     }
@@ -68,9 +69,9 @@ impl Glove {
 /// Models that are ready to run, in the order of a configuration.
 #[derive(Debug)]
 pub struct Models {
-    /// What is known of each.
+    /// Information about each model.
     pub infos: Vec<ModelInfo>,
-    /// What runs each.
+    /// The models, ready to run.
     pub regressors: Vec<Box<dyn Regressor>>,
 }
 
@@ -78,7 +79,7 @@ impl Models {
     /// Loads the models of a configuration.
     ///
     /// # Errors
-    /// [`ModelError`] when one can't be used.
+    /// [`ModelError`] if one can't be used.
     pub fn load(cfg: &Config) -> Result<Self, ModelError> {
         let mut models = Models { infos: Vec::new(), regressors: Vec::new() };
         for model_cfg in &cfg.models {
@@ -112,19 +113,19 @@ impl Models {
         self.notes(cfg).iter().for_each(|note| observer.note(note));
     }
 
-    /// Frames of one inference call with which these models run fastest.
+    /// Number of frames per inference call at which these models run fastest.
     pub fn batch_hint(&self) -> usize {
         self.infos.iter().map(|info| info.batch_hint).max().unwrap_or(1)
     }
 }
 
-/// What a zero must know of the models of a configuration.
+/// Properties of the models of a configuration that a zero depends on.
 pub fn known(cfg: &Config, models: &[ModelInfo]) -> KnownModels {
     let named = cfg.models.iter().map(|model| model.name.as_str()).zip(models);
     KnownModels::new(named.map(|(name, info)| (name, info.sha256.as_str(), &info.contract)))
 }
 
-/// More than one model, where one was to be replaced.
+/// Error: the configuration has several models, and one should be replaced.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "--model stands for one model, the parameters have {}: {}; set -p model.NAME.path:=FILE for each",
@@ -132,14 +133,14 @@ pub fn known(cfg: &Config, models: &[ModelInfo]) -> KnownModels {
     names.join(", ")
 )]
 pub struct SeveralModels {
-    /// Of the configuration.
+    /// Names of the models in the configuration.
     pub names: Vec<String>,
 }
 
-/// Puts another file in the place of the only model of a configuration.
+/// Replaces the file of the only model in a configuration.
 ///
 /// # Errors
-/// [`SeveralModels`] when it has more than one.
+/// [`SeveralModels`] if it has more than one.
 pub fn replace_model(cfg: &mut Config, path: PathBuf) -> Result<(), SeveralModels> {
     let [only] = cfg.models.as_mut_slice() else {
         return Err(SeveralModels { names: cfg.models.iter().map(|model| model.name.clone()).collect() });
@@ -148,8 +149,8 @@ pub fn replace_model(cfg: &mut Config, path: PathBuf) -> Result<(), SeveralModel
     Ok(())
 }
 
-/// Takes the joints from regions whose model has no pose input, so that the parameters of a pose-aware model also run the
-/// tactile-only one that it is compared with; a note for each.
+/// Removes the joints from regions whose model has no pose input. The parameters of a pose-aware model can then also
+/// run the tactile-only model that it is compared with. Returns a note for each region.
 pub fn drop_unused_joints(cfg: &mut Config, models: &[ModelInfo]) -> Vec<String> {
     let without_pose = |region: &&mut RegionConfig| models[region.model].contract.n_region_joints() == 0;
     let mut notes = Vec::new();

@@ -1,6 +1,6 @@
-//! Matrix products and nonlinearities on slices, with all vector instructions that the machine has.
+//! Matrix products and nonlinearities on slices, with all vector instructions of the machine.
 //!
-//! A row of a result is computed the same, bit by bit, whatever rows are beside it.
+//! A row of a result has the same bits for any number of other rows.
 
 pub(crate) mod matrix;
 pub(crate) mod nonlinear;

@@ -1,7 +1,8 @@
-//! When this process is to end, and that it then does: a signal, its time that is over, or a part that it can't do without.
+//! Ends this process: after a signal, a time limit, or the failure of a part that it needs.
 //!
-//! A first SIGINT, SIGTERM or SIGHUP is noted, and whoever works looks at [`asked`] and ends in order. A second one ends the
-//! process at once. What talks to a graph asks for [`in_time`] besides: whatever it waits for then, it doesn't wait for long.
+//! A first SIGINT, SIGTERM or SIGHUP is recorded. Work checks [`asked`] and ends in order. A second signal ends the
+//! process at once. A program that talks to a graph also calls [`in_time`], so that it ends soon even while it waits
+//! for something.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
@@ -11,28 +12,28 @@ use std::time::{Duration, Instant};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-/// How long a process with [`in_time`] has to end by itself.
+/// Time in which a process with [`in_time`] must end by itself.
 const LIMIT: Duration = Duration::from_millis(1800);
 
-/// Between looks at whether it is time.
+/// Polling interval.
 const SLICE: Duration = Duration::from_millis(20);
 
-/// A signal that comes so soon after the first is the same one, passed on by a shell or a launcher.
+/// A second signal within this time is the same one, passed on by a shell or a launcher.
 const ECHO: Duration = Duration::from_millis(100);
 
-/// Exit code of a process that had to be ended without a signal.
+/// Exit code if the process is ended without a signal.
 const FAILED: i32 = 1;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 static WHEN_ASKED: Condvar = Condvar::new();
 static WAITING: Mutex<()> = Mutex::new(());
-/// Exit code when it must be ended: 128 and the number of the first signal.
+/// Exit code if the process is ended by force: 128 plus the number of the first signal.
 static CODE: AtomicI32 = AtomicI32::new(FAILED);
 static FAILURE: OnceLock<String> = OnceLock::new();
 static N_KEPT: AtomicUsize = AtomicUsize::new(0);
 static LAST: Mutex<Option<fn()>> = Mutex::new(None);
 
-/// From now on a signal to end is noted instead of ending the process at once.
+/// From now on, a signal to end is recorded and doesn't end the process at once.
 pub fn listen() {
     static LISTENING: Once = Once::new();
     LISTENING.call_once(|| {
@@ -42,17 +43,17 @@ pub fn listen() {
     });
 }
 
-/// True if this process is to end.
+/// True if this process should end.
 pub fn asked() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// Flag that is set when this process is to end, for work that polls.
+/// Flag that is set when this process should end, for work that polls.
 pub fn flag() -> &'static AtomicBool {
     &ASKED
 }
 
-/// Asks this process to end, because something that it can't do without has failed. The first reason counts.
+/// Asks this process to end, because a part that it needs has failed. If it is called again, the first reason stays.
 pub fn fail(why: String) {
     let _ = FAILURE.set(why);
     ask(FAILED);
@@ -75,8 +76,8 @@ pub fn after(time: Duration) -> std::io::Result<()> {
     std::thread::Builder::new().name("time".into()).spawn(wait).map(drop)
 }
 
-/// From now on this process ends within two seconds after it was asked to, even where a network, a subscriber or a request
-/// holds it. Work that must not be cut off calls [`keep`].
+/// From now on, this process ends within two seconds after it is asked to, even if it waits for a network, a subscriber
+/// or a request. Work that must be completed calls [`keep`].
 ///
 /// # Errors
 /// If no thread can be started.
@@ -88,11 +89,11 @@ pub fn in_time() -> std::io::Result<()> {
     std::thread::Builder::new().name("leave".into()).spawn(end_in_time).map(drop)
 }
 
-/// As long as it is there, only a second signal ends the process.
+/// While it exists, only a second signal ends the process.
 #[derive(Debug)]
 pub struct Kept(());
 
-/// Keeps the process from being ended by its limit of time: what a recording needs to become complete.
+/// Suspends the time limit of [`in_time`], for example until a recording is complete.
 pub fn keep() -> Kept {
     N_KEPT.fetch_add(1, Ordering::Relaxed);
     Kept(())
@@ -104,7 +105,7 @@ impl Drop for Kept {
     }
 }
 
-/// Cleanup before the process is ended at once, such as giving back a terminal.
+/// Sets a cleanup for when the process is ended by force, such as restoring the terminal.
 pub fn before_the_end(last: Option<fn()>) {
     *LAST.lock().unwrap_or_else(PoisonError::into_inner) = last;
 }
@@ -131,7 +132,8 @@ fn start_listening() -> std::io::Result<()> {
     std::thread::Builder::new().name("signals".into()).spawn(listening).map(drop)
 }
 
-/// True if this process was started by `nohup` or the like: then a terminal that is closed doesn't concern it.
+/// True if SIGHUP is ignored, because this process was started by `nohup` or similar. Closing the terminal then doesn't
+/// end it.
 fn hangups_are_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -149,12 +151,12 @@ fn ask(code: i32) {
 fn end_in_time() {
     let waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
     drop(WHEN_ASKED.wait_while(waiting, |()| !asked()));
-    // In slices, so that time in which the process itself was stopped doesn't count.
+    // In slices, so that time in which the process was stopped doesn't count.
     (0..LIMIT.as_millis() / SLICE.as_millis()).for_each(|_| std::thread::sleep(SLICE));
     while N_KEPT.load(Ordering::Relaxed) > 0 {
         std::thread::sleep(SLICE);
     }
-    // On a thread of its own, because it may be a terminal that holds the process.
+    // On a separate thread, because the write to the terminal may block.
     let _ = std::thread::Builder::new().spawn(|| {
         failure().iter().for_each(|why| say(why));
         say(&format!("ended after {LIMIT:?}, because something that this process waits for did not end by itself"));
@@ -173,7 +175,7 @@ fn end(code: i32) -> ! {
     signal_hook::low_level::exit(code)
 }
 
-/// Prints a message to the user at the terminal; a closed stderr is ignored.
+/// Prints a message to the user. Errors of stderr are ignored.
 fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }

@@ -3,13 +3,13 @@
 //! Soft tactile gloves read force when the wearer only bends a finger. This crate removes that error in software: a
 //! tactile-only force estimate minus a residual that a network predicts from pose and touch together.
 //!
-//! [`fusion`] is the pure core; everything else brings it events, models and parameters, or takes its estimates away. There
-//! are three ways in.
+//! [`fusion`] is the pure core. All other modules bring it events, models and parameters, or use its estimates. There
+//! are three ways to use the crate.
 //!
 //! # Samples of your own
 //!
-//! A parameter file says which taxels, joints and models there are ([`glove`]). The core takes samples as they come and
-//! gives estimates as soon as their joint angles are final.
+//! A parameter file describes taxels, joints and models ([`glove`]). The core takes samples as they arrive, and gives
+//! estimates as soon as their joint angles are final.
 //!
 //! ```
 //! use tactile_pose_fusion::fusion::{Baseline, Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
@@ -41,8 +41,8 @@
 //!
 //! # A recording
 //!
-//! [`replay`] takes a bag through the same core: frame by frame in memory, or into another bag. An
-//! [`Observer`](observer::Observer) hears notes and progress, and can cancel.
+//! [`replay`] runs a bag through the same core, and passes on the estimates frame by frame or writes them to another
+//! bag. An [`Observer`](observer::Observer) receives notes and progress, and can cancel.
 //!
 //! ```
 //! use tactile_pose_fusion::config::{self, DEFAULT_NODE};
@@ -75,7 +75,7 @@
 //!
 //! # Scores
 //!
-//! [`evaluate`] holds models, or the estimates in bags, against the true force.
+//! [`evaluate`] compares models, or the estimates in bags, with the true force.
 //!
 //! ```
 //! use tactile_pose_fusion::config::{self, DEFAULT_NODE};
@@ -98,21 +98,20 @@
 //! # }
 //! ```
 //!
-//! # Where things are
+//! # Where to find things
 //!
-//! - The zero of the forces is decided in [`zero`], for bags and for the live node.
-//! - A region's estimate is a [`fusion::Estimate`]; its [`fusion::Flags`] give the reasons not to trust it. Those of a frame
-//!   are a [`fusion::Tick`].
-//! - `tpf replay` calls [`replay::run`], `tpf eval` [`evaluate::run_with`], which is [`evaluate::run`] with the frames of each
-//!   session, `tpf train` `training::run`, `tpf run` `ros::run`. `tpf eval` scores the test part unless `--whole`; a
-//!   [`evaluate::Request::new`] scores every frame.
-//!   `commands` is the program `tpf`, a tenant of the library (feature `cli`).
-//! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in [`model`],
-//!   metrics in [`eval`], and what a recording says in [`recording`] and [`sessions`].
-//! - The networks that are trained are in `train`; the way from bags to a model file is in `training`. The live node is in
-//!   `ros`.
+//! - [`zero`] decides the zero of the forces, for bags and for the live node.
+//! - The estimate of a region is a [`fusion::Estimate`]. Its [`fusion::Flags`] give the reasons not to trust it. A
+//!   [`fusion::Tick`] has the estimates of one frame.
+//! - `tpf replay` calls [`replay::run`], `tpf train` `training::run`, and `tpf run` `ros::run`. `tpf eval` calls
+//!   [`evaluate::run_with`], which is [`evaluate::run`] with the frames of each session. Without `--whole`, it scores
+//!   the test part only. A [`evaluate::Request::new`] scores every frame. The program `tpf` is in `commands` (feature
+//!   `cli`), which uses the library like any other program.
+//! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in
+//!   [`model`], metrics in [`eval`], and labels and annotations of recordings in [`recording`] and [`sessions`].
+//! - The networks for training are in `train`. `training` makes a model file from bags. The live node is in `ros`.
 //!
-//! ARCHITECTURE.md has the whole map, what may use what, and more first questions with their answers.
+//! ARCHITECTURE.md has the complete map of the modules, their dependencies, and answers to more first questions.
 
 pub mod bag;
 pub mod calibrate;

@@ -1,8 +1,8 @@
-//! The tensor contract, and the two runtimes that keep it.
+//! The tensor contract of model files, and the runtimes that run them.
 //!
-//! A model file passes through one door: it is read once, its graph, weights and metadata are checked, a runtime opens
-//! it, and trial runs confirm what a file can't promise. What comes out is a [`Regressor`] and all that is known of it:
-//! the runtime, or our own code where it gives the same.
+//! Every model file is loaded in the same way ([`load`]): it is read once, its graph, weights and metadata are checked,
+//! a runtime opens it, and trial runs check what the file can't guarantee. The result is a [`Regressor`], which is the
+//! runtime, or our own code if it gives the same forces, and a [`ModelInfo`].
 
 use std::fs::File;
 use std::io::Read;
@@ -43,41 +43,41 @@ mod weights;
 pub use error::ModelError;
 pub use info::{BackendInfo, Batch, Dim, ModelInfo, Origin, RuntimeName, TensorInfo, unit_name};
 
-/// The largest file that is read. The paper's network has half a MiB.
+/// Largest file that is read. The paper's network has half a MiB.
 const MAX_FILE_MIB: u64 = 64;
 
-/// Windows of one call where a runtime runs them: more of them gain nothing.
+/// Number of windows per call in a runtime. More gain nothing.
 const WINDOWS_AT_ONCE: usize = 32;
 
-/// What to run a model by.
+/// Runtime to use for a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum BackendChoice {
-    /// Our own code where the model is the paper's network or the causal one of adaptive models, else ONNX Runtime where it
-    /// is found, else RTen.
+    /// Our own code if the model is the paper's network or the causal network of adaptive models. Otherwise ONNX
+    /// Runtime if it is found, or else RTen.
     #[default]
     Auto,
-    /// Our own code or nothing.
+    /// Only our own code.
     Builtin,
-    /// ONNX Runtime or nothing.
+    /// Only ONNX Runtime.
     OnnxRuntime,
-    /// RTen, the runtime that needs no installation.
+    /// RTen, which needs no installation.
     Rten,
 }
 
-/// The names of the contract's tensors in a file.
+/// Names of the contract's tensors in a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TensorNames {
     /// Input: taxels.
     pub tactile: String,
-    /// Input: joint angles. A model without such an input is one without pose.
+    /// Input: joint angles. A model without this input doesn't use the pose.
     pub pose: String,
     /// Output: the force.
     pub force: String,
-    /// Output: the force of the tactile branch alone. May be missing.
+    /// Output: the force of the tactile branch alone. Optional.
     pub force_base: String,
-    /// Output: the artifact that the pose explains. May be missing.
+    /// Output: the artifact that the pose explains. Optional.
     pub force_residual: String,
-    /// Output: the probability that something touches the region. May be missing.
+    /// Output: the probability that something touches the region. Optional.
     pub touch: String,
 }
 
@@ -94,30 +94,30 @@ impl Default for TensorNames {
     }
 }
 
-/// Which model to load, and what the parameters say of it.
+/// A model to load, with its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelSpec {
     /// The ONNX file.
     pub path: PathBuf,
-    /// What to run it by.
+    /// Runtime to use.
     pub backend: BackendChoice,
-    /// Unit of the forces, for a model that doesn't tell it itself.
+    /// Unit of the forces, if the model's metadata doesn't give it.
     pub unit: Option<ForceUnit>,
-    /// Model frames a second, for a model that doesn't tell it itself.
+    /// Model frames per second, if the model's metadata doesn't give it.
     pub rate_hz: Option<f64>,
-    /// The glove that is worn: a model that tells of another is refused.
+    /// The glove that is worn. A model of another glove is refused.
     pub glove: Option<String>,
-    /// The glove whose model is wanted all the same.
+    /// Another glove whose model is accepted.
     pub of_glove: Option<String>,
     /// Names of the tensors.
     pub names: TensorNames,
-    /// On how many threads many overlapping windows may be run at once where our own code does it: with 1, the default,
-    /// none is started. The forces are the same on any number.
+    /// Maximum number of threads on which our own code runs many overlapping windows. With 1, the default, no thread is
+    /// started. The forces are the same for any number.
     pub threads: NonZero<usize>,
 }
 
 impl ModelSpec {
-    /// A model about which the parameters say nothing.
+    /// A model without parameters of its own.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         ModelSpec {
             path: path.into(),
@@ -135,16 +135,16 @@ impl ModelSpec {
 /// A model that is ready to run.
 #[derive(Debug)]
 pub struct Model {
-    /// Runs it.
+    /// Runs the model.
     pub regressor: Box<dyn Regressor>,
-    /// What is known of it.
+    /// Information about it.
     pub info: ModelInfo,
 }
 
-/// Loads a model: checks the file, opens it in a runtime, and tries it.
+/// Loads a model: checks the file, opens it in a runtime, and does trial runs.
 ///
 /// # Errors
-/// [`ModelError`] for the first thing that breaks the contract, wherever that can be known before the first window.
+/// [`ModelError`] for the first violation of the contract that can be found before the first window.
 pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     let opened = open(spec)?;
     let path = spec.path.as_path();
@@ -187,13 +187,13 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     Ok(Model { regressor, info })
 }
 
-/// A network that our own code runs.
+/// A network that our own code can run.
 enum Own {
     Paper(Box<Paper>),
     Causal(Box<Causal>),
 }
 
-/// The network, where our own code may run it.
+/// The network, if our own code can run it; otherwise the reason.
 fn own_network(model: &ModelProto, terms: &Terms) -> Result<Own, String> {
     match (terms.batch, &terms.tensors.touch) {
         (Batch::One, _) => Err("its batch is fixed at 1".to_owned()),
@@ -203,28 +203,29 @@ fn own_network(model: &ModelProto, terms: &Terms) -> Result<Own, String> {
     }
 }
 
-/// Tells what a file promises, under the default names, without any runtime.
+/// Reads the contract of a file, with the default names and without a runtime.
 ///
 /// # Errors
-/// [`ModelError`] for the first thing that breaks the contract.
+/// [`ModelError`] for the first violation of the contract.
 pub fn inspect(path: &Path) -> Result<ModelInfo, ModelError> {
     inspect_spec(&ModelSpec::new(path))
 }
 
-/// Tells what a file promises under the names and values of the parameters, without any runtime.
+/// Reads the contract of a file, with the names and values of the parameters and without a runtime.
 ///
 /// # Errors
-/// [`ModelError`] for the first thing that breaks the contract.
+/// [`ModelError`] for the first violation of the contract.
 pub fn inspect_spec(spec: &ModelSpec) -> Result<ModelInfo, ModelError> {
     open(spec).map(|opened| opened.info)
 }
 
-/// A file that has passed every check that needs no runtime.
+/// A file that passed every check that needs no runtime.
 struct Opened {
     bytes: Vec<u8>,
-    /// The network that our own code runs, or why it can't run the model.
+    /// The network that our own code runs, or why our code can't run the model.
     own: Result<Own, String>,
-    /// True if it is a network of ours and nothing beside: what a runtime makes of it is known.
+    /// True if it is exactly one of our networks, so that its behaviour in a runtime is known and needs no separate
+    /// process.
     is_known: bool,
     terms: Terms,
     info: ModelInfo,

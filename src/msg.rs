@@ -1,4 +1,5 @@
-//! Wire types: our own messages, the standard ones we read and write, and any other type by its definition.
+//! Message types on the wire: our own messages, the standard ones that we read and write, and any other type by its
+//! definition.
 
 pub mod binding;
 pub mod definition;
@@ -32,44 +33,44 @@ pub use standard::{
 pub use texts::standard_text;
 pub use type_hash::{rihs01, type_hash};
 
-/// A message with a struct of its own, whose fields stand in the order of its `.msg` text.
+/// A message with a struct of its own. Its fields have the order of the `.msg` text.
 pub trait WireType: Serialize + DeserializeOwned {
     /// Canonical name of its ROS type, `package/msg/Name`.
     const TYPE_NAME: &'static str;
 }
 
-/// Why bytes are not a message of the type that they should be.
+/// Bytes that are not a message of the expected type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{n_bytes} bytes are not a {type_name}: {reason}")]
 pub struct WireError {
-    /// The type that was expected.
+    /// The expected type.
     pub type_name: &'static str,
-    /// How many bytes came.
+    /// Number of bytes.
     pub n_bytes: usize,
-    /// What is wrong with them.
+    /// The error.
     pub reason: String,
 }
 
-/// The message in little-endian CDR, after its encapsulation header.
+/// Encodes a message in little-endian CDR, with the encapsulation header.
 pub fn to_cdr<T: WireType>(message: &T) -> Vec<u8> {
     encode(message)
 }
 
-/// As [`to_cdr`], into a buffer that is emptied first and keeps its memory.
+/// Like [`to_cdr`], into a buffer that is cleared first and whose memory is reused.
 pub fn to_cdr_into<T: WireType>(message: &T, cdr: &mut Vec<u8>) {
     cdr.clear();
     encode_into(message, cdr);
 }
 
-/// The message that `cdr` holds, of either byte order; bytes after its last field are padding.
+/// Decodes a message in CDR of either byte order. Bytes after its last field count as padding.
 ///
 /// # Errors
-/// [`WireError`] when the bytes end early, or are not plain CDR of that type.
+/// [`WireError`] if the bytes end early, or are not plain CDR of that type.
 pub fn from_cdr<T: WireType>(cdr: &[u8]) -> Result<T, WireError> {
     decode(cdr).map_err(|reason| WireError { type_name: T::TYPE_NAME, n_bytes: cdr.len(), reason })
 }
 
-/// As [`to_cdr`], of what is no message by itself: a request or a response.
+/// Like [`to_cdr`], for parts that are not messages: requests and responses.
 pub(crate) fn encode<T: Serialize>(part: &T) -> Vec<u8> {
     let mut cdr = Vec::new();
     encode_into(part, &mut cdr);
@@ -82,7 +83,7 @@ fn encode_into<T: Serialize>(part: &T, cdr: &mut Vec<u8>) {
         .expect("the lengths of a wire struct are known, and a Vec takes every byte");
 }
 
-/// As [`from_cdr`], of what is no message by itself; an error says what is wrong with the bytes.
+/// Like [`from_cdr`], for parts that are not messages. The error describes the bytes.
 pub(crate) fn decode<T: DeserializeOwned>(cdr: &[u8]) -> Result<T, String> {
     let reader = cdr::CdrReader::new(cdr).map_err(|fault| fault.to_string())?;
     let decoded = if reader.is_little_endian() {

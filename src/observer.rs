@@ -1,8 +1,8 @@
-//! Who watches a long piece of work: it is told how far the work is and what a person should know, and can cancel it.
+//! Observer of long work: it receives progress and notes for the user, and can cancel the work.
 
-/// Watches a long piece of work. It may be asked and told from any thread.
+/// Observes long work. It may be called from any thread.
 pub trait Observer: Sync {
-    /// Something that a person should know; one line.
+    /// Receives a note for the user, on one line.
     fn note(&self, text: &str) {
         let _ = text;
     }
@@ -22,27 +22,27 @@ pub trait Observer: Sync {
         let _ = (done, total);
     }
 
-    /// Whether the work is to end as soon as it can. Asked at every message.
+    /// True if the work should end as soon as it can. It is called at every message.
     fn is_cancelled(&self) -> bool {
         false
     }
 }
 
-/// Watches nothing and never cancels.
+/// Ignores everything and never cancels.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Unobserved;
 
 impl Observer for Unobserved {}
 
-/// The work ended because it was cancelled; outputs that were not complete are gone.
+/// Error: the work was cancelled. Incomplete outputs are removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted; nothing was written")]
 pub struct Cancelled;
 
-/// `Err` where the work is to end.
+/// Returns an error if the work should end.
 ///
 /// # Errors
-/// [`Cancelled`] when the observer says so.
+/// [`Cancelled`] if the observer cancels.
 pub fn check(observer: &dyn Observer) -> Result<(), Cancelled> {
     if observer.is_cancelled() { Err(Cancelled) } else { Ok(()) }
 }

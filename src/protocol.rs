@@ -1,7 +1,7 @@
 //! The collection protocol: the user's tasks, their order, and their annotations.
 //!
-//! It is data, a YAML file; the paper's is built in. `tpf collect` leads a user through a [`Plan`] of it, and the
-//! synthetic users of `tpf simulate` follow the same one.
+//! A protocol is a YAML file. The paper's protocol is built in. `tpf collect` leads a user through a [`Plan`] of it,
+//! and the synthetic users of `tpf simulate` follow the same plan.
 
 mod annotations;
 mod file;
@@ -26,11 +26,11 @@ pub struct Protocol {
     pub pose_s: f64,
     /// Time before the first item, and after a pause, s.
     pub lead_s: f64,
-    /// Time to let go of the load cell after a touch, s; nothing is annotated then. Synthetic users need none.
+    /// Time to let go of the load cell after a touch, s. It has no annotation. Synthetic users don't need it.
     pub let_go_s: f64,
     /// Force of taps.
     pub levels: ForceLevels,
-    /// Checks before it begins.
+    /// Checks before the session begins.
     pub checks: Checks,
     substages: Vec<Substage>,
     wording: BTreeMap<Name, String>,
@@ -42,14 +42,14 @@ pub struct Protocol {
 pub struct ForceLevels {
     /// Light, medium and heavy.
     pub taps: [(f64, f64); 3],
-    /// Never exceed this.
+    /// Maximum force, which must never be exceeded.
     pub most: f64,
 }
 
 /// Checks before a session begins.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checks {
-    /// How long nothing may move or touch, s.
+    /// Time for which nothing may move or touch, s.
     pub still_s: f64,
     /// Largest allowed load cell reading during that time, N.
     pub load_cell_zero: f64,
@@ -72,7 +72,7 @@ pub struct CheckMovement {
     pub pose: Name,
     /// Duration, s.
     pub seconds: f64,
-    /// Parts of joint names, the one that moves most first.
+    /// Parts of joint names, sorted by expected movement, largest first.
     pub most_first: Vec<String>,
 }
 
@@ -113,7 +113,7 @@ enum Settings {
 }
 
 impl Protocol {
-    /// The protocol of the paper.
+    /// The paper's protocol.
     ///
     /// # Source
     /// Pose-aware tactile gloves, Sec. IV.
@@ -121,7 +121,7 @@ impl Protocol {
         Self::parse(include_str!("../params/protocol.yaml")).expect("the protocol that is built in is tested")
     }
 
-    /// The text of the file that it was read from.
+    /// Text of the file that it was read from.
     pub fn source(&self) -> &str {
         &self.source
     }

@@ -1,10 +1,11 @@
-//! Seeded randomness: the same on every machine and in every version, because only the ChaCha stream itself is used.
+//! Seeded random numbers: the same on every machine and in every version, because they use nothing but the ChaCha
+//! stream.
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
 use sha2::{Digest, Sha256};
 
-/// A stream of random numbers of its own, told apart from all others by its name.
+/// An independent stream of random numbers, identified by its name.
 #[derive(Debug)]
 pub(crate) struct Noise {
     rng: ChaCha8Rng,
@@ -12,8 +13,8 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// The stream of this name. Streams of different names are independent, so that drawing more numbers for one
-    /// thing changes no other.
+    /// The stream with this name. Streams with different names are independent, so drawing more numbers from one
+    /// doesn't change the others.
     pub(crate) fn named(name: &str) -> Self {
         Noise { rng: ChaCha8Rng::from_seed(Sha256::digest(name).into()), spare: None }
     }
@@ -24,7 +25,7 @@ impl Noise {
         low + (high - low) * unit
     }
 
-    /// Normal around zero, by Marsaglia's polar method.
+    /// Normal with mean zero, by Marsaglia's polar method.
     pub(crate) fn normal(&mut self, sd: f64) -> f64 {
         if let Some(spare) = self.spare.take() {
             return sd * spare;
@@ -45,7 +46,7 @@ impl Noise {
         libm::exp(self.normal(sd))
     }
 
-    /// Log-uniform in `[low, high)`; both are positive.
+    /// Log-uniform in `[low, high)`. Both must be positive.
     pub(crate) fn log_uniform(&mut self, low: f64, high: f64) -> f64 {
         low * libm::exp(self.uniform(0.0, libm::log(high / low)))
     }
@@ -55,7 +56,7 @@ impl Noise {
         -mean * libm::log(1.0 - self.uniform(0.0, 1.0))
     }
 
-    /// Puts a slice in random order.
+    /// Shuffles a slice.
     pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             let other = self.uniform(0.0, (last + 1) as f64) as usize;
@@ -64,7 +65,7 @@ impl Noise {
     }
 }
 
-/// A random quantity that wanders around zero and forgets where it was after `tau_s` (Ornstein-Uhlenbeck).
+/// A random process around zero with correlation time `tau_s` (Ornstein-Uhlenbeck).
 #[derive(Debug, Clone)]
 pub(crate) struct Wander {
     sd: f64,
@@ -73,17 +74,17 @@ pub(crate) struct Wander {
 }
 
 impl Wander {
-    /// A wanderer that starts somewhere in its stationary distribution.
+    /// A process that starts with a value from its stationary distribution.
     pub(crate) fn new(sd: f64, tau_s: f64, noise: &mut Noise) -> Self {
         Wander { sd, tau_s, value: noise.normal(sd) }
     }
 
-    /// Pushes it by so much at once, which it forgets as it forgets all.
+    /// Adds a step, which decays with `tau_s`.
     pub(crate) fn push(&mut self, by: f64) {
         self.value += by;
     }
 
-    /// Where it is `dt_s` later.
+    /// Value after `dt_s`.
     pub(crate) fn advance(&mut self, dt_s: f64, noise: &mut Noise) -> f64 {
         let kept = libm::exp(-dt_s / self.tau_s);
         self.value = self.value * kept + noise.normal(self.sd * (1.0 - kept * kept).sqrt());
@@ -91,7 +92,7 @@ impl Wander {
     }
 }
 
-/// A first-order lag, exact for a held input whatever the step is.
+/// A first-order lag. It is exact for an input that is constant over a step, for any step size.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lag {
     tau_s: f64,
@@ -99,12 +100,12 @@ pub(crate) struct Lag {
 }
 
 impl Lag {
-    /// A lag that starts at its first input.
+    /// A lag whose initial value is its first input.
     pub(crate) fn new(tau_s: f64) -> Self {
         Lag { tau_s, value: None }
     }
 
-    /// The lagged value `dt_s` later.
+    /// Lagged value after `dt_s`.
     pub(crate) fn advance(&mut self, dt_s: f64, input: f64) -> f64 {
         let before = self.value.unwrap_or(input);
         let value = input + (before - input) * libm::exp(-dt_s / self.tau_s);

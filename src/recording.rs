@@ -1,7 +1,8 @@
-//! A recorded session as training and evaluation see it: what the hand was asked to do, the true force at every frame,
-//! and the model input that the fusion core builds of it.
+//! Reads a recorded session for training and evaluation: the annotations, the true force at every frame, and the model
+//! input as the fusion core builds it.
 //!
-//! Frames come from the same [`Fusion`] as in the live node and in replay; nothing here cuts, aligns or subtracts.
+//! Frames come from the same [`Fusion`] as in the live node and in replay. This module doesn't cut, align or subtract
+//! anything.
 
 mod annotations;
 mod estimates;
@@ -28,7 +29,7 @@ pub use rows::{RowCollector, Rows};
 pub use samples::{JointTrack, SampleError, Samples, TactileTrack, newest_at, rate_hz};
 pub use truth::{AxisTares, TruthCounters, TruthTrack, aligned};
 
-/// The topics of a recording that feed this configuration, without those of true force.
+/// Topics that are inputs of this configuration, without those of the true force.
 pub fn input_topics(cfg: &Config) -> InputTopics {
     InputTopics {
         taxels: cfg.tactile.clone(),
@@ -42,7 +43,7 @@ pub fn input_topics(cfg: &Config) -> InputTopics {
     }
 }
 
-/// Why a recording can't be read to its end.
+/// A recording that can't be read to its end.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum RecordingError {
@@ -56,43 +57,43 @@ pub enum RecordingError {
     Truth(#[from] TruthError),
 }
 
-/// What a recording says besides taxels and joint angles.
+/// Data of a recording other than taxels and joint angles.
 #[derive(Debug, Clone, Default)]
 pub struct Labels {
     /// Notes of the recorder.
     pub notes: Notes,
-    /// What the protocol asked for.
+    /// Annotations of the protocol.
     pub annotations: Annotations,
-    /// `[force sensors]`: what they measured, as it was sent.
+    /// `[force sensors]`: their readings as sent.
     pub truth: Vec<TruthTrack>,
 }
 
 impl Labels {
-    /// Nothing yet, of these force sensors.
+    /// No data yet, for these force sensors.
     pub fn new(sources: &[TruthSource]) -> Self {
         let truth = sources.iter().map(|source| TruthTrack::new(source.clone())).collect();
         Labels { truth, ..Labels::default() }
     }
 }
 
-/// What is told, and asked, while a recording is read.
+/// Callbacks while a recording is read.
 pub struct Listener<'a, E> {
-    /// Told of each frame of each core.
+    /// Receives each frame of each core.
     pub on_tick: &'a mut dyn FnMut(usize, &Tick),
-    /// Told of each message that feeds no core and labels nothing.
+    /// Receives each message that is not an input and not a label.
     pub on_other: &'a mut dyn FnMut(&BagMessage<'_>) -> Result<(), E>,
-    /// Whether the taxels of a stamp go to the cores; stretches that are not wanted are gaps to them.
+    /// True if taxels with this stamp go to the cores. For the cores, the other spans are gaps.
     pub is_wanted: &'a dyn Fn(Stamp) -> bool,
-    /// `[cores]`: what makes the joint angles of each core worse; empty leaves all as they are.
+    /// `[cores]`: degrades the joint angles of each core. Empty if they stay as recorded.
     pub pose: &'a mut [PoseDegrader],
-    /// Told of the bytes read so far before every message; its error stops the reading.
+    /// Receives the number of bytes read, before every message. Its error stops the reading.
     pub between: &'a mut dyn FnMut(u64) -> Result<(), E>,
 }
 
-/// Reads a recording from where the reader stands to its end: events go through every core, labels are kept.
+/// Reads a recording from the reader's position to its end. Events go through every core, labels are stored.
 ///
 /// # Errors
-/// [`RecordingError`] of the bag, a topic or a model, or what the listener returns.
+/// [`RecordingError`] of the bag, a topic or a model, or the error of a callback.
 pub fn read<E: From<RecordingError>>(
     reader: &mut BagReader,
     inputs: &mut Inputs,

@@ -1,6 +1,7 @@
-//! A recording in, force and contact out: written to a bag by [`run`], or given estimate by estimate by [`for_each`].
+//! Computes force and contact for a recording: [`run`] writes them to a bag, [`for_each`] passes them on frame by
+//! frame.
 //!
-//! Both go through the same stages, and the same core as the live node.
+//! Both use the same stages, and the same core as the live node.
 
 mod error;
 mod kept;
@@ -28,35 +29,35 @@ use crate::units::Stamp;
 use crate::zero::{self, Wanted, ZeroFrom};
 use stages::{Core, InferenceTime, Read, Reading, Writing, busy_seconds};
 
-/// What is replayed.
+/// Input of a replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Recording<'a> {
-    /// MCAP files or bag folders: one recording; several are parts of one, merged by time.
+    /// MCAP files or bag folders of one recording. Several are merged by time.
     pub bags: &'a [PathBuf],
-    /// Where the zero of the forces is from.
+    /// Source of the zero of the forces.
     pub zero: Wanted<'a>,
 }
 
-/// How a recording is replayed into a bag.
+/// Options of a replay to a bag.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// NAME.mcap for a file, any other name for a bag folder.
+    /// Path of the output: NAME.mcap for a file, any other name for a bag folder.
     pub output: PathBuf,
-    /// Whether an output that is there is replaced.
+    /// True if an existing output is replaced.
     pub overwrite: bool,
-    /// Whether everything in the input is copied into the output.
+    /// True if everything in the input is copied to the output.
     pub merge: bool,
-    /// Frames of one inference call; `None` for as many as the models run fastest with. With 1 the bytes are those of the
-    /// live node.
+    /// Frames per inference call. `None` takes the number at which the models run fastest. With 1, the output has the
+    /// same bytes as that of the live node.
     pub batch: Option<usize>,
-    /// Cores to use; the output is the same on any number.
+    /// Number of cores to use. The output is the same for any number.
     pub jobs: NonZero<usize>,
-    /// Whether joints are taken from regions whose model has no pose input, instead of refusing them.
+    /// True if joints of regions whose model has no pose input are ignored. Otherwise they are refused.
     pub drop_unused_joints: bool,
 }
 
 impl Options {
-    /// Into a bag that is not there yet, on all cores.
+    /// Options for a new bag, with all cores.
     pub fn new(output: impl Into<PathBuf>) -> Self {
         Options {
             output: output.into(),
@@ -69,21 +70,21 @@ impl Options {
     }
 }
 
-/// What [`for_each`] read.
+/// Result of [`for_each`].
 #[derive(Debug)]
 pub struct Seen {
-    /// Where the zero was from.
+    /// Source of the zero.
     pub zero: ZeroFrom,
-    /// What was lost of the input, and what of it could not be understood; a line each.
+    /// Data of the input that were lost or could not be decoded, one line each.
     pub warnings: Vec<String>,
-    /// The core at its end, for its counters.
+    /// The core after the last frame, for its counters.
     pub core: Fusion,
 }
 
-/// Replays a recording into a bag.
+/// Replays a recording to a bag.
 ///
 /// # Errors
-/// [`ReplayError`]; the output is absent then.
+/// [`ReplayError`]. There is then no output.
 pub fn run(
     mut cfg: Config,
     recording: Recording<'_>,
@@ -142,10 +143,11 @@ pub fn run(
     })
 }
 
-/// Takes a recording through the core, and gives what it says of each frame in the order of their stamps within a source.
+/// Runs a recording through the core and passes on the estimates of each frame, in the order of their stamps within a
+/// source.
 ///
 /// # Errors
-/// [`ReplayError`]; what was given before it stands.
+/// [`ReplayError`]. The frames that were passed on before are valid.
 pub fn for_each(
     cfg: Config,
     recording: Recording<'_>,
@@ -155,11 +157,11 @@ pub fn for_each(
     for_each_with(cfg, recording, false, observer, each)
 }
 
-/// As [`for_each`]. `drops_unused_joints`: joints are taken from regions whose model has no pose input, instead of refusing
-/// them.
+/// Like [`for_each`]. If `drops_unused_joints`, joints of regions whose model has no pose input are ignored instead of
+/// refused.
 ///
 /// # Errors
-/// As of [`for_each`].
+/// As for [`for_each`].
 pub fn for_each_with(
     mut cfg: Config,
     recording: Recording<'_>,
@@ -186,7 +188,7 @@ pub fn for_each_with(
     Ok(Seen { zero: zero.from, warnings, core: fusion })
 }
 
-/// Models, core and zero before the first message.
+/// Models, core and zero, ready for the first message.
 struct Ready {
     models: Models,
     fusion: Fusion,

@@ -1,5 +1,5 @@
-//! Recorded sessions as evaluation and export read them: what was asked for, the true force, tared, and the
-//! estimates of models or of the recording itself.
+//! Reads recorded sessions for evaluation and export: annotations, the tared true force, and the estimates of models or
+//! of the recording.
 
 mod compared;
 mod error;
@@ -26,15 +26,15 @@ pub use touches::{KnownForces, RegionTouches, force_gains};
 use crate::bag::{BagError, BagReader, Recordings, recordings_at, shown};
 use crate::observer::Observer;
 
-/// What a session is called in results: its bag, without the folder it lies in.
+/// Name of a session in results: the name of its bag without folder and extension.
 pub fn session_name(bag: &Path) -> String {
     bag.file_stem().map_or_else(|| shown(bag), |name| name.to_string_lossy().into_owned())
 }
 
-/// The recordings that paths stand for: each is one, or a folder of several, which is noted.
+/// The recordings at these paths. Each path is a recording, or a folder with several, which is noted.
 ///
 /// # Errors
-/// [`BagError`] when there is none.
+/// [`BagError`] if there are none.
 pub fn find_bags(paths: &[PathBuf], observer: &dyn Observer) -> Result<Vec<PathBuf>, BagError> {
     let mut bags = Vec::new();
     for path in paths {
@@ -45,10 +45,10 @@ pub fn find_bags(paths: &[PathBuf], observer: &dyn Observer) -> Result<Vec<PathB
     Ok(bags)
 }
 
-/// SHA-256 of the files of a bag one after the other, in hexadecimal.
+/// SHA-256 of the concatenated files of a bag, in hexadecimal.
 ///
 /// # Errors
-/// [`SessionError`] when one can't be read.
+/// [`SessionError`] if a file can't be read.
 pub fn fingerprint(bag: &Path) -> Result<String, SessionError> {
     let mut hash = Sha256::new();
     for path in BagReader::open(&[bag.to_path_buf()])?.files() {

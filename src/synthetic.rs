@@ -1,4 +1,5 @@
-//! Sessions of a synthetic glove as bags: the messages of a driver, a tracker, a load cell and a protocol.
+//! Writes sessions of a synthetic glove to bags: messages of a glove driver, a hand tracker, a load cell and a
+//! protocol.
 
 mod hand_forms;
 
@@ -21,7 +22,7 @@ pub use hand_forms::{HandForm, static_frames};
 pub const TAXELS: &str = "/glove/taxels";
 /// Topic of the joint angles.
 pub const JOINTS: &str = "/hand/joint_states";
-/// Topic of the hand's points, in place of [`JOINTS`].
+/// Topic of the hand's keypoints, used instead of [`JOINTS`].
 pub const POSES: &str = "/hand/poses";
 /// Topic of the hand's points as frames, in place of [`JOINTS`].
 pub const FRAMES: &str = "/tf";
@@ -30,7 +31,7 @@ pub const STATIC_FRAMES: &str = "/tf_static";
 /// Topic of the true force for a glove with taxels on one finger.
 pub const TRUTH: &str = "/load_cell/wrench";
 
-/// Topic of the true force, by the finger above the load cell; `None` if only one is possible.
+/// Topic of the true force, by the finger above the load cell. `None` if there is only one such finger.
 pub fn truth_topic(under: Option<Finger>) -> String {
     under.map_or_else(|| TRUTH.to_owned(), |finger| format!("/load_cell/{}/wrench", finger.name()))
 }
@@ -49,18 +50,18 @@ pub enum SyntheticError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Writes one session; returns the number of its messages.
+/// Writes one session and returns the number of messages.
 ///
 /// # Errors
-/// [`SyntheticError`] when there is no such session, or the bag can't be written; the bag is absent then.
+/// [`SyntheticError`] if there is no such session, or if the bag can't be written. There is then no bag.
 pub fn write(spec: &SessionSpec, path: &Path, overwrite: bool, observer: &dyn Observer) -> Result<u64, SyntheticError> {
     write_as(spec, HandForm::Angles, path, overwrite, observer)
 }
 
-/// Writes one session with the hand in another form; returns the number of its messages.
+/// Writes one session with another form of the hand data, and returns the number of messages.
 ///
 /// # Errors
-/// As [`write()`].
+/// As for [`write()`].
 pub fn write_as(
     spec: &SessionSpec,
     hand: HandForm,
@@ -82,7 +83,7 @@ pub fn write_as(
         hand,
         truth: match spec.conditions.fingers {
             Fingers::Index => BTreeMap::from([(None, bag.add_topic::<WrenchStamped>(TRUTH)?)]),
-            Fingers::All => BTreeMap::new(), // a finger that the load cell is never under has no topic
+            Fingers::All => BTreeMap::new(), // a finger that is never above the load cell has no topic
         },
         stage: bag.add_topic::<Stage>(STAGE)?,
         bag,
@@ -144,7 +145,7 @@ impl Topics {
     }
 }
 
-/// A record in its message type.
+/// A record of a simulated session as a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
     /// On [`TAXELS`].
@@ -161,7 +162,7 @@ pub enum Message {
     Stage(Stage),
 }
 
-/// A record of a simulated session as a message.
+/// Converts a record of a simulated session to a message.
 pub fn message(record: &Record, hand: HandForm) -> Message {
     let header = |frame_id: &str| Header { stamp: record.stamp().into(), frame_id: frame_id.to_owned() };
     let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };

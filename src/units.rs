@@ -1,9 +1,10 @@
-//! Physical quantities that cross module boundaries, each a newtype so that grams-force can't pass for newtons.
+//! Physical quantities that cross module boundaries. Each is a newtype, so that grams-force can't be mistaken for
+//! newtons.
 
 use std::fmt;
 use std::time::Duration;
 
-/// Standard gravity: what turns a gram-force into newtons.
+/// Standard gravity, to convert grams-force to newtons.
 pub const STANDARD_GRAVITY: f64 = 9.80665; // m/s^2, 3rd CGPM 1901
 
 /// Nanoseconds in a second.
@@ -51,9 +52,9 @@ impl Stamp {
         Stamp(i64::from(sec) * NANOS_PER_SEC + i64::from(nanosec))
     }
 
-    /// The fields of `builtin_interfaces/msg/Time`, where seconds hold no more than an `int32`.
+    /// The fields of `builtin_interfaces/msg/Time`.
     ///
-    /// A stamp outside of what the wire type can hold saturates at its ends.
+    /// A stamp outside the range of the `int32` seconds saturates.
     pub fn to_sec_nanosec(self) -> (i32, u32) {
         let sec = self.0.div_euclid(NANOS_PER_SEC);
         match i32::try_from(sec) {
@@ -68,7 +69,7 @@ impl Stamp {
         Stamp(self.0.saturating_add(nanos))
     }
 
-    /// How far this stamp lies after `earlier`, in nanoseconds; negative when it lies before it.
+    /// Time from `earlier` to this stamp, in nanoseconds. Negative if this stamp is before it.
     pub fn nanos_since(self, earlier: Stamp) -> i64 {
         self.0.saturating_sub(earlier.0)
     }
@@ -82,14 +83,14 @@ impl fmt::Display for Stamp {
     }
 }
 
-/// A duration as signed nanoseconds, saturating: what stamps are compared with.
+/// A duration in signed nanoseconds, for comparison with stamps. It saturates.
 pub fn nanos(duration: Duration) -> i64 {
     i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }
 
-/// Milliseconds as a duration.
+/// Converts milliseconds to a duration.
 ///
-/// Configuration is written in milliseconds; negative or non-finite values have been refused before this is called.
+/// Parameters are in milliseconds. Negative and non-finite values were refused before.
 pub fn from_millis(ms: f64) -> Duration {
     Duration::from_nanos((ms * 1e6).round() as u64)
 }

@@ -1,7 +1,7 @@
-//! The zero of the forces: where it is found, whether it fits, whether it can be relied on, and how a core gets it.
+//! The zero of the forces: finds it, checks whether it belongs to the glove and is reliable, and gives it to a core.
 //!
-//! The node, replay, calibrate, train, eval, export and characterize all ask here, so that the same zero is used or refused
-//! everywhere, in the same words. What would be refused is used all the same where `calibration.insist` says so, and said.
+//! The node, replay, calibrate, train, eval, export and characterize all use this module, so they accept or refuse the
+//! same zero with the same message. With `calibration.insist`, a zero that fails a check is used with a note.
 
 mod artifact;
 mod error;
@@ -25,20 +25,20 @@ use crate::calibration::{Calibration, CalibrationFileError};
 use crate::config::Config;
 use crate::fusion::{ArtifactFilter, ArtifactFit, Baseline, Contract, ForceGain, Fusion, SetupError, TactileSourceIdx};
 
-/// SHA-256 of each model, by its name in the parameters.
+/// SHA-256 of each model, by the model's name in the parameters.
 pub type ModelHashes = BTreeMap<String, String>;
 
-/// What a zero must know of the models in use.
+/// Properties of the models that a zero depends on.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct KnownModels {
-    /// SHA-256 of each.
+    /// SHA-256 of each model.
     pub hashes: ModelHashes,
-    /// `[models]`, in the order of the configuration: what pose makes of taxels, where they tell it.
+    /// `[models]`, in the order of the configuration: the artifact model, if it has one.
     pub artifacts: Vec<Option<TimedArtifact>>,
 }
 
 impl KnownModels {
-    /// Of models by name, hash and contract, in the order of the configuration.
+    /// From name, hash and contract of each model, in the order of the configuration.
     pub fn new<'m>(models: impl IntoIterator<Item = (&'m str, &'m str, &'m Contract)>) -> Self {
         let mut known = KnownModels::default();
         for (name, sha256, contract) in models {
@@ -48,26 +48,26 @@ impl KnownModels {
         known
     }
 
-    /// `[regions]`: the artifact of each region's model.
+    /// `[regions]`: the artifact model of each region's model.
     fn artifacts_of_regions(&self, cfg: &Config) -> Vec<Option<TimedArtifact>> {
         let of_region = |model: usize| self.artifacts.get(model).cloned().flatten();
         cfg.fusion.regions.iter().map(|region| of_region(region.model)).collect()
     }
 }
 
-/// What a calibration knows of a donning.
+/// Calibration of a donning.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Donning {
     /// `[tactile sources]`
     pub baselines: Vec<Baseline>,
-    /// `[regions]`: gains and offsets of artifacts, where models tell artifacts and the calibration has them.
+    /// `[regions]`: gains and offsets of the artifact, for models with an artifact model, if the calibration has them.
     pub artifacts: Vec<Option<ArtifactFit>>,
-    /// `[regions]`: what known touches tell of the forces; empty without any.
+    /// `[regions]`: force gains from known touches. Empty if there are none.
     pub force_gains: Vec<Option<ForceGain>>,
 }
 
 impl Donning {
-    /// What a core knows of this donning beside its baselines: artifacts as they are now, and force gains.
+    /// The artifacts of a core as they are now, and its force gains. Baselines are left out.
     pub fn of(fusion: &Fusion) -> Self {
         let regions = || 0..fusion.config().regions.len();
         Donning {
@@ -80,7 +80,7 @@ impl Donning {
     /// Gives a core its baselines, artifacts and force gains.
     ///
     /// # Errors
-    /// [`SetupError`] when they are of another number of taxels or joints, or no touches can have told a gain.
+    /// [`SetupError`] if the number of taxels or joints differs, or if a gain is out of range.
     pub fn install(&self, fusion: &mut Fusion) -> Result<(), SetupError> {
         for (source_idx, baseline) in self.baselines.iter().enumerate() {
             fusion.handle_baseline(TactileSourceIdx(source_idx), baseline.clone())?;
@@ -99,16 +99,16 @@ impl Donning {
     }
 }
 
-/// Where a baseline came from, for summaries and files.
+/// Source of a zero, for summaries and files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "from")]
 pub enum ZeroFrom {
     /// A calibration file.
     File {
-        /// The file, as it was given.
+        /// Path of the file, as given.
         file: String,
     },
-    /// The stretches that annotations say are at zero load.
+    /// The annotated spans at zero load.
     Annotations {
         /// `[tactile sources]`, s.
         seconds: Vec<f64>,
@@ -120,39 +120,40 @@ pub enum ZeroFrom {
     },
     /// Live topics.
     Live {
-        /// Tactile samples.
+        /// Number of tactile samples.
         frames: u32,
     },
 }
 
-/// Baselines of all tactile sources, and what is left to check about them.
+/// Baselines of all tactile sources, and the check that is still to be done.
 #[derive(Debug)]
 pub struct Zero {
     /// Where they are from.
     pub from: ZeroFrom,
-    /// What it knows of the donning.
+    /// The calibration of the donning.
     pub donning: Donning,
-    /// What a person should know about it.
+    /// Notes for the user.
     pub notes: Vec<String>,
-    /// What the model must confirm while the recording is read; `None` where the recording can't tell.
+    /// The check by the model while the recording is read. `None` if the recording doesn't show when it is without
+    /// load.
     pub check: Option<LoadCheck>,
 }
 
 impl Zero {
-    /// A zero of which nothing is left to check.
+    /// A zero without a further check.
     pub fn new(from: ZeroFrom, donning: Donning) -> Self {
         Zero { from, donning, notes: Vec::new(), check: None }
     }
 
-    /// Gives a core its baselines and artifacts.
+    /// Gives a core its baselines, artifacts and force gains.
     ///
     /// # Errors
-    /// [`SetupError`] when they are of another number of taxels or joints.
+    /// [`SetupError`] if the number of taxels or joints differs.
     pub fn install(&self, fusion: &mut Fusion) -> Result<(), SetupError> {
         self.donning.install(fusion)
     }
 
-    /// The baselines as a calibration file of this glove, user and these models.
+    /// The calibration as a file for this glove and user, and for these models.
     pub fn to_calibration(&self, cfg: &Config, models: &ModelHashes) -> Calibration {
         let names = cfg.fusion.tactile_sources.iter().map(|source| source.name.clone());
         let sources: BTreeMap<String, Baseline> = names.zip(self.donning.baselines.iter().cloned()).collect();
@@ -181,12 +182,12 @@ impl std::fmt::Display for ZeroFrom {
     }
 }
 
-/// The zero of a calibration file that belongs to this glove, user, set of sources and these models.
+/// The zero in a calibration file. The file must be for this glove, this user, these sources and these models.
 ///
 /// # Errors
-/// [`ZeroError::File`] when it is none, or of another glove, user or sources; [`ZeroError::OtherModel`] when it was judged
-/// with another model, unless `calibration.insist` is set; [`ZeroError::ArtifactInFile`] when an artifact in it does not fit
-/// its model.
+/// [`ZeroError::File`] if it is not a calibration file, or is for another glove, user or source;
+/// [`ZeroError::OtherModel`] if it was checked with another model, unless `calibration.insist` is set;
+/// [`ZeroError::ArtifactInFile`] if an artifact in it doesn't fit its model.
 pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero, ZeroError> {
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
     let sources = &cfg.fusion.tactile_sources;
@@ -236,10 +237,10 @@ pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero
     Ok(Zero { notes, ..Zero::new(from, Donning { baselines, artifacts, force_gains }) })
 }
 
-/// What is said of a zero that would be refused and is used, where the parameters insist.
+/// A note on a zero that fails a check but is used, because of `calibration.insist`.
 ///
 /// # Errors
-/// The error itself, where they don't.
+/// The error itself, if `calibration.insist` is not set.
 fn forgiven(cfg: &Config, error: ZeroError) -> Result<Option<String>, ZeroError> {
     if !cfg.calibration.insist {
         return Err(error);

@@ -1,4 +1,4 @@
-//! What was found, as lines for the parameter file.
+//! Writes the results as lines for the parameter file.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use super::RegionResult;
 use crate::characterize::OWN_LAG_MS;
 use crate::config::Config;
 
-/// The lines, below `ros__parameters`. `sources`: index of the source of each joint of the reports.
+/// The lines, below `ros__parameters`. `sources`: index of the source of each joint in the reports.
 pub(super) fn parameters(regions: &[RegionResult], cfg: &Config, sources: &[usize], synthetic: bool) -> String {
     let mut text = String::from("# Suggested by tpf characterize");
     text.push_str(if synthetic { ", from SYNTHETIC data\n" } else { "\n" });
@@ -32,7 +32,7 @@ pub(super) fn parameters(regions: &[RegionResult], cfg: &Config, sources: &[usiz
     text
 }
 
-/// The clock offset of the joint source of each region's first joint.
+/// Clock offset of the joint source of each region's first joint.
 fn offsets(text: &mut String, regions: &[RegionResult], cfg: &Config, sources: &[usize]) {
     let mut told = Vec::new();
     for RegionResult { region, report, .. } in regions {
@@ -50,7 +50,8 @@ fn offsets(text: &mut String, regions: &[RegionResult], cfg: &Config, sources: &
         let _ = match (report.offset.lag_ms, report.offset.interval_ms, report.offset.clock_offset_ms) {
             (Some(lag), Some([low, high]), Some([clock_low, clock_high])) => {
                 let lag = lag.median;
-                // What a sensor's own filter, creep and friction can make is no reason to move a clock.
+                // A lag that the sensor's own filter, creep and friction can cause is no reason to change a clock
+                // offset.
                 if clock_low <= 0.0 && clock_high >= 0.0 || lag.abs() < OWN_LAG_MS[1] {
                     writeln!(
                         text,

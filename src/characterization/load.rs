@@ -1,4 +1,4 @@
-//! From a bag to the frames of every region: by the core that also runs live, with all joints that the bag has.
+//! Reads the frames of every region from a bag, with the same core as the live node and with all joints in the bag.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -18,11 +18,12 @@ use crate::sessions::{annotated, session_name, without_annotations};
 use crate::units::{NANOS_PER_SEC, Stamp};
 use crate::zero;
 
-/// Frames a second where neither parameters nor stamps say it; the paper's.
+/// Frame rate if neither the parameters nor the stamps give it, Hz; the paper's.
 const DEFAULT_RATE_HZ: f64 = 100.0;
-/// How far the frames of a source may be from the rate in the parameters before their own is taken.
+/// If the rate of a source differs from the parameters by more than this share, its own rate is used.
 const RATE_TOLERANCE: f64 = 0.05;
-/// How long a frame waits for its joints. Nothing is published here, so that even a clock that is far off can be seen.
+/// Time for which a frame waits for its joints. It is long, because nothing is published here, so that a large clock
+/// offset is found, too.
 const JOINT_SLACK: Duration = Duration::from_secs(1);
 
 /// Reads bags with the same joints.
@@ -33,7 +34,7 @@ pub(super) struct Loader<'c> {
     pub(super) observer: &'c dyn Observer,
 }
 
-/// What a bag gave.
+/// Contents of a bag.
 pub(super) struct Loaded {
     /// `[regions]`
     pub(super) regions: Vec<SessionFrames>,
@@ -137,7 +138,7 @@ impl Loader<'_> {
         })
     }
 
-    /// The force sensors that a bag has; says which it lacks.
+    /// The force sensors that a bag has. Missing ones are reported.
     fn truths(
         &self,
         reader: &mut BagReader,
@@ -158,7 +159,7 @@ impl Loader<'_> {
         Ok(there)
     }
 
-    /// The core's configuration for one region, with every joint that is looked at.
+    /// The core's configuration for one region, with every joint that is examined.
     fn core_of(&self, region: &RegionConfig) -> FusionConfig {
         let mut fusion = self.cfg.fusion.clone();
         fusion.timing.joint_slack = JOINT_SLACK;
@@ -174,7 +175,7 @@ impl Loader<'_> {
         measured.filter(|hz| (hz / expected - 1.0).abs() > RATE_TOLERANCE).unwrap_or(expected)
     }
 
-    /// Puts rows and labels together.
+    /// Combines rows and labels.
     fn frames(
         &self,
         name: String,
@@ -207,7 +208,8 @@ impl Loader<'_> {
     }
 }
 
-/// The instructed pose of each frame: within the second half of an annotation, because taking it up needs time.
+/// The instructed pose of each frame, in the second half of an annotation only, because the hand needs time to reach
+/// the pose.
 fn instructed(labels: &Labels, stamps: &[Stamp]) -> (Vec<Option<usize>>, Vec<String>) {
     let all = labels.annotations.all();
     let mut poses: Vec<String> = all.iter().map(|annotation| annotation.pose.clone()).collect();
@@ -225,7 +227,7 @@ fn instructed(labels: &Labels, stamps: &[Stamp]) -> (Vec<Option<usize>>, Vec<Str
     (stamps.iter().map(of_frame).collect(), poses)
 }
 
-/// Frames of a window: so many that every gap that the core fills lies within one, and no more.
+/// Number of frames in a window: just enough to contain every gap that the core fills.
 fn window(cfg: &Config, rate_hz: f64) -> usize {
     (cfg.fusion.timing.max_gap.as_secs_f64() * rate_hz).ceil() as usize + 2
 }

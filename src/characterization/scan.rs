@@ -1,4 +1,4 @@
-//! What a bag holds, before the core is set up for it: joints, sampling, annotations.
+//! Scans a bag before the core is set up for it: joints, sampling, annotations.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,26 +14,26 @@ use crate::observer::{Observer, check};
 use crate::recording::input_topics;
 use crate::units::Stamp;
 
-/// A joint that fewer of its source's messages name would leave holes in every other joint's data.
+/// Minimum share of the messages that must have a joint. A joint with fewer would cause gaps in the data of all joints.
 const MIN_SHARE: f64 = 0.9;
 
-/// What a bag holds.
+/// Contents of a bag.
 pub(super) struct Scan {
-    /// The bag, as it was given.
+    /// Path of the bag, as given.
     pub(super) bag: String,
-    /// Share of its source's messages that have a finite angle of a joint, and that source, by the joint's name.
+    /// By joint name: share of its source's messages with a finite angle, and index of the source.
     shares: BTreeMap<String, (f64, usize)>,
     pub(super) tactile: Vec<NamedTiming>,
     pub(super) joints: Vec<NamedTiming>,
     pub(super) has_annotations: bool,
 }
 
-/// Timing of a source by its name.
+/// Timing of a source, with its name.
 #[derive(Debug, Clone, Serialize)]
 pub struct NamedTiming {
     /// Name of the source.
     pub source: String,
-    /// `None` where it sent too little to tell.
+    /// `None` if there are too few data.
     #[serde(flatten)]
     pub timing: Option<StreamTiming>,
 }
@@ -103,7 +103,7 @@ impl Scan {
     }
 }
 
-/// The joints that every bag tells all of the time, each with the index of its source; and what is said of the others.
+/// The joints that every bag has in most messages, each with the index of its source, and notes on the others.
 pub(super) fn common_joints(cfg: &Config, scans: &[Scan]) -> (Vec<(String, usize)>, Vec<String>) {
     let mut left_out = Vec::new();
     let mut common: BTreeMap<&str, usize> = BTreeMap::new();

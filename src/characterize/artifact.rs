@@ -9,7 +9,7 @@ use super::pose_model::Posed;
 use super::spread::{Spread, quantile};
 use crate::units::{GramForce, Newton};
 
-/// Readings are smoothed over this time, so that noise does not count as an artifact, s.
+/// Readings are smoothed over this time, s, so that noise does not count as an artifact.
 const SMOOTH_S: f64 = 0.05;
 /// The hand counts as straight up to this bend score.
 const STRAIGHT: f64 = 0.1;
@@ -43,7 +43,7 @@ pub struct ArtifactSize {
     pub p95_gf: Option<Spread>,
     /// The same, N.
     pub p95_n: Option<Spread>,
-    /// Sessions in which the 95th percentile is larger than any press, and has no force.
+    /// Number of sessions in which the 95th percentile is larger than any press, so that it has no force.
     pub n_beyond: usize,
 }
 

@@ -4,24 +4,24 @@ use serde::Serialize;
 
 use super::frames::{Prepared, changes, smoothed};
 
-/// Changes are taken over this time: longer than noise, shorter than most movements.
+/// Time over which changes are taken, s: longer than noise, shorter than most movements.
 const SPAN_S: f64 = 0.3;
 /// Smoothing window before that, s.
 const SMOOTH_S: f64 = 0.05;
-/// Interval between the changes used, s; neighbouring changes carry the same information.
+/// Interval between the changes used, s. Neighbouring changes have the same information.
 const EVERY_S: f64 = 0.02;
 
 /// Correlation of the changes of joint angles with the changes of readings at zero load.
 ///
 /// # Shapes
-/// J joints of the recording, T taxels of the region, S sessions. A joint or taxel that never changes has none.
+/// J joints of the recording, T taxels of the region, S sessions. `None` for a joint or taxel that never changes.
 /// # Source
 /// Pose-aware tactile gloves, Sec. III, Observation 3: "changes in tactile readings due to in-air pose changes".
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Correlation {
     /// Changes are over this time, s.
     pub span_s: f64,
-    /// Angles and readings are means over this time, centred.
+    /// Angles and readings are centred means over this time, s.
     pub smoothing_s: f64,
     /// Number of changes used.
     pub n_changes: u64,
@@ -138,7 +138,7 @@ impl Tally {
         }
     }
 
-    /// Pearson's correlation; `taxel` may be the index after the last, for the sum of all.
+    /// Pearson's correlation. `taxel` may be the index after the last, for the sum of all taxels.
     fn correlation(&self, joint: usize, taxel: usize) -> Option<f64> {
         let (x, y) = (self.x[joint], self.y[taxel]);
         let (xx, yy) = (self.n * self.xx[joint] - x * x, self.n * self.yy[taxel] - y * y);

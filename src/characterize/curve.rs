@@ -1,6 +1,6 @@
 //! Converts force to reading and back.
 
-/// Edges of the bins of true force, gF: fine where taps are light, and about a third wide above.
+/// Edges of the bins of true force, gF: narrow for light taps, and about a third of the force wide above.
 pub(super) const EDGES_GF: [f64; 19] = [
     2.5, 10.0, 20.0, 35.0, 50.0, 75.0, 100.0, 150.0, 200.0, 275.0, 350.0, 450.0, 600.0, 800.0, 1000.0, 1400.0, 2000.0,
     3000.0, 5000.0,
@@ -19,7 +19,7 @@ pub(super) struct ForceCurve(Vec<(f64, f64)>);
 impl ForceCurve {
     /// A curve through points (gF, reading) by increasing force; `None` for fewer than three.
     ///
-    /// If a point lies below the one before it, the curve stays level: noise, or too few touches.
+    /// If a point lies below the one before it, because of noise or too few touches, the curve stays level.
     pub(super) fn through(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
         let mut curve = vec![(0.0, 0.0)];
         for (force, reading) in points {

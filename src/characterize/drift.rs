@@ -8,7 +8,7 @@ use super::pose_model::Posed;
 use super::spread::{Spread, median, theil_sen};
 use crate::units::{GramForce, Newton};
 
-/// A hand is at rest while none of the chosen joints turns faster, rad/s.
+/// A hand is at rest while none of the chosen joints turns faster than this, rad/s.
 const REST_RAD_S: f64 = 0.15;
 /// Window for speeds, s.
 const SPEED_S: f64 = 0.1;

@@ -1,5 +1,5 @@
-//! Parts of an artifact: the part common to all donnings, the part specific to one donning, and the part that would
-//! remain with following while the glove is worn. Computed before any model is trained.
+//! Divides an artifact into parts: the part common to all donnings, the part specific to one donning, and the part that
+//! would remain if the artifact were followed while the glove is worn. This needs no trained model.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ const CALIBRATION_S: f64 = 10.0;
 /// Maximum number of joints that are followed; each costs a gain for every taxel.
 const MOST_JOINTS: usize = 6;
 
-/// Remaining artifact of each donning, with shapes learned on the others.
+/// Remaining artifact of each donning, with shapes that were fitted to the others.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FollowingReport {
     /// Joints that the shapes depend on.
@@ -36,7 +36,7 @@ pub struct LeftInAir {
     pub as_read: f64,
     /// After subtracting a fixed map from pose, the same for every donning.
     pub fixed_map: f64,
-    /// The same, and after subtracting the donning's mean: an offset.
+    /// The same, with the donning's mean also subtracted: an offset.
     pub with_offset: f64,
     /// After subtracting a map whose gains and offsets are fitted to all frames of the donning.
     pub with_gains: f64,
@@ -83,7 +83,8 @@ impl<'a> Donning<'a> {
         let pose = (0..n).flat_map(|idx| joints.iter().map(move |joint| session.angle(idx, *joint) as f32)).collect();
         let mut in_air = vec![false; n];
         session.in_air.iter().cloned().flatten().for_each(|idx| in_air[idx] = true);
-        // In the air force is zero, whatever a free load cell reads; elsewhere an unknown force counts as some force.
+        // In the air the force is zero, whatever an unloaded load cell reads. Elsewhere an unknown force counts as a
+        // force.
         let truth = |idx: usize| if in_air[idx] { 0.0 } else { session.truth_gf(idx).unwrap_or(f64::NAN) as f32 };
         Donning { session, pose, truth_gf: (0..n).map(truth).collect(), learned: vec![true; n], in_air }
     }
@@ -98,8 +99,8 @@ impl<'a> Donning<'a> {
         }
     }
 
-    /// Every frame: its taxels, its joints, its distance from the previous frame in frames, and true if it is in the
-    /// air.
+    /// Calls `take` for every frame: its index, taxels and joints, its distance from the previous frame in frames, and
+    /// true if it is in the air.
     fn each(&self, mut take: impl FnMut(usize, &[f32], &[f32], i32, bool)) {
         let (n_taxels, stretch) = (self.session.n_taxels, &self.session.frames.stretch);
         let n_joints = self.pose.len() / self.in_air.len().max(1);
@@ -111,7 +112,7 @@ impl<'a> Donning<'a> {
         }
     }
 
-    /// Gains and offsets from its first `most` frames in the air, and the frame after which they are known.
+    /// Gains and offsets from the first `most` frames in the air, and the frame after which they are known.
     fn fit(&self, model: &Arc<ArtifactModel>, most: u64) -> Result<(ArtifactFit, usize), ArtifactError> {
         let mut fitter = ArtifactFitter::new(Arc::clone(model), 1.0 / self.session.period_s);
         let mut last = 0;
@@ -148,7 +149,7 @@ impl<'a> Donning<'a> {
 }
 
 impl FollowingReport {
-    /// `chosen`: the joints that explain the artifact, those that add most first.
+    /// `chosen`: the joints that explain the artifact, those that explain most first.
     pub(super) fn of<'a>(
         sessions: impl Iterator<Item = &'a Prepared<'a>>,
         joints: &[String],
@@ -171,7 +172,7 @@ impl FollowingReport {
         for left_out in 0..donnings.len() {
             match judge(&donnings, left_out, (n_taxels, chosen.len())) {
                 Ok(Some(left)) => report.by_session.push((donnings[left_out].session.frames.name.clone(), left)),
-                Ok(None) => {} // too short to say anything after its calibration
+                Ok(None) => {} // too short for a result after its calibration
                 Err(error) => {
                     report.missing = Some(format!("what following the artifact would leave can't be told: {error}"));
                     return report;
@@ -186,7 +187,7 @@ impl FollowingReport {
     }
 }
 
-/// Remaining artifact of a donning with shapes of the others; `None` if there is little time after its calibration.
+/// Remaining artifact of a donning with shapes of the others; `None` if too little time is left after its calibration.
 fn judge(donnings: &[Donning<'_>], left_out: usize, sizes: (usize, usize)) -> Result<Option<LeftInAir>, ArtifactError> {
     let donning = &donnings[left_out];
     let rate_hz = 1.0 / donning.session.period_s;

@@ -1,4 +1,4 @@
-//! The frames of one region in one session, and values derived from them for all analyses.
+//! Frames of one region in one session, and values derived from them for all analyses.
 
 use std::ops::Range;
 
@@ -115,9 +115,9 @@ pub(super) fn runs(
     runs
 }
 
-/// The mean of each value with its neighbours on both sides: smooth, without lag.
+/// Moving average without lag: the mean of each value with its neighbours on both sides.
 ///
-/// Near the ends there are fewer neighbours, as many on one side as on the other.
+/// Near the ends there are fewer neighbours, equally many on both sides.
 pub(super) fn smoothed(values: &[f64], window: usize) -> Vec<f64> {
     let half = window / 2;
     let mut sums = Vec::with_capacity(values.len() + 1);
@@ -133,8 +133,8 @@ pub(super) fn smoothed(values: &[f64], window: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Increase of each value over `span` frames around it; shorter than `values` by `span`, and empty if `values` is too
-/// short. Element k belongs to the frame `k + span / 2`.
+/// Increase of each value over `span` frames. The result is shorter than `values` by `span`, and empty if `values` is
+/// too short. Element k belongs to the frame `k + span / 2`.
 pub(super) fn changes(values: &[f64], span: usize) -> Vec<f64> {
     values.iter().zip(values.iter().skip(span)).map(|(from, to)| to - from).collect()
 }

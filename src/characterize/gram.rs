@@ -1,9 +1,10 @@
-//! Ridge regression from sums of products, so that any choice of features is fitted without another pass over the data.
+//! Ridge regression from sums of products, so that any choice of features can be fitted without another pass over the
+//! data.
 
 use nalgebra::DMatrix;
 
-/// Strength of the ridge, as a fraction of each feature's own variance: enough to keep joints that move together from
-/// opposite weights, too little to matter for a joint that moves alone.
+/// Strength of the ridge, as a fraction of each feature's own variance. It is strong enough that joints that move
+/// together don't get opposite weights, and too weak to matter for a joint that moves alone.
 const RIDGE: f64 = 1e-3;
 
 /// Sums of products of features and targets, without an intercept.
@@ -41,7 +42,7 @@ impl Gram {
         self.n += 1.0;
         let row: Vec<f64> = features.iter().chain(targets).copied().collect();
         for (column, value) in row.iter().enumerate() {
-            // Only the lower half; `product` accounts for that.
+            // Only the lower triangle; `product` accounts for that.
             self.products
                 .column_mut(column)
                 .iter_mut()
@@ -55,7 +56,7 @@ impl Gram {
         self.n == 0.0
     }
 
-    /// Adds all rows of another one.
+    /// Adds all rows of another Gram.
     pub(super) fn add(&mut self, other: &Gram) {
         self.n += other.n;
         self.products += &other.products;
@@ -69,7 +70,7 @@ impl Gram {
         self.product(feature, self.n_features + target)
     }
 
-    /// The weights of these features that fit the targets best. Features that never vary get zero.
+    /// The weights of these features with the best fit to the targets. Features that never vary get zero.
     pub(super) fn fit(&self, features: &[usize]) -> Weights {
         let scales: Vec<f64> =
             features.iter().map(|&feature| (self.product(feature, feature) / self.n).sqrt()).collect();
@@ -88,7 +89,7 @@ impl Gram {
         });
         let mut weights = match normal.cholesky() {
             Some(cholesky) => cholesky.solve(&right),
-            None => DMatrix::zeros(n, self.n_targets), // products that are not finite
+            None => DMatrix::zeros(n, self.n_targets), // if products are not finite
         };
         for (k, scale) in scales.iter().enumerate() {
             let unscale = if is_still(k) { 0.0 } else { 1.0 / scale };
@@ -102,7 +103,7 @@ impl Gram {
         by.features.iter().enumerate().map(|(k, other)| by.weight(k, 0) * self.product(*other, feature)).sum()
     }
 
-    /// Sum of the squares of the targets in these rows, before and after subtracting the prediction.
+    /// Sum of the squares of the targets, before and after subtracting the prediction.
     pub(super) fn squares(&self, by: &Weights) -> [f64; 2] {
         let Weights { features, weights } = by;
         let (mut left, mut total) = (0.0, 0.0);
@@ -134,7 +135,7 @@ mod tests {
             gram.handle(&[a, 0.0, b], &[3.0 * a - 2.0 * b]);
         }
         let weights = gram.fit(&[0, 1, 2]);
-        // The ridge takes a thousandth.
+        // The ridge reduces the weights by a thousandth.
         assert!((weights.weight(0, 0) - 3.0).abs() < 0.01 && (weights.weight(2, 0) + 2.0).abs() < 0.01);
         assert_eq!(weights.weight(1, 0), 0.0);
         assert!(gram.along(&weights, 0) > 0.0 && gram.along(&weights, 2) < 0.0);

@@ -81,9 +81,10 @@ impl HysteresisReport {
     }
 }
 
-/// Width of the loop as a fraction of the range, and the sweeps used. Adds their readings to the shown loop.
+/// Width of the loop as a fraction of the range, and the number of sweeps used. Adds their readings to the loop that is
+/// shown.
 ///
-/// The reading minus the prediction from pose is compared, since two sweeps never go through the same poses.
+/// Compares the reading minus the prediction from pose, because two sweeps never go through the same poses.
 fn artifact(posed: &Posed<'_>, bins: &mut [[(f64, f64); N_LOOP]; 2]) -> (Option<f64>, [usize; 2]) {
     let session = &posed.session;
     let Some(score) = &posed.score else { return (None, [0; 2]) };
@@ -113,7 +114,7 @@ fn artifact(posed: &Posed<'_>, bins: &mut [[(f64, f64); N_LOOP]; 2]) -> (Option<
     (width().filter(|width| width.is_finite() && n_sweeps.iter().all(|n| *n >= MIN_SWEEPS)), n_sweeps)
 }
 
-/// Sweeps in which a score goes all the way up or down: pairs of the first and the last index.
+/// Sweeps in which a score goes all the way up or down: first and last index of each.
 fn sweeps(score: &[f64]) -> Vec<(usize, usize)> {
     let mut sweeps = Vec::new();
     let (mut pivot, mut extreme, mut direction) = (0, 0, 0.0);
@@ -135,7 +136,7 @@ fn sweeps(score: &[f64]) -> Vec<(usize, usize)> {
     sweeps
 }
 
-/// Unloading over loading as a fraction of the reading that a touch adds, and the touches and forces used.
+/// Unloading over loading as a fraction of the reading that a touch adds, and the number of touches and forces used.
 fn touch(posed: &Posed<'_>) -> (Option<f64>, usize) {
     let session = &posed.session;
     let (window, span) = (session.n_in(SMOOTH_S), session.n_in(SMOOTH_S));
@@ -155,7 +156,7 @@ fn touch(posed: &Posed<'_>) -> (Option<f64>, usize) {
                 let (Some(bin), Some(speed)) = (bin_of(forces[k]), speed(k)) else { continue };
                 if forces[k] >= MIN_FORCE_GF && (SPEED_GF_S.0..SPEED_GF_S.1).contains(&speed.abs()) {
                     let of = &mut bins[bin][usize::from(speed < 0.0)];
-                    // Divided by force, because a bin is wide.
+                    // Divided by force, because forces within a bin differ.
                     *of = (of.0 + posed.rise(run.start + k) / forces[k], of.1 + 1);
                 }
             }

@@ -9,7 +9,7 @@ use super::spread::{Spread, median};
 const MEDIAN_TO_SD: f64 = 1.0 / (0.674_49 * std::f64::consts::SQRT_2);
 /// A reading that stays at the end of a taxel's range for this many frames is saturated.
 const MIN_STUCK: usize = 10;
-/// And for this fraction of the session.
+/// Minimum fraction of the session for which it must be at the end.
 const MIN_STUCK_SHARE: f64 = 1e-3;
 
 /// Noise and faults of taxels.
@@ -21,7 +21,7 @@ pub struct NoiseReport {
     pub sd: Option<Spread>,
 }
 
-/// One taxel.
+/// Noise and faults of one taxel.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TaxelNoise {
     /// Index within the region.
@@ -35,7 +35,7 @@ pub struct TaxelNoise {
 }
 
 impl NoiseReport {
-    /// Noise of all sessions, by the frames of each in which the hand is still.
+    /// Noise of all sessions, from the frames of each in which the hand is still.
     pub(super) fn of<'p>(sessions: impl Iterator<Item = &'p Prepared<'p>>, at_rest: &[Vec<usize>]) -> Self {
         let sessions: Vec<&Prepared<'_>> = sessions.collect();
         let n_taxels = sessions.first().map_or(0, |session| session.n_taxels);
@@ -64,7 +64,8 @@ fn noise(session: &Prepared<'_>, at_rest: &[usize], taxel: usize) -> Option<f64>
     let step = |pair: &[usize]| (session.reading(pair[1], taxel) - session.reading(pair[0], taxel)).abs();
     let mut steps: Vec<f64> = neighbours.map(step).collect();
     let typical = median(&mut steps)? * MEDIAN_TO_SD;
-    // More than half of the steps are zero if noise is smaller than a count; their mean square still measures it.
+    // If the noise is smaller than one count of the sensor, more than half of the steps are zero. Their mean square
+    // still measures it.
     let square = steps.iter().map(|step| step * step).sum::<f64>() / steps.len() as f64;
     Some(if typical > 0.0 { typical } else { (0.5 * square).sqrt() })
 }

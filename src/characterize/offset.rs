@@ -1,4 +1,4 @@
-//! Clock offset between joints and taxels, from the delay of an artifact after its motion.
+//! Estimates the clock offset between joints and taxels from the delay of an artifact after its motion.
 
 use serde::Serialize;
 
@@ -11,34 +11,36 @@ use super::spread::Spread;
 const MAX_LAG_S: f64 = 0.3;
 /// Window for motion, s.
 const SPAN_S: f64 = 0.06;
-/// Interval between fitted rows, s; neighbouring rows carry the same information.
+/// Interval between fitted rows, s. Neighbouring rows have the same information.
 const EVERY_S: f64 = 0.02;
 /// Minimum peak for an estimate.
 const MIN_PEAK: f64 = 0.4;
-/// Length of the blocks left out in turn, s: longer than movements, so that each block is informative.
+/// Length of the blocks left out in turn, s: longer than movements, so that each block has information.
 const BLOCK_S: f64 = 4.0;
 /// Minimum and maximum number of blocks.
 const N_BLOCKS: [usize; 2] = [6, 30];
-/// Standard errors on either side of an estimate for an interval that holds the true lag in at least 95 of 100 cases:
-/// Student's 2.57 for six blocks, and some more because neighbouring blocks are not independent.
+/// Half width of an interval that contains the true lag in at least 95 of 100 cases, in standard errors: Student's 2.57
+/// for six blocks, and some more because neighbouring blocks are not independent.
 const INTERVAL_ERRORS: f64 = 3.0;
-/// Standard errors by which another lag must be worse to be ruled out. There are 60 lags, so 2 would not be enough.
+/// Difference in standard errors by which another lag must be worse to be ruled out. There are 60 lags, so 2 would not
+/// be enough.
 const RULED_OUT_ERRORS: f64 = 3.0;
-/// Maximum width of an interval, ms; a wider one gives no estimate.
+/// Maximum width of an interval, ms. A wider one gives no estimate.
 const MAX_WIDTH_MS: f64 = 60.0;
 
-/// Lag from filter, creep and friction of a sensor itself, ms: a smaller clock offset can't be told from it.
+/// Range of lags from a sensor's own filter, creep and friction, ms. A clock offset in this range can't be
+/// distinguished from them.
 pub const OWN_LAG_MS: [f64; 2] = [0.0, 20.0];
 
-/// Delay of reading changes in the air after the joint motion that causes them.
+/// Delay of changes in the readings in the air after the joint motion that causes them.
 ///
-/// The lag includes the delay of the sensor: its filter, creep and friction make the taxels late by some 10 ms, and a
-/// smaller clock offset can't be told from that.
+/// The lag includes the delay of the sensor: its filter, creep and friction delay the taxels by about 10 ms, and a
+/// smaller clock offset can't be distinguished from this.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OffsetReport {
-    /// Lag of the taxels behind the joints by their stamps, ms; `None` if no session has an estimate.
+    /// Lag of the stamps of taxels behind those of joints, ms; `None` if no session has an estimate.
     pub lag_ms: Option<Spread>,
-    /// Interval that holds it in 95 of 100 cases, ms: from the smallest to the largest value over sessions.
+    /// Interval that contains it in 95 of 100 cases, ms: from the smallest to the largest value over sessions.
     pub interval_ms: Option<[f64; 2]>,
     /// Clock offset, ms: the interval without [`OWN_LAG_MS`]. Positive if stamps of taxels are late.
     pub clock_offset_ms: Option<[f64; 2]>,
@@ -55,13 +57,14 @@ pub struct SessionOffset {
     pub session: String,
     /// Lag of the taxels, ms, interpolated between frames by a parabola; `None` if the movements don't determine it.
     pub lag_ms: Option<f64>,
-    /// Interval that holds it in 95 of 100 cases, ms.
+    /// Interval that contains it in 95 of 100 cases, ms.
     pub interval_ms: Option<[f64; 2]>,
     /// The reason why there is no estimate.
     pub untold: Option<Untold>,
     /// Correlation at the peak.
     pub peak: Option<f64>,
-    /// Correlation of the change of the reading with its prediction from the joints' motion a lag before, by lag.
+    /// For each lag: correlation of the change of the reading with its prediction from the earlier motion of the
+    /// joints.
     pub curve: Vec<LagPoint>,
 }
 
@@ -78,7 +81,7 @@ pub enum Untold {
     /// The best lag is the first or last that was tried.
     #[error("the best lag is at the end of those that were tried, {} ms either way", 1e3 * MAX_LAG_S)]
     AtTheEnd,
-    /// Another lag explains the readings as well, or so nearly that these data can't tell.
+    /// Another lag explains the readings equally well, within the uncertainty of these data.
     #[error("a lag of {other_ms:.0} ms explains the readings as well as one of {lag_ms:.0} ms")]
     SeveralPeaks {
         /// The best lag, ms.
@@ -158,7 +161,7 @@ struct Lags {
 }
 
 impl Lags {
-    /// Every lag is judged by the same changes of the reading: those with motion available at all lags.
+    /// Uses the same changes of the reading for every lag: those with motion available at all lags.
     fn of(session: &Prepared<'_>, chosen: &[usize]) -> Self {
         let (span, every) = (session.n_in(SPAN_S), session.n_in(EVERY_S));
         let max_lag = session.n_in(MAX_LAG_S);
@@ -204,7 +207,7 @@ impl Lags {
         self.blocks.iter().map(|block| block[0].squares(&none)[0]).sum()
     }
 
-    /// `[lags]`: the residual of the changes in some of the blocks, for the best mix of joints.
+    /// `[lags]`: residual of the changes in some of the blocks, for the best weights of the joints.
     fn left(&self, is_in: impl Fn(usize) -> bool) -> Vec<f64> {
         let of_lag = |idx: usize| {
             let gram = self.sum(idx, &is_in);
@@ -239,7 +242,7 @@ impl Lags {
         let mean = without.iter().sum::<f64>() / n;
         // The jackknife's standard error.
         let error = ((n - 1.0) / n * without.iter().map(|one| (one - mean).powi(2)).sum::<f64>()).sqrt();
-        // Stamps of joints lie anywhere between two frames.
+        // Joint stamps may be anywhere between two frames.
         let half = (INTERVAL_ERRORS * error + 0.5) * self.period_ms;
         if 2.0 * half > MAX_WIDTH_MS {
             return Err(Untold::Flat { width_ms: 2.0 * half });
@@ -256,7 +259,7 @@ impl Lags {
         Ok((lag_ms, [lag_ms - half, lag_ms + half]))
     }
 
-    /// True if a lag explains the blocks so much worse than the best one that chance can't explain it.
+    /// True if a lag explains the blocks worse than the best one by more than chance can explain.
     fn is_ruled_out(&self, idx: usize, best: usize) -> bool {
         let fit = |idx: usize| self.sum(idx, &|_| true).fit(&self.features);
         let (of_other, of_best) = (fit(idx), fit(best));
@@ -300,7 +303,7 @@ mod tests {
         SlowWaves,
         /// One fast sine wave, which is the same a period later.
         FastWave,
-        /// As `Lively`, the second joint a while after the first.
+        /// Like `Lively`, but the second joint moves some time after the first.
         InTurn,
         /// Slowly and smoothly, at random.
         Slow,
@@ -323,7 +326,7 @@ mod tests {
                         next = k + ((least_s + least_s * random.uniform(0.0, 1.0)) * 1e3) as usize;
                     }
                     for joint in 0..N_JOINTS {
-                        // A spring without overshoot: speed and place are smooth.
+                        // A spring without overshoot, so that position and speed are smooth.
                         let pull = speed * speed * (goal[joint] - at[joint]) - 2.0 * speed * speeds[joint];
                         speeds[joint] += pull * 1e-3;
                         at[joint] += speeds[joint] * 1e-3;
@@ -344,7 +347,7 @@ mod tests {
         }
     }
 
-    /// A session whose taxels come `lag_ms` after their joints, with noise as this fraction of the motion's effect.
+    /// A session whose taxels lag behind the joints by `lag_ms`, with noise as this fraction of the motion's effect.
     fn session(kind: Motion, lag_ms: f64, noise: f64, seconds: usize, seed: u64) -> SessionFrames {
         let mut random = Noise::named(&format!("offset {seed}"));
         let margin = 400;
@@ -374,7 +377,7 @@ mod tests {
         }
     }
 
-    /// Number of sessions with an estimate; each estimate must contain and be near the lag that was put in.
+    /// Number of sessions with an estimate. Each estimate must contain the true lag and be near it.
     fn n_told(kind: Motion, noise: f64, lags_ms: &[f64]) -> usize {
         let mut n_told = 0;
         for seed in 0..6 {

@@ -1,4 +1,4 @@
-//! Reading of a pose in the air: one score for the bend of the hand, and the reading expected for a pose.
+//! Models of the pose in the air: a score for the bend of the hand, and the expected reading at a pose.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use super::spread::quantile;
 /// Quantiles over the time in the air at which the score is 0 and 1.
 const SCORE_ENDS: [f64; 2] = [0.01, 0.99];
 
-/// A session with its pose as a score, and as the expected reading in the air.
+/// A session with the bend score and the expected reading in the air of each frame.
 #[derive(Debug)]
 pub(super) struct Posed<'a> {
     pub(super) session: Prepared<'a>,
@@ -28,37 +28,37 @@ impl<'a> Posed<'a> {
         Posed { score: score.map(|score| score.of_session(&session)), in_air, session }
     }
 
-    /// Sum of all taxels minus the prediction from pose.
+    /// Sum of all taxels minus the expected reading in the air at this pose.
     pub(super) fn rise(&self, idx: usize) -> f64 {
         self.session.sum[idx] - self.in_air[idx]
     }
 }
 
-/// Bend of the hand as it affects the taxels: 0 and 1 at the ends of the range in the air.
+/// Bend of the hand by its effect on the taxels. The score is 0 and 1 at the ends of the range in the air.
 ///
-/// The mix of the chosen joints whose changes correlate best with those of the sum of all taxels in the air, with the
-/// sign that makes it grow with the first joint. If that joint's flexion is positive, as it should be, 0 is the
-/// straight hand.
+/// It is a weighted sum of the chosen joints. Its changes correlate best with the changes of the sum of all taxels in
+/// the air. Its sign is chosen so that it increases with the first joint. If flexion of that joint is positive, as it
+/// should be, 0 is the straight hand.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BendScore {
     /// Names of the joints in it.
     pub joints: Vec<String>,
     /// `[joints]`: change of the score per joint, 1/rad.
     pub per_rad: Vec<f64>,
-    /// Score with all of them at 0 rad.
+    /// Score if all these joints are at 0 rad.
     pub at_zero: f64,
     #[serde(skip)]
     joint_idxs: Vec<usize>,
 }
 
 impl BendScore {
-    /// The score by these joints; `None` if they explain nothing, or there are none.
+    /// The score from these joints; `None` if there are none, or if they explain nothing.
     pub(super) fn of(sessions: &[Vec<Sample>], joints: &[String], chosen: &[usize]) -> Option<Self> {
         let mut gram = Gram::new(chosen.len(), 1);
         let pick = |sample: &Sample| -> Vec<f64> { chosen.iter().map(|joint| sample.angles[*joint]).collect() };
         let sum = |sample: &Sample| sample.readings.iter().sum::<f64>();
         for samples in sessions {
-            // Each session has the same weight: a glove that is worn tighter reads more of the same.
+            // Each session has the same weight, because the readings of a glove that is worn tighter are larger.
             let size = changes(samples).map(|(from, to)| (sum(to) - sum(from)).powi(2)).sum::<f64>().sqrt();
             for (from, to) in changes(samples).filter(|_| size > 0.0) {
                 let turned: Vec<f64> = pick(to).iter().zip(pick(from)).map(|(to, from)| to - from).collect();
@@ -66,7 +66,7 @@ impl BendScore {
             }
         }
         let weights = gram.fit(&(0..chosen.len()).collect::<Vec<_>>());
-        // The first joint's own weight may have either sign, because joints that move with it share its part.
+        // The weight of the first joint may have either sign, because joints that move with it share its effect.
         let along = chosen.first().map(|_| gram.along(&weights, 0)).filter(|along| *along != 0.0)?.signum();
         let weights: Vec<f64> = (0..chosen.len()).map(|k| weights.weight(k, 0) * along).collect();
         let mut mixes: Vec<f64> = sessions
@@ -95,7 +95,7 @@ impl BendScore {
     }
 }
 
-/// Sum of all taxels of one session in the air by pose: linear and quadratic in the chosen joints.
+/// Sum of all taxels of one session in the air by pose: a quadratic function of the chosen joints.
 #[derive(Debug)]
 struct AirReading {
     chosen: Vec<usize>,
@@ -106,7 +106,7 @@ struct AirReading {
 }
 
 impl AirReading {
-    /// Fitted on a session's time in the air; `None` if it has none.
+    /// Fits it to a session's time in the air; `None` if there is none.
     fn of(samples: &[Sample], chosen: &[usize]) -> Option<Self> {
         let pick = |sample: &Sample| -> Vec<f64> { chosen.iter().map(|joint| sample.angles[*joint]).collect() };
         let rows: Vec<Vec<f64>> = samples.iter().map(pick).collect();

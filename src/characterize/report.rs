@@ -15,7 +15,7 @@ use super::response::{ResponseReport, session_curve};
 use super::selection::{Sample, Selection, samples};
 use super::spread::quantile;
 
-/// Quantiles of a session's angles; angles outside are left out of a joint's range.
+/// Quantiles that bound the range of a joint's angles in a session.
 const RANGE_QUANTILES: [f64; 2] = [0.005, 0.995];
 
 /// Results for one region.
@@ -38,15 +38,15 @@ pub struct RegionReport {
     pub pose_range_quantiles: [f64; 2],
     /// Range of each chosen joint, loaded or not.
     pub pose_range: Vec<JointRange>,
-    /// The mix of chosen joints used for classes, sweeps and lags; `None` without a chosen joint.
+    /// The bend score, which is used for classes, sweeps and lags; `None` without a chosen joint.
     pub bend_score: Option<BendScore>,
     /// Response to force; `None` if no force is known.
     pub response: Option<ResponseReport>,
     /// Size of artifacts.
     pub artifact: ArtifactReport,
-    /// The part of them specific to a donning, and the part that would remain with following.
+    /// Part of the artifacts that is specific to a donning, and the part that would remain if they were followed.
     pub following: FollowingReport,
-    /// Lags.
+    /// Hysteresis of artifact and touch.
     pub hysteresis: HysteresisReport,
     /// Drift at rest.
     pub drift: DriftReport,
@@ -80,7 +80,7 @@ pub struct JointRange {
     pub max: f64,
 }
 
-/// Characterizes one region by all of its sessions; a joint is chosen as long as it adds `min_gain` to the explained
+/// Characterizes one region from all its sessions. A joint is chosen as long as it adds `min_gain` to the explained
 /// fraction of the artifact.
 ///
 /// # Shapes

@@ -11,11 +11,11 @@ use crate::units::{GramForce, Newton};
 pub(super) const TOUCH_GF: f64 = 2.5;
 /// Minimum number of frames for a point of a curve.
 const MIN_FRAMES: usize = 20;
-/// Minimum force when comparing gains, gF: below, a touch adds not much more than a pose does.
+/// Minimum force when comparing gains, gF. Below it, a touch adds little more than a pose does.
 const MIN_GAIN_GF: f64 = 35.0;
 /// Minimum number of bins of force for a comparison of gains.
 const MIN_GAIN_BINS: usize = 3;
-/// Minimum number of touches of the straight and of the bent hand: touches differ by a tenth or more.
+/// Minimum number of touches each of the straight and of the bent hand, because touches differ by a tenth or more.
 const MIN_GAIN_TOUCHES: usize = 5;
 /// Thirds of the bend score.
 const STRAIGHT: Class = ("low", f64::NEG_INFINITY, 1.0 / 3.0);
@@ -33,8 +33,8 @@ pub struct ResponseReport {
     pub all: ClassCurve,
     /// Thirds of the bend score; empty if there is no score.
     pub by_bend: Vec<ClassCurve>,
-    /// How much more the bent hand reads at equal force, of each session: the reading that a touch adds at a high bend
-    /// score over the one at a low bend score.
+    /// Gain of the bent hand in each session: reading that a touch adds at a high bend score, divided by the one at a
+    /// low bend score, at equal force.
     pub gain_by_session: Vec<SessionGain>,
     /// The same over all sessions; `None` if no session has it.
     pub gain: Option<Spread>,
@@ -45,9 +45,9 @@ pub struct ResponseReport {
 pub struct ClassCurve {
     /// `all`, or the third of the bend score: `low`, `middle`, `high`.
     pub class: &'static str,
-    /// Number of touches with frames in it. Touches differ, so a few of them are not enough for a curve.
+    /// Number of touches with frames in it. A few touches are not enough for a curve, because touches differ.
     pub n_touches: usize,
-    /// Loaded frames with a known force.
+    /// Number of loaded frames with a known force.
     pub n_frames: usize,
     /// By increasing force; bins with too few frames are left out.
     pub points: Vec<CurvePoint>,
@@ -68,7 +68,7 @@ pub struct CurvePoint {
     pub sum: f64,
     /// Lower and upper quartile of the sum of all taxels.
     pub sum_quartiles: [f64; 2],
-    /// Median of the reading that the touch adds: the reading minus that of the pose alone in the air.
+    /// Median of the reading that the touch adds: the reading minus the expected reading of the pose in the air.
     pub rise: f64,
     /// `[T]`: median reading.
     pub by_taxel: Vec<f64>,
@@ -86,7 +86,7 @@ pub struct SessionGain {
     pub of_slopes: Option<f64>,
     /// Number of bins of force that were compared.
     pub n_bins: usize,
-    /// Touches of the straight and of the bent hand.
+    /// Number of touches of the straight and of the bent hand.
     pub n_touches: [usize; 2],
 }
 
@@ -118,7 +118,7 @@ impl Gathered {
                 (Some((_, from, to)), Some(score)) => (from..to).contains(&score[*idx]),
                 (Some(_), None) => false,
             };
-            let (mut touched, mut is_counted) = (None, false); // last frame of the touch that goes on
+            let (mut touched, mut is_counted) = (None, false); // last frame of the current touch
             for idx in (0..session.sum.len()).filter(|idx| !session.frames.in_air[*idx]) {
                 let Some(force) = session.truth_gf(idx).filter(|force| *force >= TOUCH_GF) else { continue };
                 if touched.replace(idx).is_none_or(|before| before + 1 != idx) {
@@ -167,13 +167,13 @@ impl Bin {
 }
 
 impl ClassCurve {
-    /// The curve that converts a reading of all taxels to the force of a tap that adds as much.
+    /// The curve that converts a reading of all taxels to the force of a tap that adds this reading.
     pub(super) fn to_force(&self) -> Option<ForceCurve> {
         ForceCurve::through(self.points.iter().map(|point| (point.force_gf, point.rise)))
     }
 }
 
-/// Readings of one session's straight hand under force, or of its hand in all poses if that is too little data.
+/// Force curve of one session's straight hand, or of its hand in all poses if there are too few data.
 pub(super) fn session_curve(posed: &Posed<'_>) -> Option<ForceCurve> {
     let curve = |class| Gathered::of(class, [posed]).finish().to_force();
     curve(Some(STRAIGHT)).or_else(|| curve(None))
@@ -211,7 +211,7 @@ impl SessionGain {
             .filter(|(straight, bent)| straight.force_gf.min(bent.force_gf) >= MIN_GAIN_GF)
             .collect();
         let enough = pairs.len() >= MIN_GAIN_BINS && n_touches.iter().all(|n| *n >= MIN_GAIN_TOUCHES);
-        // Divided by force, because the frames of a bin differ a little in force from class to class.
+        // Divided by force, because the mean force in a bin differs a little between the classes.
         let gain = |point: &CurvePoint| point.rise / point.force_gf;
         let mut ratios: Vec<f64> = pairs.iter().map(|(straight, bent)| gain(bent) / gain(straight)).collect();
         let straight = slope(pairs.iter().map(|pair| &pair.0));

@@ -1,34 +1,34 @@
-//! Joints that explain the artifact: each is chosen by what it explains beyond those chosen before it.
+//! Selects joints that explain the artifact. Each is chosen by what it explains in addition to those before it.
 
 use serde::Serialize;
 
 use super::frames::Prepared;
 use super::gram::Gram;
 
-/// Window for averaging frames: an artifact is no faster than a finger, s.
+/// Averaging time for frames, s. No artifact is faster than a finger.
 const SAMPLE_S: f64 = 0.05;
-/// Changes are over this many samples, 0.3 s: this excludes slow drift.
+/// Changes are over this number of samples, 0.3 s, so that slow drift has no effect.
 const SPAN: usize = 6;
-/// Length of the blocks of time in the air that are fitted or held out, s; shorter if there is little time.
+/// Length of the blocks of time in the air that are fitted or held out, s. Shorter if there is little time.
 const STRETCH_S: f64 = 10.0;
 /// Number of folds; blocks are assigned to them in turn, and each fold is held out once.
 const N_FOLDS: usize = 3;
 /// Maximum number of chosen joints.
 const MAX_JOINTS: usize = 16;
 
-/// Joints chosen one after the other, by how much they explain of the readings in the air.
+/// Joints in the order in which they were chosen, by how much they explain of the readings in the air.
 ///
-/// Joints move together, so a joint that only moves with another correlates as well as that one. Here a joint counts
-/// for what it adds: ridge regression of the changes of all taxels on the changes of angles and of their squares, for
-/// each session separately. It is fitted on two of every three blocks of the time in the air and judged on the third,
-/// until each block has been held out once.
+/// Joints move together, so a joint that only moves with another one correlates as well as that one. Therefore a joint
+/// counts only for what it adds. The changes of all taxels are fitted by ridge regression on the changes of the angles
+/// and of their squares, for each session separately. The fit uses two of every three blocks of the time in the air and
+/// is tested on the third, until each block has been held out once.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Selection {
-    /// `[J]`: fraction of the held-out changes' variance that each joint explains alone, all sessions together.
+    /// `[J]`: fraction of the variance of held-out changes that each joint explains alone, for all sessions together.
     pub alone: Vec<Option<f64>>,
     /// The chosen joints, in order.
     pub chosen: Vec<Step>,
-    /// The best of the others, which adds too little.
+    /// The best of the other joints, which adds too little.
     pub next: Option<Step>,
     /// Fraction that all joints together explain.
     pub all: Option<f64>,
@@ -44,7 +44,7 @@ pub struct Step {
     pub joint_idx: usize,
     /// Its name.
     pub joint: String,
-    /// Fraction of the held-out changes' variance that it and those before it explain.
+    /// Fraction of the variance of held-out changes that this joint and those before it explain.
     pub explained: f64,
     /// The fraction that it adds.
     pub gain: f64,
@@ -61,7 +61,7 @@ pub(super) struct Sample {
     fold: usize,
 }
 
-/// Means of short pieces of the time in the air.
+/// Means over short pieces of the time in the air.
 pub(super) fn samples(session: &Prepared<'_>) -> Vec<Sample> {
     let n_each = session.n_in(SAMPLE_S);
     let stretch_s = STRETCH_S.min(session.in_air_s() / (3 * N_FOLDS) as f64);
@@ -82,7 +82,7 @@ pub(super) fn samples(session: &Prepared<'_>) -> Vec<Sample> {
     samples
 }
 
-/// Samples of one run in the air, each paired with the one a span later.
+/// Pairs of samples in one run in the air, one span apart.
 pub(super) fn changes(samples: &[Sample]) -> impl Iterator<Item = (&Sample, &Sample)> {
     samples.iter().zip(samples.iter().skip(SPAN)).filter(|(from, to)| from.run == to.run)
 }
@@ -104,7 +104,7 @@ pub(super) fn features(angles: &[f64], centre: &[f64]) -> Vec<f64> {
     around.iter().copied().chain(around.iter().map(|angle| angle * angle)).collect()
 }
 
-/// Products of changes within one session, of the fitted rows and of the held-out rows, fold by fold.
+/// Products of changes within one session, for the fitted rows and the held-out rows of each fold.
 fn of_changes(samples: &[Sample], n_joints: usize, n_taxels: usize) -> [[Gram; 2]; N_FOLDS] {
     let mut folds = [(); N_FOLDS].map(|()| Gram::new(2 * n_joints, n_taxels));
     let centre = means(samples.iter().map(|sample| sample.angles.as_slice()));
@@ -121,7 +121,7 @@ fn of_changes(samples: &[Sample], n_joints: usize, n_taxels: usize) -> [[Gram; 2
 }
 
 impl Selection {
-    /// Chooses among the joints of these names as long as one adds `min_gain`.
+    /// Chooses among these joints as long as one adds `min_gain`.
     pub(super) fn of(sessions: &[Vec<Sample>], joints: &[String], n_taxels: usize, min_gain: f64) -> Self {
         let n = joints.len();
         let folds: Vec<[Gram; 2]> = sessions.iter().flat_map(|samples| of_changes(samples, n, n_taxels)).collect();

@@ -1,4 +1,4 @@
-//! Checks before a session begins, so that an afternoon isn't lost to a broken line or a wrong name.
+//! Checks before a session begins, so that no time is lost to a broken wire or a wrong name.
 
 use super::senses::{Layout, Stream, Window};
 use crate::protocol::{Annotation, CheckMovement, Checks, Protocol};
@@ -7,16 +7,16 @@ use crate::units::{NANOS_PER_SEC, Stamp};
 /// Substage in the annotations during the checks.
 const SUBSTAGE: &str = "checks";
 
-/// Time for the discovery of every stream, ns.
+/// Time limit for the first message of every stream, ns.
 const LATE_NS: i64 = 3 * NANOS_PER_SEC;
 
 /// Time for the user to let go of objects and come to rest, ns.
 const SETTLE_NS: i64 = 3 * NANOS_PER_SEC / 2;
 
-/// Margin by which the wrong joint must move more before a joint's name is doubted: hands differ.
+/// Factor by which another joint must move more before the name of a joint is doubted, because hands differ.
 const CLEARLY: f64 = 1.1;
 
-/// A problem, as a line: what was expected, what was received, and what to do.
+/// A problem, on one line: what was expected, what was received, and what to do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem(pub String);
 
@@ -58,9 +58,9 @@ impl Preflight {
         }
     }
 
-    /// Moves on in time, and takes the sensor data when a check is over; true if there is more to check.
+    /// Advances to the time `now`, and reads the sensor data of a check that is over. True if there is more to check.
     ///
-    /// Checks begin when every stream has sent data, or is late.
+    /// Checks begin when every stream has sent data, or when the time limit for that is over.
     pub fn handle_time(&mut self, now: Stamp, all_heard: bool, take_window: &mut dyn FnMut() -> Window) -> bool {
         if self.at > self.checks.movements.len() {
             return false;
@@ -68,14 +68,14 @@ impl Preflight {
         let first = *self.first.get_or_insert(now);
         let Some(began) = self.began else {
             if all_heard || now.nanos_since(first) >= LATE_NS {
-                take_window(); // whatever came before
+                take_window(); // discard earlier data
                 self.begin(now);
             }
             return true;
         };
         if self.settling && now.nanos_since(began) >= SETTLE_NS {
             self.settling = false;
-            take_window(); // whatever was still held
+            take_window(); // discard data from before the hand came to rest
         }
         if now < self.end(began) {
             return true;
@@ -87,7 +87,7 @@ impl Preflight {
             Some(movement) => self.problems.extend(moved(&window, &self.layout, movement, self.checks.min_movement)),
         }
         self.at += 1;
-        // The user need not move while a driver isn't running.
+        // The user need not move as long as a driver isn't running.
         if self.at == 1 && !self.problems.is_empty() {
             self.at = self.checks.movements.len() + 1;
             self.annotations.push(Annotation::outside(now));
@@ -157,7 +157,8 @@ impl Preflight {
     }
 }
 
-/// Streams that are silent, slow or have gaps; joints that no source sends; a load cell away from zero.
+/// Problems with streams that are silent, slow or have gaps, with joints that no source sends, and with a load cell
+/// that is not at zero.
 fn still(window: &Window, layout: &Layout, checks: &Checks) -> Vec<Problem> {
     let mut problems = Vec::new();
     for stream in layout.streams() {
@@ -203,7 +204,7 @@ fn still(window: &Window, layout: &Layout, checks: &Checks) -> Vec<Problem> {
     problems.into_iter().map(Problem).collect()
 }
 
-/// Joints that did not move, or not in the order in which this movement moves them.
+/// Problems with joints that did not move, or not in the order of this movement.
 fn moved(window: &Window, layout: &Layout, movement: &CheckMovement, at_least: f64) -> Vec<Problem> {
     // With several regions, each has its own finger; the finger that moved most is taken as the instructed one.
     let spans = |part: &str| {
@@ -233,7 +234,7 @@ fn moved(window: &Window, layout: &Layout, movement: &CheckMovement, at_least: f
     problems.into_iter().map(Problem).collect()
 }
 
-/// True if a joint's name contains a part: `index_mcp_flex` has `mcp_flex`.
+/// True if a joint's name contains a part: `index_mcp_flex` contains `mcp_flex`.
 fn is_part(joint: &str, part: &str) -> bool {
     joint == part || joint.ends_with(&format!("_{part}")) || joint.contains(&format!("_{part}_"))
 }
@@ -265,7 +266,7 @@ mod tests {
     use crate::units::Newton;
 
     struct Bench {
-        /// DIP, PIP, MCP: how far they go in a bend and in a fold, rad.
+        /// Names of DIP, PIP and MCP, which move in a bend and in a fold.
         names: [&'static str; 3],
         dead: Option<usize>,
         force: f64,

@@ -5,10 +5,11 @@ use std::collections::BTreeSet;
 use crate::protocol::{Annotation, Annotations, Plan, Protocol, Step, Trial};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
-/// How much before its end an item may have been ended and still be complete, s: annotations follow the screen's clock.
+/// An item that ended earlier than planned by at most this time still counts as complete, s, because annotations follow
+/// the clock of the screen.
 const EARLY_S: f64 = 0.1;
 
-/// The completed items of a plan, and the stamps of items that were begun and not completed.
+/// The completed items of a plan, and the stamps of items that were begun but not completed.
 pub fn done(annotations: &Annotations, protocol: &Protocol, plan: &Plan) -> (BTreeSet<usize>, Vec<Stamp>) {
     let mut done = BTreeSet::new();
     let mut broken = Vec::new();
@@ -35,7 +36,7 @@ pub fn done(annotations: &Annotations, protocol: &Protocol, plan: &Plan) -> (BTr
     (done, broken)
 }
 
-/// The trial that the annotations begin with, the number of them that are its steps, and its duration.
+/// The trial that begins with these annotations, the number of annotations that are its steps, and its duration.
 fn begun(protocol: &Protocol, plan: &Plan, annotations: &[Annotation]) -> Option<(usize, usize, f64)> {
     let first = annotations.first()?;
     let of = |trial: &Trial, annotation: &Annotation| {

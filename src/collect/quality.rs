@@ -1,17 +1,17 @@
-//! Compares touches with the instruction, by the force sensor: per item, and in sum for a stage.
+//! Compares touches with the instructions, by the force sensor: for each item, and summed up for a stage.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::protocol::{Action, ForceLevels, Trial};
 use crate::units::Newton;
 
-/// A touch begins above this and ends below half of it, N: well above a load cell's noise, below any instructed tap.
+/// A touch begins above this and ends below half of it, N: far above a load cell's noise, below any instructed tap.
 const TOUCH: f64 = 0.1;
 
-/// Minimum fraction of an instructed press that must be pressed.
+/// Minimum share of an instructed press in which the force must be above the touch threshold.
 const PRESSED: f64 = 0.5;
 
-/// Number of readings without load used for the zero: some seconds.
+/// Number of readings without load used for the zero: a few seconds.
 const ZERO_READINGS: usize = 300;
 
 /// Quality of an item.
@@ -19,7 +19,7 @@ const ZERO_READINGS: usize = 300;
 pub struct ItemQuality {
     /// Peak of each touch, N.
     pub peaks: Vec<f64>,
-    /// Problems, a line each.
+    /// Problems, one line each.
     pub problems: Vec<String>,
 }
 
@@ -63,14 +63,14 @@ impl StageQuality {
         self.doing = Some(Doing { item, ..Doing::default() });
     }
 
-    /// Takes a reading of the force sensor, in a step at zero load or not.
+    /// Adds a reading of the force sensor, in a step at zero load or not.
     pub fn handle_force(&mut self, force: Newton, zero_load: bool) {
         let over_zero = force.0 - self.zero;
         let Some(doing) = &mut self.doing else { return };
         if zero_load {
             doing.most_in_air = doing.most_in_air.max(over_zero);
             doing.n_air += 1;
-            // An accidental touch must not become the zero.
+            // Readings of an accidental touch must not change the zero.
             if over_zero.abs() < TOUCH || self.at_rest.is_empty() {
                 self.at_rest.push_back(force.0);
                 if self.at_rest.len() > ZERO_READINGS {
@@ -125,7 +125,7 @@ impl StageQuality {
         self.items.get(&doing.item)
     }
 
-    /// Drops an item that was broken off or no longer counts.
+    /// Drops an item that was interrupted or no longer counts.
     pub fn handle_undo(&mut self, item: usize) {
         self.doing.take_if(|doing| doing.item == item);
         self.items.remove(&item);
@@ -163,7 +163,7 @@ mod tests {
         Trial { stage: 2, substage: "x".into(), repetition: 0, duration_s: 4.0, action }
     }
 
-    /// A second in the air at `offset`, then what is touched; N.
+    /// An item with a second in the air at force `in_air`, then these forces, N.
     fn problems(action: Action, in_air: f64, touched: &[f64]) -> Vec<String> {
         let mut quality = StageQuality::new(&Protocol::paper().levels);
         let offset = 0.2; // tared, and warming up

@@ -1,4 +1,4 @@
-//! Sensor data: current values, rates, and the spread of values over a time window.
+//! Sensor data: current values, rates, and the range of values in a time window.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -51,7 +51,7 @@ impl Default for Spread {
 }
 
 impl Spread {
-    /// Adds a value; one that is not finite is left out.
+    /// Adds a value. Values that are not finite are ignored.
     pub fn handle(&mut self, value: f64) {
         if !value.is_finite() {
             return;
@@ -145,7 +145,7 @@ impl Senses {
     /// Adds rows of taxels as sent.
     ///
     /// # Shapes
-    /// `values`: `[rows, taxels]`; others are left out, and counted by the decoder.
+    /// `values`: `[rows, taxels]`. Blocks of another length are ignored here, because the decoder counts them.
     pub fn handle_taxels(&mut self, source: usize, values: &[f32], now: Stamp) {
         let n_taxels = self.layout.taxels[source].1;
         if n_taxels == 0 || values.is_empty() || !values.len().is_multiple_of(n_taxels) {
@@ -185,7 +185,7 @@ impl Senses {
         let mut window = std::mem::replace(&mut self.window, empty);
         let began = self.began.replace(now).unwrap_or(now);
         window.seconds = seconds(now.nanos_since(began));
-        // A stream that has stopped has no message at the end of its gap.
+        // If a stream has stopped, no message ends its gap.
         for stream in self.layout.streams() {
             let (_, gap_s) = window.streams.entry(stream).or_default();
             let since = self.last.get(&stream).copied().unwrap_or(began).max(began);
@@ -194,7 +194,7 @@ impl Senses {
         window
     }
 
-    /// Spread of the values since the beginning; it counts no streams.
+    /// Range of all values since the beginning, without counts of the streams.
     pub fn ever(&self) -> &Window {
         &self.ever
     }

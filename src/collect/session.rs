@@ -1,4 +1,4 @@
-//! A session of a protocol in progress: the current item, and the effect of pausing, repeating and skipping.
+//! A session of a protocol in progress: the current item, and the commands to pause, repeat and skip.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -8,11 +8,11 @@ use crate::units::{NANOS_PER_SEC, Stamp};
 /// A command from the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
-    /// Continue: with the first item, after a pause, with the next stage.
+    /// Continue: begin with the first item, after a pause, or with the next stage.
     Go,
-    /// Pause; the current item is started again afterwards.
+    /// Pause. Afterwards the current item starts again.
     Pause,
-    /// Do the last item again, and drop its result.
+    /// Repeat the last item, and drop its result.
     Repeat,
     /// Skip this item.
     Skip,
@@ -27,7 +27,7 @@ pub enum Happened {
     Began(usize),
     /// An item was completed.
     Did(usize),
-    /// An item no longer counts as done: it was broken off, or will be repeated.
+    /// An item no longer counts as done, because it was interrupted or will be repeated.
     Undid(usize),
     /// Every item of a stage was done or skipped.
     StageOver(u8),
@@ -79,7 +79,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session in which some items have been done before; it waits for [`Command::Go`].
+    /// A session of which some items are already done. It waits for [`Command::Go`].
     pub fn new(protocol: Protocol, plan: Plan, done: BTreeSet<usize>) -> Self {
         let steps = plan.trials().iter().map(|trial| trial.steps(&protocol)).collect();
         let state = if done.len() == plan.trials().len() { State::Over } else { State::Waiting };
@@ -98,7 +98,7 @@ impl Session {
 
     /// Advances to the current time.
     pub fn handle_time(&mut self, now: Stamp) {
-        // Several steps may be due if the caller was delayed.
+        // If the caller is late, several steps may be due.
         loop {
             match self.state {
                 State::Getting { until, item, .. } if now >= until => self.begin(item, now),
@@ -143,7 +143,7 @@ impl Session {
         }
     }
 
-    /// Marks items to be done again, done or skipped. Items done in this run no longer count.
+    /// Marks items that were done or skipped to be done again. Their results no longer count.
     pub fn handle_redo(&mut self, items: &[usize], now: Stamp) {
         self.break_off(now);
         for item in items {
@@ -219,7 +219,7 @@ impl Session {
         }
     }
 
-    /// Remaining time without pauses, s.
+    /// Time for the open items, without pauses, s.
     pub fn left_s(&self) -> f64 {
         let open = (0..self.plan.trials().len()).filter(|item| self.is_open(*item));
         open.map(|item| self.trial(item).duration_s + self.let_go_s(item)).sum()
@@ -301,7 +301,7 @@ impl Session {
         }
     }
 
-    /// Breaks off the current item or wait, as if it had not begun.
+    /// Cancels the current item or wait, as if it had not begun.
     fn break_off(&mut self, now: Stamp) {
         if let State::Doing { item, .. } = self.state {
             let stamps = std::mem::take(&mut self.marked);
@@ -338,7 +338,7 @@ mod tests {
         after(Stamp(0), seconds)
     }
 
-    /// Runs the session until a time, 20 times a second.
+    /// Runs the session for a time span, with 20 calls per second.
     fn go(session: &mut Session, from_s: f64, to_s: f64) -> Vec<Happened> {
         let mut all = Vec::new();
         for k in 0..=((to_s - from_s) * 20.0) as u32 {

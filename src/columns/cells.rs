@@ -1,4 +1,4 @@
-//! What stands in a column, and how Parquet nests it.
+//! Types and values of columns, and their nesting in Parquet.
 
 use std::sync::Arc;
 
@@ -10,30 +10,30 @@ use parquet::schema::types::Type;
 
 use crate::units::Stamp;
 
-/// What a column holds. A cell without a value is null.
+/// Type of a column. A cell without a value is null.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Text.
+    /// Strings.
     Text,
-    /// A number.
+    /// Floats of 64 bits.
     Number,
-    /// A number of 32 bits.
+    /// Floats of 32 bits.
     Single,
-    /// A whole number.
+    /// Integers.
     Whole,
-    /// Yes or no.
+    /// Booleans.
     Flag,
-    /// A stamp: nanoseconds since the epoch.
+    /// Stamps: nanoseconds since the epoch.
     Stamp,
-    /// Texts, any number of them.
+    /// Lists of strings, of any length.
     Texts,
-    /// Numbers, any number of them.
+    /// Lists of floats of 64 bits, of any length.
     Numbers,
-    /// Whole numbers, any number of them.
+    /// Lists of integers, of any length.
     Wholes,
-    /// Numbers of 32 bits, as many in every row.
+    /// Lists of floats of 32 bits, of the same length in every row.
     Vector,
-    /// Rows of numbers of 32 bits, of the same shape in every row of the table.
+    /// Matrices of floats of 32 bits, of the same shape in every row of the table.
     Matrix,
 }
 
@@ -43,32 +43,32 @@ pub enum Kind {
 /// `[rows]`, the same in all columns of a group.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
-    /// Of [`Kind::Text`].
+    /// Cells of [`Kind::Text`].
     Text(Vec<Option<String>>),
-    /// Of [`Kind::Number`]; what isn't finite is written as it is.
+    /// Cells of [`Kind::Number`]. Values that are not finite are written unchanged.
     Number(Vec<Option<f64>>),
-    /// Of [`Kind::Single`]: never null, NaN where there is no value.
+    /// Cells of [`Kind::Single`]. They are never null; a missing value is NaN.
     Single(Vec<f32>),
-    /// Of [`Kind::Whole`].
+    /// Cells of [`Kind::Whole`].
     Whole(Vec<Option<i64>>),
-    /// Of [`Kind::Flag`].
+    /// Cells of [`Kind::Flag`].
     Flag(Vec<Option<bool>>),
-    /// Of [`Kind::Stamp`].
+    /// Cells of [`Kind::Stamp`].
     Stamp(Vec<Option<Stamp>>),
-    /// Of [`Kind::Texts`].
+    /// Cells of [`Kind::Texts`].
     Texts(Vec<Option<Vec<String>>>),
-    /// Of [`Kind::Numbers`].
+    /// Cells of [`Kind::Numbers`].
     Numbers(Vec<Option<Vec<f64>>>),
-    /// Of [`Kind::Wholes`].
+    /// Cells of [`Kind::Wholes`].
     Wholes(Vec<Option<Vec<i64>>>),
-    /// Of [`Kind::Vector`]: never null, NaN where there is no value.
+    /// Cells of [`Kind::Vector`]. They are never null; a missing value is NaN.
     Vector {
         /// Length of each, at least 1.
         len: usize,
         /// `[rows, len]`, row-major.
         values: Vec<f32>,
     },
-    /// Of [`Kind::Matrix`]: never null, NaN where there is no value.
+    /// Cells of [`Kind::Matrix`]. They are never null; a missing value is NaN.
     Matrix {
         /// Rows of each, at least 1.
         n_rows: usize,
@@ -80,7 +80,7 @@ pub enum Cells {
 }
 
 impl Kind {
-    /// The column of this kind in the schema of a file.
+    /// Schema of a column of this kind.
     pub(super) fn field(self, name: &str) -> Result<Type, ParquetError> {
         match self {
             Kind::Text => text(name, Repetition::OPTIONAL),
@@ -118,7 +118,7 @@ fn required(physical: Physical) -> Result<Type, ParquetError> {
     plain("element", physical, Repetition::REQUIRED)
 }
 
-/// A list as Parquet's logical types have it: three levels, the middle one repeated.
+/// Schema of a list in Parquet's logical types: three levels, of which the middle one is repeated.
 fn list(name: &str, repetition: Repetition, element: Type) -> Result<Type, ParquetError> {
     let repeated = Type::group_type_builder("list").with_repetition(Repetition::REPEATED);
     let repeated = repeated.with_fields(vec![Arc::new(element)]).build()?;
@@ -127,7 +127,7 @@ fn list(name: &str, repetition: Repetition, element: Type) -> Result<Type, Parqu
 }
 
 impl Cells {
-    /// What it holds.
+    /// Kind of the column.
     pub fn kind(&self) -> Kind {
         match self {
             Cells::Text(_) => Kind::Text,
@@ -144,7 +144,7 @@ impl Cells {
         }
     }
 
-    /// Rows of the column.
+    /// Number of rows.
     pub fn n_rows(&self) -> usize {
         match self {
             Cells::Text(cells) => cells.len(),
@@ -192,7 +192,7 @@ impl Cells {
                 column.typed::<FloatType>().write_batch(values, Some(&vec![2; values.len()]), Some(&repetition))
             }
             Cells::Matrix { n_rows, n_columns, values } => {
-                // 0 begins a cell, 1 a row of it, 2 goes on in that row.
+                // 0 begins a cell, 1 begins a row of it, 2 continues that row.
                 let level = |idx: usize| match (idx % (n_rows * n_columns), idx % n_columns) {
                     (0, _) => 0,
                     (_, 0) => 1,
@@ -205,13 +205,13 @@ impl Cells {
     }
 }
 
-/// 1 where there is a value, 0 where there is none: Parquet's definition levels.
+/// Parquet's definition levels: 1 for a value, 0 for null.
 fn levels<T>(cells: &[Option<T>]) -> Vec<i16> {
     cells.iter().map(|cell| i16::from(cell.is_some())).collect()
 }
 
-/// Lists of any length: a definition level of 0 is no list, 1 an empty one, 2 an element; a repetition level of 0 begins
-/// a list and 1 goes on with it.
+/// Writes lists of any length. Definition levels: 0 is null, 1 an empty list, 2 an element. Repetition levels: 0 begins
+/// a list, 1 continues it.
 fn write_lists<T: DataType, C>(
     column: &mut SerializedColumnWriter<'_>,
     cells: &[Option<Vec<C>>],

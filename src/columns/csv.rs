@@ -1,4 +1,4 @@
-//! Tables as CSV, which spreadsheets read.
+//! Writes tables as CSV, for spreadsheets.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use tempfile::NamedTempFile;
 use super::{Cells, ColumnsError, Kind, check};
 use crate::files;
 
-/// A table as CSV on its way to the disk; under its name only once it is whole. A cell without a value is empty.
+/// A CSV file that is being written. It gets its name only when it is complete. A cell without a value is empty.
 pub struct CsvFile {
     path: PathBuf,
     columns: Vec<(String, Kind)>,
@@ -15,10 +15,10 @@ pub struct CsvFile {
 }
 
 impl CsvFile {
-    /// A table of these columns, whose names are its first line.
+    /// Creates a table with these columns. Their names are the first line.
     ///
     /// # Errors
-    /// [`ColumnsError`] when the file can't be made beside `path`.
+    /// [`ColumnsError`] if the file can't be created in the folder of `path`.
     pub fn create(path: &Path, columns: &[(&str, Kind)]) -> Result<Self, ColumnsError> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let file = files::temporary_in(folder, ".tpf-");
@@ -33,7 +33,7 @@ impl CsvFile {
     /// Adds rows.
     ///
     /// # Errors
-    /// [`ColumnsError`] when columns are of other kinds or lengths than they must be, or the disk refuses.
+    /// [`ColumnsError`] if cells have the wrong kind or length, or if a write fails.
     pub fn write(&mut self, cells: &[Cells]) -> Result<(), ColumnsError> {
         check(&self.path, &self.columns, cells)?;
         for row in 0..cells.first().map_or(0, Cells::n_rows) {
@@ -43,10 +43,10 @@ impl CsvFile {
         Ok(())
     }
 
-    /// Gives the table its name, in place of what is there.
+    /// Completes the table and gives it its name. An existing file is replaced.
     ///
     /// # Errors
-    /// [`ColumnsError`] when the disk refuses; what was there is then as it was.
+    /// [`ColumnsError`] if a write fails. An existing file is then unchanged.
     pub fn finish(self) -> Result<(), ColumnsError> {
         let CsvFile { path, mut writer, .. } = self;
         let flushed = writer.flush();
@@ -63,13 +63,13 @@ impl CsvFile {
     }
 }
 
-/// A text that no spreadsheet takes for a formula: with an apostrophe in front where it begins like one. A number is none.
+/// Puts an apostrophe before a text that a spreadsheet could read as a formula. Numbers stay unchanged.
 fn harmless(text: String) -> String {
     let begins = text.starts_with(['=', '+', '-', '@', '\t', '\r']);
     if begins && text.parse::<f64>().is_err() { format!("'{text}") } else { text }
 }
 
-/// A cell as text. Numbers are written in as few digits as give them back; a list has spaces between its elements.
+/// A cell as text. A number has as few digits as possible without loss. The elements of a list are separated by spaces.
 fn text(cells: &Cells, row: usize) -> String {
     fn shown<T: ToString>(value: Option<T>) -> String {
         value.map_or_else(String::new, |value| value.to_string())

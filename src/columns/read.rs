@@ -1,4 +1,4 @@
-//! Tables that [`ColumnFile`](super::ColumnFile) wrote, read back group by group.
+//! Reads tables that [`ColumnFile`](super::ColumnFile) wrote, group by group.
 
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,14 +15,14 @@ use parquet::schema::types::Type;
 use super::{Cells, ColumnsError, Kind, seal};
 use crate::units::Stamp;
 
-/// Most values of a column in a group: a list of a week at 100 Hz. A few bytes can stand for any number of equal values, so
-/// what a file says is not simply believed.
+/// Maximum number of values of a column in a group: a list of a week at 100 Hz. The number in the file can't be
+/// trusted, because a few bytes can stand for any number of equal values.
 const MAX_VALUES: usize = 1 << 26;
 
-/// Rows that are asked for at once.
+/// Rows per read.
 const BATCH: usize = 1024;
 
-/// A table that is read. Bytes that are no table are refused; none of them ends the process.
+/// A table to read. Bytes that are not a table give an error and never end the process.
 pub struct TableReader {
     path: PathBuf,
     columns: Vec<(String, Kind)>,
@@ -33,7 +33,7 @@ impl TableReader {
     /// Opens a table.
     ///
     /// # Errors
-    /// [`ColumnsError`] when it can't be read, is not whole, or has columns of kinds that [`Kind`] has not.
+    /// [`ColumnsError`] if it can't be read, is incomplete, or has columns of a type that [`Kind`] doesn't have.
     pub fn open(path: &Path) -> Result<Self, ColumnsError> {
         let file = File::open(path).map_err(|error| ColumnsError::Io { path: path.to_path_buf(), error })?;
         let reader = guarded(path, || SerializedFileReader::new(file))?;
@@ -46,10 +46,11 @@ impl TableReader {
         Ok(TableReader { path: path.to_path_buf(), columns, reader })
     }
 
-    /// Opens a table that [`ColumnFile::seal`](super::ColumnFile::seal) sealed, if it is still what was sealed.
+    /// Opens a table that was sealed with [`ColumnFile::seal`](super::ColumnFile::seal), and checks that it is
+    /// unchanged.
     ///
     /// # Errors
-    /// [`ColumnsError`] as [`open`](Self::open), and when it was changed. A table that has no seal is opened.
+    /// [`ColumnsError`] as for [`open`](Self::open), and if it was changed. A table without a seal is opened.
     pub fn open_sealed(path: &Path) -> Result<Self, ColumnsError> {
         let table = Self::open(path)?;
         let Some(noted) = table.note(seal::NOTE) else { return Ok(table) };
@@ -67,7 +68,7 @@ impl TableReader {
         &self.columns
     }
 
-    /// Refuses other columns than these.
+    /// Checks that the table has exactly these columns.
     ///
     /// # Errors
     /// [`ColumnsError::OtherColumns`].
@@ -81,13 +82,13 @@ impl TableReader {
         Err(ColumnsError::OtherColumns { path: self.path.clone(), expected, got })
     }
 
-    /// What is noted about the whole of it under this name.
+    /// Note about the whole table with this name.
     pub fn note(&self, key: &str) -> Option<&str> {
         let notes = self.reader.metadata().file_metadata().key_value_metadata()?;
         notes.iter().find(|note| note.key == key)?.value.as_deref()
     }
 
-    /// Groups of rows, as many as were written.
+    /// Number of groups of rows, as written.
     pub fn n_groups(&self) -> usize {
         self.reader.num_row_groups()
     }
@@ -95,7 +96,7 @@ impl TableReader {
     /// The cells of a group, column by column.
     ///
     /// # Errors
-    /// [`ColumnsError`] when the file is damaged.
+    /// [`ColumnsError`] if the file is damaged.
     pub fn group(&self, idx: usize) -> Result<Vec<Cells>, ColumnsError> {
         guarded(&self.path, || {
             let group = self.reader.get_row_group(idx)?;
@@ -113,7 +114,7 @@ fn damaged(path: &Path, reason: String) -> ColumnsError {
     ColumnsError::Damaged { path: path.to_path_buf(), reason }
 }
 
-/// Reads, where the reader may panic on bytes that no writer wrote.
+/// Turns a panic of the reader into an error. The reader may panic on damaged bytes.
 fn guarded<T>(path: &Path, read: impl FnOnce() -> ParquetResult<T>) -> Result<T, ColumnsError> {
     match catch_unwind(AssertUnwindSafe(read)) {
         Ok(Ok(value)) => Ok(value),
@@ -122,7 +123,7 @@ fn guarded<T>(path: &Path, read: impl FnOnce() -> ParquetResult<T>) -> Result<T,
     }
 }
 
-/// What a column of a schema holds.
+/// Kind of a column in a schema.
 fn kind_of(field: &Type) -> Option<Kind> {
     let primitive = |field: &Type, of_list: bool| {
         let is_stamp = || field.get_basic_info().logical_type_ref().is_some();
@@ -155,7 +156,7 @@ fn kind_of(field: &Type) -> Option<Kind> {
     (kind.field(field.name()).ok()? == *field).then_some(kind)
 }
 
-/// Values that are there, and the levels that tell where.
+/// Values that are not null, and the levels that give their positions.
 struct Levels<T> {
     values: Vec<T>,
     definition: Vec<i16>,
@@ -199,7 +200,7 @@ fn other(reason: &str) -> ParquetError {
     ParquetError::General(reason.to_owned())
 }
 
-/// Refuses a column whose pages stand for more values than a table of ours has; only their headers are read.
+/// Refuses a column whose pages claim more values than a table of ours has. Only the page headers are read.
 fn refuse_too_many(pages: &mut dyn PageReader) -> ParquetResult<()> {
     let mut n_values = 0_usize;
     while let Some(page) = pages.peek_next_page()? {
@@ -238,7 +239,7 @@ fn optional<T, C>(levels: Levels<T>, cell: impl Fn(T) -> ParquetResult<C>) -> Pa
     cells.collect()
 }
 
-/// Cells that are never null and have as many values each: how many, and all of them.
+/// Cells that are never null and all have the same number of values. Returns this number and the values.
 fn all(levels: Levels<f32>, n_rows: usize, whole: i16) -> ParquetResult<(usize, Vec<f32>)> {
     let values = levels.values;
     let begins = levels.repetition.iter().enumerate().filter(|(_, level)| **level == 0).map(|(idx, _)| idx);

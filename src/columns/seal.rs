@@ -1,4 +1,4 @@
-//! Whether a table is as it was written: checked before any of its pages is decoded, because the decoder trusts them.
+//! Checksum of a table. It is checked before any page is decoded, because the decoder trusts its input.
 
 use std::fs::File;
 use std::io::Read;
@@ -7,10 +7,10 @@ use std::path::Path;
 use parquet::file::metadata::RowGroupMetaData;
 use sha2::{Digest, Sha256};
 
-/// Name of the note.
+/// Name of the note with the seal.
 pub(super) const NOTE: &str = "tpf_seal";
 
-/// The first `n_bytes` of a file, and where its groups of rows say that their columns are.
+/// Seal of the first `n_bytes` of a file, and of the positions of the columns in its groups of rows.
 pub(super) fn of<'a>(
     path: &Path,
     n_bytes: u64,
@@ -39,7 +39,7 @@ pub(super) fn of<'a>(
     Ok(format!("{n_read} {digest}"))
 }
 
-/// How many bytes a seal is of.
+/// Number of bytes that a seal covers.
 pub(super) fn n_bytes(seal: &str) -> Option<u64> {
     seal.split_once(' ')?.0.parse().ok()
 }

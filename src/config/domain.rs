@@ -1,4 +1,4 @@
-//! From the parameter tree to what the other modules are told. What exists afterwards is valid.
+//! Converts the parameter tree to the configuration of the other modules. A [`Config`] that exists is valid.
 
 mod check;
 mod fields;
@@ -28,23 +28,23 @@ use crate::msg::Stage;
 use crate::msg::binding::{ForceReading, JointFields, TaxelFields, Topic, TruthFields};
 use crate::units::{GramForce, Newton, from_millis};
 
-/// A model by name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is an index into these.
+/// A model with its name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is an index into these.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelConfig {
     /// Name in the parameters.
     pub name: String,
-    /// The file and what is said about it.
+    /// Its file and parameters.
     pub spec: ModelSpec,
 }
 
-/// A force sensor that tells the true force.
+/// A force sensor that measures the true force.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TruthSource {
     /// Name in the parameters.
     pub name: String,
     /// Added to every stamp of this source, ns.
     pub stamp_offset_ns: i64,
-    /// Whether a lower reading means more pressure.
+    /// True if a lower reading means more pressure.
     pub inverted: bool,
     /// Unit of its readings.
     pub unit: ForceUnit,
@@ -91,64 +91,64 @@ impl TruthSource {
     }
 }
 
-/// How a calibration in the air is made.
+/// Parameters of a calibration in the air.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationConfig {
-    /// Where it is kept; nowhere when none.
+    /// File of the calibration, if there is one.
     pub file: Option<PathBuf>,
-    /// How long it takes.
+    /// Duration of a live calibration.
     pub duration: Duration,
-    /// Least unloaded data that makes one; at most `duration`.
+    /// Shortest unloaded data that is enough; at most `duration`.
     pub min_duration: Duration,
-    /// An estimate above this is a hand that touches something.
+    /// An estimate above this means that the hand touches something.
     pub max_force: Newton,
-    /// Largest part of the data that may be loaded, 0 to 1.
+    /// Largest share of the data that may be under load, 0 to 1.
     pub max_loaded_fraction: f64,
-    /// How far some joint of each region must move in a live calibration, rad; 0 takes a still hand.
+    /// How far at least one joint of each region must move in a live calibration, rad. 0 allows a still hand.
     pub min_joint_span: f64,
-    /// Whether a zero is used that would be refused.
+    /// True if a zero is used although the checks refuse it.
     pub insist: bool,
 }
 
-/// Everything that parameters say.
+/// Configuration from all parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
-    /// The node.
+    /// Name of the node.
     pub node: NodeName,
-    /// What the fusion core is told.
+    /// Configuration of the fusion core.
     pub fusion: FusionConfig,
     /// Topics of the tactile sources, by source index.
     pub tactile: Vec<Topic<TaxelFields>>,
     /// Topics of the joint sources, by source index.
     pub joints: Vec<Topic<JointFields>>,
-    /// The force sensors that tell the true force.
+    /// Force sensors that measure the true force.
     pub truth_sources: Vec<TruthSource>,
     /// Topics of the force sensors, by source index.
     pub truth: Vec<Topic<TruthFields>>,
-    /// `[regions]`: index of the force sensor that tells the region's true force, where one does.
+    /// `[regions]`: index of the force sensor that measures the region's true force, if there is one.
     pub truth_of_region: Vec<Option<usize>>,
-    /// The models that regions use, in the order in which regions first name them.
+    /// Models that regions use, in the order in which regions first name them.
     pub models: Vec<ModelConfig>,
-    /// How a calibration is made.
+    /// Parameters of calibrations.
     pub calibration: CalibrationConfig,
     /// Serial number of the glove.
     pub glove: Option<String>,
-    /// Who wears it.
+    /// The person who wears the glove.
     pub user: Option<String>,
     /// Absolute name of the topic with a recording's annotations.
     pub stage_topic: String,
-    /// Annotations of the recording at hand that were told beside it, in place of those on its stage topic.
+    /// Annotations for the recording from outside of it. They replace those on its stage topic.
     pub told_stages: Option<Arc<[Stage]>>,
-    /// Whether time is that of `/clock`.
+    /// True if the node uses the time of `/clock`.
     pub use_sim_time: bool,
-    /// What only the live node follows.
+    /// Parameters of the live node only.
     pub live: LiveConfig,
-    /// Keys of sections for nodes of any name that are those of other nodes: they are not followed.
+    /// Unknown keys in sections for nodes of any name. They are assumed to be for other nodes and are ignored.
     pub of_others: Vec<String>,
 }
 
 impl Config {
-    /// Names of the joints that some region needs.
+    /// Names of the joints that regions need.
     pub fn needed_joints(&self) -> BTreeSet<String> {
         self.fusion.regions.iter().flat_map(|region| region.joints.iter().cloned()).collect()
     }
@@ -156,8 +156,8 @@ impl Config {
     /// Reads the parameters of a node.
     ///
     /// # Errors
-    /// [`ConfigError`] for the first parameter that is unknown, missing, of the wrong type, out of range or at odds with
-    /// another one.
+    /// [`ConfigError`] for the first parameter that is unknown, missing, of the wrong type, out of range, or in
+    /// conflict with another one.
     pub fn from_tree(tree: &ParamTree) -> Result<Self, ConfigError> {
         let node = NodeName::parse(tree.node_fqn())?;
         let of_others = check::keys_and_values(tree)?;
@@ -224,14 +224,14 @@ impl Config {
         })
     }
 
-    /// What is to be said about keys that are not followed, in one line; none where there are none.
+    /// A note on ignored keys, on one line. `None` if there are none.
     pub fn note_on_others(&self) -> Option<String> {
         let keys = list(self.of_others.iter().map(String::as_str));
         let hint = check::EXPLAINED;
         (!keys.is_empty()).then(|| format!("not followed, because this node has no such parameters: {keys}; {hint}"))
     }
 
-    /// Every parameter that this configuration has, set or not, with its entry in the table.
+    /// All parameters that this configuration has, set or not, with their entries in the table.
     pub fn keys(&self) -> BTreeMap<String, &'static ParamKey> {
         let mut keys = BTreeMap::new();
         for key in KEYS {
@@ -310,7 +310,7 @@ fn model(reader: &Reader<'_>, name: &str) -> Result<ModelConfig, ConfigError> {
     Ok(ModelConfig { name: name.to_owned(), spec })
 }
 
-/// The folder that a relative path in the file is meant from; none for paths from elsewhere.
+/// Folder that a relative path refers to. `None` if the path was not set in a file.
 fn folder(origin: &Origin) -> Option<PathBuf> {
     match origin {
         Origin::File { file, .. } => std::path::Path::new(file.as_ref()).parent().map(PathBuf::from),

@@ -1,5 +1,5 @@
-//! Every parameter there is: its type, default, range, unit and meaning. Parsing, the checks of values, the live node's
-//! descriptors and the documentation all come from this table.
+//! All parameters: type, default, range, unit and meaning. Parsing, checks of values, the live node's descriptors and
+//! the documentation use this table.
 
 mod table;
 
@@ -16,13 +16,13 @@ pub enum ParamKind {
     Bool,
     /// `int`.
     Int,
-    /// `double`; an int is taken too.
+    /// `double`; an int is accepted too.
     Double,
     /// `string`.
     Str,
     /// `int[]`.
     IntArray,
-    /// `double[]` of this many elements; ints are taken too.
+    /// `double[]` with this number of elements; ints are accepted too.
     DoubleArray(usize),
     /// `string[]`.
     StrArray,
@@ -31,7 +31,7 @@ pub enum ParamKind {
 }
 
 impl ParamKind {
-    /// Whether a parameter of this type takes the value.
+    /// True if a parameter of this type accepts the value.
     pub fn fits(self, value: &ParamValue) -> bool {
         use ParamValue::{Bool, Double, DoubleArray, EmptyArray, Int, IntArray, Str, StrArray};
         match self {
@@ -66,10 +66,10 @@ impl fmt::Display for ParamKind {
     }
 }
 
-/// What a parameter is when nobody sets it.
+/// Default of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ParamDefault {
-    /// It must be set.
+    /// No default: it must be set.
     Required,
     /// A `bool`.
     Bool(bool),
@@ -83,12 +83,12 @@ pub enum ParamDefault {
     Doubles(&'static [f64]),
     /// `[]`.
     EmptyArray,
-    /// It depends on other parameters, in words.
+    /// Depends on other parameters, as described by the text.
     Depends(&'static str),
 }
 
 impl ParamDefault {
-    /// The default as a value, where it is one.
+    /// The default as a value, if it has one.
     pub fn value(&self) -> Option<ParamValue> {
         match *self {
             ParamDefault::Required | ParamDefault::Depends(_) => None,
@@ -112,40 +112,40 @@ impl fmt::Display for ParamDefault {
     }
 }
 
-/// The values that a parameter may have. Doubles are finite in any case.
+/// Allowed values of a parameter. Doubles must always be finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ParamRange {
-    /// Whatever its type allows.
+    /// Any value of its type.
     Any,
-    /// From `min` to `max`, both included; for arrays, each element.
+    /// From `min` to `max`, inclusive. For arrays, each element.
     Int {
         /// Smallest.
         min: i64,
         /// Largest.
         max: i64,
     },
-    /// From `min` to `max`, both included.
+    /// From `min` to `max`, inclusive.
     Closed {
         /// Smallest.
         min: f64,
         /// Largest.
         max: f64,
     },
-    /// More than `min`, up to and with `max`.
+    /// Greater than `min`, at most `max`.
     Above {
-        /// Less than the smallest.
+        /// Lower bound, exclusive.
         min: f64,
         /// Largest.
         max: f64,
     },
     /// One of these ints.
     Ints(&'static [i64]),
-    /// One of these texts.
+    /// One of these strings.
     OneOf(&'static [&'static str]),
 }
 
 impl ParamRange {
-    /// Whether the value, which has the parameter's type, is in range.
+    /// True if the value, which has the parameter's type, is in range.
     pub fn contains(&self, value: &ParamValue) -> bool {
         match value {
             ParamValue::Int(value) => self.contains_int(*value),
@@ -195,22 +195,22 @@ impl fmt::Display for ParamRange {
     }
 }
 
-/// A parameter, or a family of them that differ in a name written as `<name>`.
+/// A parameter, or a family of parameters that differ in a name, written as `<name>`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParamKey {
     /// The dotted key, such as `tactile.<source>.topic`.
     pub pattern: &'static str,
     /// Its type.
     pub kind: ParamKind,
-    /// What it is when nobody sets it.
+    /// Default.
     pub default: ParamDefault,
-    /// What it may be.
+    /// Allowed values.
     pub range: ParamRange,
-    /// Unit of the value, empty where it has none.
+    /// Unit of the value, empty if it has none.
     pub unit: &'static str,
-    /// What it means, on one line.
+    /// Meaning, on one line.
     pub about: &'static str,
-    /// Whether a running node takes a new value.
+    /// True if a running node accepts a new value.
     pub at_run_time: bool,
 }
 
@@ -231,8 +231,8 @@ impl ParamKey {
         ParamKey { at_run_time: true, ..self }
     }
 
-    /// What stands for the `<...>` of the pattern in a key; `Some("")` where the pattern has none, `None` where the key
-    /// is not of this pattern.
+    /// The part of a key that stands for the `<...>` of the pattern. `Some("")` if the pattern has none, `None` if the
+    /// key doesn't match.
     pub fn name_in<'k>(&self, key: &'k str) -> Option<&'k str> {
         let mut name = "";
         let mut tokens = key.split('.');
@@ -247,19 +247,19 @@ impl ParamKey {
         tokens.next().is_none().then_some(name)
     }
 
-    /// The key with a name in place of the pattern's `<...>`.
+    /// The key with a name for the pattern's `<...>`.
     pub fn with_name(&self, name: &str) -> String {
         let token = |token: &str| if token.starts_with('<') { name.to_owned() } else { token.to_owned() };
         self.pattern.split('.').map(token).collect::<Vec<_>>().join(".")
     }
 }
 
-/// The parameter that a concrete key belongs to.
+/// The parameter that a key belongs to.
 pub fn find(key: &str) -> Option<&'static ParamKey> {
     KEYS.iter().find(|candidate| candidate.name_in(key).is_some())
 }
 
-/// All parameters as a Markdown table, one row a key.
+/// All parameters as a Markdown table, one row per key.
 pub fn markdown() -> String {
     let mut page = String::from(
         "| key | type | default | range | unit | at run time | meaning |\n|---|---|---|---|---|---|---|\n",

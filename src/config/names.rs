@@ -4,10 +4,10 @@ use std::fmt;
 
 use super::text::one_line;
 
-/// The longest full name that the middleware takes (`RMW_TOPIC_MAX_NAME_LENGTH`).
+/// Longest full name that the middleware accepts (`RMW_TOPIC_MAX_NAME_LENGTH`).
 const MAX_NAME_LENGTH: usize = 247;
 
-/// A node's namespace and name, both valid.
+/// Namespace and name of a node, both valid.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NodeName {
     namespace: String,
@@ -15,10 +15,10 @@ pub struct NodeName {
 }
 
 impl NodeName {
-    /// The node of a fully qualified name such as `/left/tactile_pose_fusion`.
+    /// Parses a fully qualified name such as `/left/tactile_pose_fusion`.
     ///
     /// # Errors
-    /// [`NameError`] when the name isn't absolute, or a part of it is no name.
+    /// [`NameError`] if the name is not absolute, or a part of it is invalid.
     pub fn parse(fqn: &str) -> Result<Self, NameError> {
         validate_full(fqn).map_err(|reason| NameError::new("node name", fqn, reason))?;
         let (namespace, name) = fqn.rsplit_once('/').unwrap_or(("", fqn));
@@ -26,7 +26,7 @@ impl NodeName {
         Ok(NodeName { namespace: namespace.to_owned(), name: name.to_owned() })
     }
 
-    /// The namespace: `/`, or `/left`.
+    /// The namespace, such as `/` or `/left`.
     pub fn namespace(&self) -> &str {
         &self.namespace
     }
@@ -36,10 +36,10 @@ impl NodeName {
         &self.name
     }
 
-    /// A topic or service name as this node resolves it, see [`resolve_name`].
+    /// Resolves a topic or service name for this node, see [`resolve_name`].
     ///
     /// # Errors
-    /// [`NameError`] when the name is invalid.
+    /// [`NameError`] if the name is invalid.
     pub fn resolve(&self, name: &str) -> Result<String, NameError> {
         resolve_name(name, &self.namespace, &self.name)
     }
@@ -51,7 +51,7 @@ impl fmt::Display for NodeName {
     }
 }
 
-/// A name that ROS 2 does not take, and why.
+/// A name that ROS 2 doesn't accept, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{name}` is not a valid {what}: {reason}")]
 pub struct NameError {
@@ -65,17 +65,17 @@ impl NameError {
         NameError { what, name: one_line(name), reason: reason.into() }
     }
 
-    /// Why it is not taken, without the name.
+    /// The reason, without the name.
     pub fn reason(&self) -> &str {
         &self.reason
     }
 }
 
-/// A topic or service name as `rcl_expand_topic_name` makes it absolute: `~` is the node, `{node}`, `{ns}` and
-/// `{namespace}` are replaced, a relative name is put below the namespace. Remapping is not applied.
+/// Makes a topic or service name absolute, as `rcl_expand_topic_name` does: `~` is the node, `{node}`, `{ns}` and
+/// `{namespace}` are replaced, and a relative name is put below the namespace. Remapping is not applied.
 ///
 /// # Errors
-/// [`NameError`] when the name, or what it expands to, is invalid.
+/// [`NameError`] if the name, or the absolute name, is invalid.
 pub fn resolve_name(name: &str, node_ns: &str, node_name: &str) -> Result<String, NameError> {
     let refuse = |reason: &str| NameError::new("topic name", name, reason);
     validate_relative(name).map_err(refuse)?;
@@ -105,7 +105,7 @@ pub fn resolve_name(name: &str, node_ns: &str, node_name: &str) -> Result<String
     Ok(full)
 }
 
-/// `rcl_validate_topic_name`, stricter for `~x`, which rcl's own check misses.
+/// Like `rcl_validate_topic_name`, but also refuses `~x`, which rcl's check misses.
 fn validate_relative(name: &str) -> Result<(), &'static str> {
     if name.is_empty() {
         return Err("it must not be empty");
@@ -138,7 +138,7 @@ fn validate_relative(name: &str) -> Result<(), &'static str> {
     Ok(())
 }
 
-/// `rmw_validate_full_topic_name`, which also holds for a node's full name.
+/// Like `rmw_validate_full_topic_name`. The rules are the same for a node's full name.
 fn validate_full(name: &str) -> Result<(), &'static str> {
     if !name.starts_with('/') {
         return Err("it must start with '/'");
@@ -165,7 +165,7 @@ fn starts_with_digit(name: &str) -> bool {
     name.split('/').any(|token| token.starts_with(|first: char| first.is_ascii_digit()))
 }
 
-/// A pattern of node names from a parameter file: names, `*` for one name and `**` for any number of them.
+/// Pattern of node names in a parameter file: names, `*` for one name, and `**` for any number of names.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct NodePattern {
     tokens: Vec<Token>,
@@ -179,7 +179,7 @@ enum Token {
 }
 
 impl NodePattern {
-    /// Reads a pattern; one without a leading slash counts as if it had one, as in rcl.
+    /// Parses a pattern. The leading slash is optional, as in rcl.
     pub(super) fn parse(text: &str) -> Result<Self, &'static str> {
         let tokens = text.strip_prefix('/').unwrap_or(text).split('/').map(|token| match token {
             "" => Err("it must not be empty or hold '//'"),
@@ -195,15 +195,15 @@ impl NodePattern {
         Ok(NodePattern { tokens: tokens.collect::<Result<_, _>>()? })
     }
 
-    /// Whether it names no node: its last part stands for any name.
+    /// True if the last part of the pattern is a wildcard, so that it matches nodes of any name.
     pub(super) fn is_any_node(&self) -> bool {
         matches!(self.tokens.last(), Some(Token::One | Token::Any))
     }
 
-    /// Whether a node is meant.
+    /// True if a node matches.
     pub(super) fn matches(&self, node_fqn: &str) -> bool {
         let names: Vec<&str> = node_fqn.split('/').filter(|name| !name.is_empty()).collect();
-        // reached[i]: the tokens so far can stand for the first i names.
+        // reached[i]: the tokens so far match the first i names.
         let mut reached = vec![false; names.len() + 1];
         reached[0] = true;
         for token in &self.tokens {
@@ -284,7 +284,7 @@ mod tests {
         }
     }
 
-    /// Each row was tried with rcl 10.1 (Kilted) through rclpy: which of three nodes take a section of that name.
+    /// Each row was tried with rcl 10.1 (Kilted) through rclpy: which of three nodes accept a section with this name.
     #[test]
     fn wildcards_match_the_nodes_that_rcl_matches() {
         let nodes = ["/node2", "/ns/node2", "/a/b/node2"];

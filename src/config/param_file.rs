@@ -1,7 +1,7 @@
-//! A ROS 2 parameter file as `rcl_yaml_param_parser` reads it, and overrides as `--ros-args -p` gives them.
+//! Reads a ROS 2 parameter file as `rcl_yaml_param_parser` does, and overrides as in `--ros-args -p`.
 //!
-//! Where we differ from rcl, we refuse what it would take silently: keys given twice, `null`, tags, anchors. An empty
-//! array, which rcl leaves without a type, is taken. And `-p` wins over every section of a file.
+//! We refuse some input that rcl accepts silently: duplicate keys, `null`, tags, anchors. We accept an empty array,
+//! which has no type in rcl. Overrides with `-p` win over all sections of a file.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -24,12 +24,12 @@ pub enum Origin {
         file: Arc<str>,
         /// Line of the value, from 1.
         line: usize,
-        /// Whether the section is for any node, as `/**` is, and not for one by its name.
+        /// True if the section is for nodes of any name, as `/**` is.
         any_node: bool,
     },
-    /// By `-p key:=value`.
+    /// Set by `-p key:=value`.
     CommandLine,
-    /// By a request to the running node.
+    /// Set by a request to the running node.
     Request,
 }
 
@@ -43,7 +43,7 @@ impl fmt::Display for Origin {
     }
 }
 
-/// A value and where it was set.
+/// A value and its origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Param {
     /// The value.
@@ -53,13 +53,13 @@ pub struct Param {
 }
 
 impl Origin {
-    /// Whether it is a section that is shared by nodes, which may hold parameters of others.
+    /// True if it was set in a section that several nodes share, which may have parameters of other nodes.
     pub fn is_shared(&self) -> bool {
         matches!(self, Origin::File { any_node: true, .. })
     }
 }
 
-/// The parameters that are meant for one node, by dotted key.
+/// Parameters of one node, by dotted key.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParamTree {
     node_fqn: String,
@@ -68,17 +68,18 @@ pub struct ParamTree {
 }
 
 impl ParamTree {
-    /// The tree of a node that was given no file.
+    /// Parameters of a node without files.
     pub fn empty(node_fqn: &str) -> Self {
         ParamTree { node_fqn: node_fqn.to_owned(), files: "parameters".to_owned(), params: BTreeMap::new() }
     }
 
-    /// Applies what follows `-p`: `key:=value`, or `node:key:=value` for one node only. The value is YAML, as in rcl.
+    /// Applies an override from `-p`: `key:=value`, or `node:key:=value` for one node only. The value is YAML, as in
+    /// rcl.
     ///
-    /// Returns whether the override was meant for this node.
+    /// Returns true if the override is for this node.
     ///
     /// # Errors
-    /// [`ParamError::Override`] when it can't be read.
+    /// [`ParamError::Override`] if it can't be parsed.
     pub fn set_override(&mut self, rule: &str) -> Result<bool, ParamError> {
         let refuse = |reason: &str| ParamError::Override { rule: one_line(rule), reason: reason.to_owned() };
         let (target, value) = rule.split_once(":=").ok_or_else(|| refuse("expected key:=value"))?;
@@ -109,12 +110,12 @@ impl ParamTree {
         Ok(meant)
     }
 
-    /// Sets a parameter, whether it was there or not.
+    /// Sets or replaces a parameter.
     pub fn set(&mut self, key: &str, value: ParamValue, origin: Origin) {
         self.params.insert(key.to_owned(), Param { value, origin });
     }
 
-    /// The node that the parameters are meant for.
+    /// The node that the parameters are for.
     pub fn node_fqn(&self) -> &str {
         &self.node_fqn
     }
@@ -135,21 +136,21 @@ impl ParamTree {
     }
 }
 
-/// The parameters that a file has for a node.
+/// Reads the parameters for a node from a file.
 ///
 /// # Errors
-/// [`ParamError`] when the text is no parameter file, or has nothing for this node.
+/// [`ParamError`] if the text is not a parameter file, or has nothing for this node.
 pub fn parse_param_file(text: &str, file_label: &str, node_fqn: &str) -> Result<ParamTree, ParamError> {
     parse_param_files(&[(text, file_label)], node_fqn)
 }
 
-/// The parameters that several files, each a text and its name, have for a node.
+/// Reads the parameters for a node from several files, each with its text and name.
 ///
-/// Sections apply in the order in which their names first appear, later ones win, and a wildcard is no weaker than a
-/// full name: that is how rcl and rclcpp merge them.
+/// As in rcl and rclpy, sections apply in the order in which their names first appear, and later ones win. A section
+/// with a wildcard has the same priority as one with a full name.
 ///
 /// # Errors
-/// [`ParamError`] when a text is no parameter file, or no file has anything for this node.
+/// [`ParamError`] if a text is not a parameter file, or if no file has anything for this node.
 pub fn parse_param_files(files: &[(&str, &str)], node_fqn: &str) -> Result<ParamTree, ParamError> {
     let mut sections = Vec::new();
     for (text, label) in files {
@@ -178,7 +179,7 @@ pub fn parse_param_files(files: &[(&str, &str)], node_fqn: &str) -> Result<Param
     Ok(tree)
 }
 
-/// Everything that was said under one name. The name counts as it was written, so `/a` and `a` are two sections.
+/// Parameters of one section. Sections are identified by their names as written, so `/a` and `a` are two sections.
 struct Section {
     name: String,
     pattern: NodePattern,
@@ -195,7 +196,7 @@ impl Reader<'_> {
         ParamError::Yaml { file: printable(self.file), line, reason: reason.to_owned() }
     }
 
-    /// Reads the names of nodes and namespaces down to `ros__parameters`.
+    /// Descends through names of nodes and namespaces to `ros__parameters`.
     fn nodes(&mut self, node: &Node, name: &str) -> Result<(), ParamError> {
         let entries = match &node.data {
             NodeData::Mapping(entries) if !entries.is_empty() => entries,
@@ -243,7 +244,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Flattens nested mappings into dotted keys.
+    /// Flattens nested mappings to dotted keys.
     fn params(
         &self,
         node: &Node,
@@ -302,7 +303,7 @@ impl fmt::Display for RefusedArray {
     }
 }
 
-/// The value of a scalar or an array; none where it is a mapping, empty or null.
+/// The value of a scalar or an array. `None` for a mapping, an empty value or null.
 fn value_of(node: &Node) -> Result<Option<ParamValue>, RefusedArray> {
     let scalar = |node: &Node| match &node.data {
         NodeData::Scalar { text, quoted: false } if matches!(text.as_str(), "" | "~" | "null" | "Null" | "NULL") => {
@@ -323,12 +324,12 @@ fn value_of(node: &Node) -> Result<Option<ParamValue>, RefusedArray> {
     ParamValue::array(values).map(Some).map_err(RefusedArray::Mixed)
 }
 
-/// What rcl takes between the dots of a key before `:=`: tokens, and slashes for names of topics.
+/// Parts of a key that rcl accepts before `:=`: tokens, and slashes for names of topics.
 fn is_key_part(part: &str) -> bool {
     !part.is_empty() && part.split('/').all(|token| token.is_empty() || is_key_token(token))
 }
 
-/// What rcl takes as a token of a key or a node before `:=`.
+/// Tokens of a key or node name that rcl accepts before `:=`.
 fn is_key_token(token: &str) -> bool {
     token.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
         && token.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')

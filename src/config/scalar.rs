@@ -1,10 +1,10 @@
-//! Parameter values, and how rcl reads a YAML scalar as one of them.
+//! Parameter values. Resolves YAML scalars as rcl does.
 
 use std::fmt;
 
 use super::text::one_line;
 
-/// The value of a parameter, of the types that ROS 2 knows.
+/// Value of a parameter, of the types that ROS 2 has.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ParamValue {
     /// `true`, `yes`, `on` and their opposites.
@@ -13,7 +13,7 @@ pub enum ParamValue {
     Int(i64),
     /// A 64 bit float.
     Double(f64),
-    /// Text.
+    /// A string.
     Str(String),
     /// `[true, false]`.
     BoolArray(Vec<bool>),
@@ -28,7 +28,7 @@ pub enum ParamValue {
 }
 
 impl ParamValue {
-    /// The type as ROS 2 tools name it.
+    /// The type's name in ROS 2 tools.
     pub fn type_name(&self) -> &'static str {
         match self {
             ParamValue::Bool(_) => "bool",
@@ -43,7 +43,7 @@ impl ParamValue {
         }
     }
 
-    /// The array of scalars, or the scalar that has another type than the first one, by index.
+    /// Builds an array of scalars. If a scalar has another type than the first one, the error names it.
     pub(super) fn array(items: Vec<ParamValue>) -> Result<ParamValue, MixedArray> {
         let Some(first) = items.first() else { return Ok(ParamValue::EmptyArray) };
         let first_type = first.type_name();
@@ -69,7 +69,8 @@ impl ParamValue {
     }
 }
 
-/// An array whose elements differ in type: which element, the type of the first, and its own.
+/// An array with elements of different types: index and type of the first element that differs, and the type of element
+/// 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct MixedArray {
     pub(super) idx: usize,
@@ -78,7 +79,7 @@ pub(super) struct MixedArray {
 }
 
 impl fmt::Display for ParamValue {
-    /// As one would write it in a parameter file; on one line and shortened, since it goes into messages.
+    /// As in a parameter file, but on one line and shortened, for messages.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fn list<T>(f: &mut fmt::Formatter<'_>, items: &[T], text: impl Fn(&T) -> String) -> fmt::Result {
             const SHOWN: usize = 12;
@@ -102,7 +103,7 @@ impl fmt::Display for ParamValue {
     }
 }
 
-/// A double as YAML writes it, so that it reads back as a double.
+/// A double in YAML syntax that is read as a double again.
 fn double_text(value: f64) -> String {
     match value {
         _ if value.is_nan() => ".nan".into(),
@@ -112,10 +113,10 @@ fn double_text(value: f64) -> String {
     }
 }
 
-/// Reads a scalar as `rcl_yaml_param_parser` does: quoted is text; else bool, int (also `0x1F` and octal `017`),
-/// double, and text when it is none of these.
+/// Resolves a scalar as `rcl_yaml_param_parser` does: a quoted scalar is a string. Otherwise it tries bool, int (also
+/// `0x1F` and octal `017`) and double, and else takes a string.
 ///
-/// Where C's `strtod` knows more than YAML, it is followed for `inf` and `nan`, not for hexadecimal floats.
+/// Where C's `strtod` accepts more than YAML, `inf` and `nan` are accepted too, but not hexadecimal floats.
 pub(super) fn resolve(text: &str, quoted: bool) -> ParamValue {
     if quoted {
         return ParamValue::Str(text.to_owned());
@@ -146,7 +147,7 @@ fn split_sign(text: &str) -> (bool, &str) {
     }
 }
 
-/// `strtol` with base 0; `None` also where the number needs more than 64 bits.
+/// Like `strtol` with base 0. `None` also if the number needs more than 64 bits.
 fn int(text: &str) -> Option<i64> {
     let (negative, digits) = split_sign(text);
     let (radix, digits) = if let Some(hex) = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")) {
@@ -156,7 +157,7 @@ fn int(text: &str) -> Option<i64> {
     } else {
         (10, digits)
     };
-    // from_str_radix takes a sign of its own, which must not follow the one already taken.
+    // from_str_radix accepts a sign, but one was already taken.
     if !digits.chars().next()?.is_ascii_hexdigit() {
         return None;
     }
@@ -164,7 +165,7 @@ fn int(text: &str) -> Option<i64> {
     i64::try_from(if negative { -magnitude } else { magnitude }).ok()
 }
 
-/// `strtod` without hexadecimal floats; `None` where the value over- or underflows, as rcl has it.
+/// Like `strtod` without hexadecimal floats. `None` if the value overflows or underflows, as in rcl.
 fn double(text: &str) -> Option<f64> {
     let (negative, digits) = split_sign(text);
     let magnitude = match digits {
@@ -193,7 +194,7 @@ fn double(text: &str) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Each pair was read by rcl 10.1 (Kilted) from a parameter file through rclpy.
+    /// Each pair was read with rcl 10.1 (Kilted) from a parameter file through rclpy.
     #[test]
     fn scalars_are_read_as_rcl_reads_them() {
         use ParamValue::{Bool, Double, Int, Str};

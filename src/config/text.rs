@@ -1,4 +1,4 @@
-//! Making foreign text fit for a message of one line, and finding what someone meant to write.
+//! Prepares text from users for messages of one line, and finds the name that a misspelled one probably stands for.
 
 /// Text on one line, without control characters.
 pub(super) fn printable(text: &str) -> String {
@@ -22,7 +22,7 @@ pub(super) fn one_line(text: &str) -> String {
     }
 }
 
-/// Names in a message: `a, b and c`, or how many more there are after eight.
+/// Names for a message: `a, b and c`. After eight names, only the number of the others.
 pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     const SHOWN: usize = 8;
     let names: Vec<&str> = names.into_iter().collect();
@@ -33,9 +33,9 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     text
 }
 
-/// The candidate that differs least from `name`, if it is near enough to be what was meant.
+/// The candidate that is most similar to `name`, if it is similar enough.
 pub(super) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    const LONGEST: usize = 200; // no key of ours is longer, and the distance costs the product of the lengths
+    const LONGEST: usize = 200; // no key of ours is longer, and the cost is the product of the lengths
     if name.len() > LONGEST {
         return None;
     }
@@ -47,12 +47,12 @@ pub(super) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
     (distance <= (name.len() / 4).max(2)).then_some(candidate)
 }
 
-/// Insertions, deletions and substitutions that turn `a` into `b`.
+/// Number of insertions, deletions and substitutions that turn `a` into `b`.
 fn edit_distance(a: &[char], b: &[char]) -> usize {
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, from) in a.iter().enumerate() {
         let mut diagonal = i;
-        let mut left = i + 1; // the row's first cell: all of `a` so far was deleted
+        let mut left = i + 1; // first cell of the row: all characters of `a` so far were deleted
         for (to, cell) in b.iter().zip(row.iter_mut().skip(1)) {
             let above = *cell;
             left = (diagonal + usize::from(from != to)).min(above + 1).min(left + 1);

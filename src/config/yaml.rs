@@ -1,15 +1,16 @@
-//! YAML text as a small tree with line numbers and scalars as they were written: rcl resolves scalars by rules of its
-//! own, and needs to know whether they were quoted.
+//! Parses YAML to a small tree with line numbers. Scalars stay as written: rcl has its own rules to resolve them, and
+//! they depend on quotes.
 
 use saphyr::{LoadableYamlNode, MarkedYaml, Scalar, YamlData};
 
-/// The largest parameter file, in bytes.
+/// Largest parameter file, bytes.
 pub(super) const MAX_BYTES: usize = 256 * 1024;
-/// The deepest nesting of mappings and sequences.
+/// Maximum nesting of mappings and sequences.
 const MAX_DEPTH: usize = 32;
-/// The widest indentation: the YAML reader recurses into each level, and every level is at least a column wider.
+/// Largest indentation. The YAML reader recurses per level, and each level is at least one column wider.
 const MAX_INDENT: usize = 200;
-/// The YAML reader copies what an anchor stands on before we can refuse it, nested anchors once a level.
+/// Maximum number of anchors. The YAML reader copies the target of an anchor before we can refuse it, and nested
+/// anchors multiply.
 const MAX_ANCHORS: usize = 16;
 
 /// A node of the tree.
@@ -27,14 +28,14 @@ pub(super) enum NodeData {
     Mapping(Vec<(Key, Node)>),
 }
 
-/// A key of a mapping, as it was written.
+/// A key of a mapping, as written.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Key {
     pub(super) line: usize,
     pub(super) text: String,
 }
 
-/// What YAML makes of no good: line, from 1, and the reason.
+/// Syntax error or unsupported YAML: line, from 1, and reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct YamlError {
     pub(super) line: usize,
@@ -47,7 +48,7 @@ impl YamlError {
     }
 }
 
-/// The documents of a YAML text.
+/// Parses the documents of a YAML text.
 pub(super) fn parse(text: &str) -> Result<Vec<Node>, YamlError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     refuse_hostile(text)?;
@@ -61,7 +62,7 @@ fn is_empty(document: &MarkedYaml<'_>) -> bool {
         || matches!(document.data, YamlData::BadValue) && document.span.start.index() == document.span.end.index()
 }
 
-/// Refuses what would make the YAML reader use too much stack or memory.
+/// Refuses input that would make the YAML reader use too much stack or memory.
 fn refuse_hostile(text: &str) -> Result<(), YamlError> {
     if text.len() > MAX_BYTES {
         return Err(YamlError::new(1, format!("the text has {} bytes, more than {MAX_BYTES}", text.len())));
@@ -124,8 +125,8 @@ impl Source {
         self.chars.get(yaml.span.start.index()).copied()
     }
 
-    /// The scalar as it was written. The reader has resolved plain scalars by YAML's rules already, so what isn't text
-    /// to it is taken from the source again.
+    /// The scalar as written. The reader has already resolved plain scalars by YAML's rules, so unless it is a string,
+    /// its text is taken from the source.
     fn scalar(&self, yaml: &MarkedYaml<'_>, scalar: &Scalar<'_>) -> NodeData {
         let quoted = matches!(self.first_char(yaml), Some('"' | '\''));
         let text = match scalar {
@@ -206,7 +207,7 @@ mod tests {
         ];
         for pattern in patterns {
             let text = pattern.repeat(MAX_BYTES / pattern.len());
-            let _ = parse(&text); // must return at all
+            let _ = parse(&text); // it must return
         }
         let staircase: String = (0..700).map(|depth| format!("{}a:\n", " ".repeat(depth))).collect();
         assert!(parse(&staircase).is_err());

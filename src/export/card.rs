@@ -1,6 +1,6 @@
-//! The page of a LeRobot dataset.
+//! README of a LeRobot dataset.
 
-/// What a person reads who opens the folder, or its page on the Hub.
+/// Text of the dataset's README, which the Hub shows, too.
 pub(super) fn card(fps: u32, task: &str, is_synthetic: bool) -> String {
     let synthetic = if is_synthetic {
         "**The data is synthetic**: a physical model of a glove on a hand, not a recording.\n\n"

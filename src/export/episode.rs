@@ -1,4 +1,5 @@
-//! A session at the rate of a dataset: every frame has the newest of everything at its time, and nothing from after it.
+//! Resamples a session to the rate of a dataset. A frame has the newest values at its time, and never values from
+//! later.
 
 use super::{ExportError, Feature, Session};
 use crate::columns::Cells;
@@ -6,19 +7,21 @@ use crate::fusion::FusionConfig;
 use crate::recording::{EstimateTrack, Samples, newest_at, rate_hz};
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
-/// How far the rate of a bag may lie from that of the first: a sensor's clock, not another setting.
+/// Allowed difference between the rates of a bag and of the first bag: enough for a sensor's clock, not for another
+/// setting.
 const RATE_TOLERANCE: f64 = 0.1;
 
-/// Steps of a stream after which its newest value is too old, where that is more than `max_gap_ms`.
+/// Number of steps of a stream after which its newest value is too old, if this is more than `max_gap_ms`.
 const HELD_STEPS: f64 = 1.5;
 
-/// Most samples of a window: more than a second of a fast sensor, and not what stamps a nanosecond apart would make.
+/// Maximum number of samples in a window: more than a second of a fast sensor. It limits the effect of stamps that are
+/// a nanosecond apart.
 const MAX_WINDOW: usize = 4096;
 
-/// Frames for each estimate from which on stamps are not believed; less than 1 where nothing is missing.
+/// Number of frames per estimate above which the stamps are taken as wrong. Without gaps it is less than 1.
 const MAX_FRAMES_PER_ESTIMATE: usize = 100;
 
-/// What all frames of a dataset hold, as its first session decides.
+/// The features of a dataset's frames, defined by its first session.
 #[derive(Debug, Clone)]
 pub struct Layout {
     fps: u32,
@@ -44,22 +47,22 @@ struct Source {
     name: String,
     n_taxels: usize,
     rate_hz: f64,
-    /// Samples of a window.
+    /// Number of samples in a window.
     window: usize,
 }
 
-/// A session as frames.
+/// A session as frames of a dataset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Episode {
-    /// Frames.
+    /// Number of frames.
     pub n_frames: usize,
-    /// Whether it is no recording but made by a simulator.
+    /// True if the data are simulated, not recorded.
     pub synthetic: bool,
-    /// Seconds of the session before the first frame, in which something had not come yet.
+    /// Time before the first frame, s, when some stream had not started.
     pub skipped_s: f64,
-    /// `[regions]`: share of the frames in which the force is known.
+    /// `[regions]`: share of the frames with a known force.
     pub known: Vec<f64>,
-    /// One a column.
+    /// One per column.
     pub features: Vec<Feature>,
 }
 
@@ -98,10 +101,10 @@ impl Layout {
         })
     }
 
-    /// A session as frames of this layout.
+    /// Converts a session to frames of this layout.
     ///
     /// # Errors
-    /// [`ExportError`] when it has other rates or joints than the layout, or nothing that could be exported.
+    /// [`ExportError`] if its rates or joints differ from the layout, or if it has nothing to export.
     pub fn episode(&self, session: &Session<'_>) -> Result<Episode, ExportError> {
         self.refuse_other(session.samples)?;
         for (region, track) in self.regions.iter().zip(session.estimates) {
@@ -182,7 +185,7 @@ impl Layout {
         if expected == got { Ok(()) } else { Err(ExportError::OtherJoints { expected, got }) }
     }
 
-    /// The times of the frames: from when everything that the session has was there once, to its last estimate.
+    /// Times of the frames: from the time when every stream of the session has started, to its last estimate.
     fn stamps(&self, session: &Session<'_>) -> Result<Vec<Stamp>, ExportError> {
         let first_force =
             |track: &EstimateTrack| track.force.iter().position(Option::is_some).map(|idx| track.stamp[idx]);
@@ -208,26 +211,26 @@ impl Layout {
         if n_frames > (n_estimates * MAX_FRAMES_PER_ESTIMATE) as u128 {
             return Err(ExportError::Sparse { seconds: span_ns as f64 * 1e-9, n: n_estimates });
         }
-        // Each by itself from the first one, so that nothing adds up.
+        // Each is computed from the first one, so that rounding errors don't add up.
         let stamp = |frame: i128| (frame * i128::from(NANOS_PER_SEC) / i128::from(self.fps)) as i64;
         Ok((0..n_frames as i128).map(|frame| first.offset(stamp(frame))).collect())
     }
 
-    /// `[frames]`: index of the newest estimate at each.
+    /// `[frames]`: index of the newest estimate at each frame.
     fn newest_estimates(&self, stamps: &[Stamp], track: &EstimateTrack) -> Vec<Option<usize>> {
         let held_ns = self.held_ns(rate_hz(&track.stamp));
         stamps.iter().map(|stamp| newest_at(&track.stamp, *stamp, held_ns)).collect()
     }
 
-    /// How long the newest value of a stream stands for it.
+    /// Time for which the newest value of a stream is used, ns.
     fn held_ns(&self, rate_hz: Option<f64>) -> i64 {
         let steps_ns = rate_hz.map_or(0.0, |rate_hz| HELD_STEPS * NANOS_PER_SEC as f64 / rate_hz);
         self.max_gap_ns.max(steps_ns as i64)
     }
 
-    /// `[frames]`: the newest samples of a region's taxels, and the stamp of the newest of all.
+    /// `[frames]`: the newest samples of a region's taxels, and the stamp of the newest sample.
     ///
-    /// A window doesn't reach across a gap: what lies before it, or before the first sample, is NaN.
+    /// A window doesn't extend across a gap: samples before a gap, or before the first sample, are NaN.
     fn windows(&self, region: &Region, stamps: &[Stamp], samples: &Samples) -> (Cells, Vec<i64>) {
         let (source, track) = (&self.sources[region.source], &samples.tactile[region.source]);
         let (n_rows, n_columns) = (source.window, region.taxels.len());
@@ -250,12 +253,12 @@ impl Layout {
         (Cells::Matrix { n_rows, n_columns, values }, newest)
     }
 
-    /// The joint angles, where there are joints.
+    /// Joint angles, if there are joints.
     fn state(&self, stamps: &[Stamp], samples: &Samples) -> Option<Feature> {
         let tracks: Vec<_> = self.joints.iter().filter_map(|name| samples.joints.get(name)).collect();
         let values =
             stamps.iter().flat_map(|stamp| tracks.iter().map(|track| or_nan(track.at(*stamp, self.max_pose_age_ns))));
-        // LeRobot takes a list of one for a scalar.
+        // LeRobot reads a list with one element as a scalar.
         let cells = match tracks.len() {
             1 => Cells::Single(values.collect()),
             len => Cells::Vector { len, values: values.collect() },
@@ -265,7 +268,7 @@ impl Layout {
     }
 }
 
-/// Stands in a column of whole numbers where a frame has nothing: no stamp of a recording and no flags are negative.
+/// Marks a missing value in an integer column. Stamps and flags of a recording are never negative.
 const NO_FRAME: i64 = -1;
 
 impl Feature {

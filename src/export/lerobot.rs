@@ -1,4 +1,4 @@
-//! A LeRobotDataset v3 on its way to the disk.
+//! Writes a LeRobotDataset v3.
 //!
 //! The layout is that of `lerobot` 0.4.4 and 0.6.1 (`src/lerobot/datasets`): `meta/info.json`, `meta/stats.json`,
 //! `meta/tasks.parquet`, `meta/episodes/chunk-000/file-000.parquet`, and frames in `data/chunk-000/file-000.parquet`.
@@ -21,34 +21,35 @@ use super::{Episode, ExportError, Feature};
 use crate::columns::{Cells, ColumnFile, Kind};
 use crate::files::{self, NewFolder};
 
-/// Size of a file of frames from which on the next episode begins another one; LeRobot's.
+/// Size of a data file above which the next episode starts a new file; LeRobot's value.
 const FILE_MB: usize = 100;
 
-/// What LeRobot counts frames with: the last columns of every table.
+/// Number of LeRobot's counter columns, the last columns of every table.
 const N_COUNTING: usize = 5;
 
-/// Files of a chunk; LeRobot's.
+/// Files per chunk; LeRobot's value.
 const CHUNK_FILES: usize = 1000;
 
-/// What holds for a dataset as a whole.
+/// Properties of a whole dataset.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DatasetSpec {
-    /// Frames a second.
+    /// Frames per second.
     pub fps: u32,
-    /// What was done in all episodes, in words.
+    /// Description of the task, the same for all episodes.
     pub task: String,
-    /// What was recorded with.
+    /// Name of the hardware that recorded the data.
     pub robot_type: Option<String>,
 }
 
-/// A dataset that has no name yet; dropped, it is gone.
+/// A dataset that is being written. It gets its name in [`finish`](Self::finish), and is deleted if it is dropped
+/// before.
 pub struct Dataset {
     out: PathBuf,
     folder: NewFolder,
     spec: DatasetSpec,
-    /// Whether some of it is no recording but made by a simulator.
+    /// True if some data are simulated, not recorded.
     synthetic: bool,
-    /// Name, type and shape of each feature; those of the first episode.
+    /// Name, type and shape of each feature, from the first episode.
     schema: Vec<(String, Value)>,
     data: Option<ColumnFile>,
     n_files: usize,
@@ -56,7 +57,7 @@ pub struct Dataset {
     episodes: Vec<Row>,
 }
 
-/// What is kept of an episode.
+/// Metadata of an episode.
 struct Row {
     file: usize,
     from: usize,
@@ -66,10 +67,10 @@ struct Row {
 }
 
 impl Dataset {
-    /// A dataset that will be `out`, where nothing is yet.
+    /// Creates a dataset that will be named `out`. Nothing may exist there.
     ///
     /// # Errors
-    /// [`ExportError::Io`] when something is there, or the disk refuses.
+    /// [`ExportError::Io`] if `out` exists, or if a write fails.
     pub fn create(out: &Path, spec: DatasetSpec) -> Result<Self, ExportError> {
         let folder = NewFolder::create(out).map_err(io(out))?;
         Ok(Dataset {
@@ -85,10 +86,10 @@ impl Dataset {
         })
     }
 
-    /// Adds an episode, of the same layout as those before.
+    /// Adds an episode with the same layout as the episodes before.
     ///
     /// # Errors
-    /// [`ExportError`] when the disk refuses.
+    /// [`ExportError`] if a write fails.
     pub fn handle_episode(&mut self, episode: Episode) -> Result<(), ExportError> {
         let (n, from) = (episode.n_frames, self.n_frames);
         self.synthetic |= episode.synthetic;
@@ -119,7 +120,7 @@ impl Dataset {
         Ok(())
     }
 
-    /// Refuses an episode of a shard whose features are not those of the episodes before.
+    /// Refuses an episode of a shard whose features differ from those of the episodes before.
     fn refuse_other_features(&self, episode: &Episode, of: &Path) -> Result<(), ExportError> {
         let ours = self.schema.iter().take(self.schema.len().saturating_sub(N_COUNTING));
         let theirs = episode.features.iter().map(|feature| (feature.name.clone(), description(feature)));
@@ -133,7 +134,7 @@ impl Dataset {
     /// Gives the dataset its name.
     ///
     /// # Errors
-    /// [`ExportError`] when something has that name by now, or the disk refuses; there is then no dataset.
+    /// [`ExportError`] if `out` exists by now, or if a write fails. There is then no dataset.
     pub fn finish(mut self) -> Result<(), ExportError> {
         self.complete()?;
         self.folder.put_in_place().map_err(io(&self.out))
@@ -164,7 +165,7 @@ impl Dataset {
         Ok(self.data.take().map_or(Ok(()), ColumnFile::finish)?)
     }
 
-    /// What LeRobot counts frames with. Times are those of the episode; stamps are in `stamp_ns`.
+    /// LeRobot's counter columns. Their times are relative to the episode; absolute stamps are in `stamp_ns`.
     fn counting_features(&self, n: usize) -> [Feature; N_COUNTING] {
         let fps = f64::from(self.spec.fps);
         let whole = |of: &dyn Fn(usize) -> usize| Cells::Whole((0..n).map(|idx| i64::try_from(of(idx)).ok()).collect());
@@ -179,14 +180,14 @@ impl Dataset {
         ]
     }
 
-    /// Where a file of the numbered ones goes.
+    /// Path of a numbered file. Creates its folder.
     fn in_folder(&self, kind: &str, file: usize) -> Result<PathBuf, ExportError> {
         let path = numbered(&self.folder.path().join(kind), file);
         std::fs::create_dir_all(path.parent().unwrap_or(self.folder.path())).map_err(io(&self.out))?;
         Ok(path)
     }
 
-    /// A data frame of pandas whose index is the task, which is how LeRobot looks it up.
+    /// Writes the tasks as a pandas data frame with the task as its index, because LeRobot searches for it there.
     fn write_tasks(&self) -> Result<(), ExportError> {
         const INDEX: &str = "__index_level_0__";
         let column = |name: Option<&str>, field: &str, pandas: &str, numpy: &str| json!({"name": name, "field_name": field, "pandas_type": pandas, "numpy_type": numpy, "metadata": null});
@@ -241,7 +242,7 @@ impl Dataset {
         Ok(file.finish()?)
     }
 
-    /// Statistics of all episodes. A feature of which nothing is known has none: a number would be believed.
+    /// Statistics of all episodes. A feature without known values has none, because any number would be misleading.
     fn stats(&self) -> Value {
         let of = |idx: usize| Stats::of_all(self.episodes.iter().filter_map(move |row| row.stats[idx].as_ref()));
         let stats = self.schema.iter().enumerate();
@@ -283,13 +284,13 @@ impl Dataset {
     }
 }
 
-/// A file of the numbered ones in a folder of chunks.
+/// Path of a numbered file in a chunk folder.
 fn numbered(folder: &Path, file: usize) -> PathBuf {
     let chunk = folder.join(format!("chunk-{:03}", file / CHUNK_FILES));
     chunk.join(format!("file-{:03}.parquet", file % CHUNK_FILES))
 }
 
-/// Type and shape of a feature, as `info.json` has them.
+/// Type and shape of a feature, as in `info.json`.
 fn description(feature: &Feature) -> Value {
     let (dtype, shape) = match &feature.cells {
         Cells::Whole(_) => ("int64", vec![1]),

@@ -1,4 +1,4 @@
-//! A bag as it is exported: its estimates, wherever they come from, beside what its sensors sent.
+//! Loads a bag for export: its estimates, recorded or computed, and the samples of its sensors.
 
 use std::path::Path;
 use std::sync::atomic::AtomicU64;
@@ -16,19 +16,19 @@ use crate::sessions::{
 use crate::units::GramForce;
 use crate::zero::ZeroFrom;
 
-/// Reads bags, one after the other.
+/// Loads bags, one after another.
 pub(super) struct Loader<'a> {
     request: &'a Request<'a>,
     cfg: &'a Config,
     observer: &'a dyn Observer,
     /// Topic of the estimates in a bag.
     topic: String,
-    /// The models, once a bag needed them.
+    /// The models, loaded when the first bag needs them.
     core: Option<Core>,
     has_said: bool,
 }
 
-/// A bag, ready to be exported.
+/// A bag that is ready for export.
 pub(super) struct Loaded {
     name: String,
     pub(super) synthetic: bool,
@@ -40,11 +40,11 @@ pub(super) struct Loaded {
     tangential_truth: Vec<Option<Vec<Option<[GramForce; 3]>>>>,
     pub(super) samples: Samples,
     labelled: Labelled,
-    /// Where the zero of the estimates comes from; `None` where they were in the bag.
+    /// Source of the zero of the estimates. `None` if the estimates are from the bag.
     pub(super) zero: Option<ZeroFrom>,
-    /// What was lost of the bag.
+    /// Data of the bag that were lost.
     pub(super) losses: Vec<String>,
-    /// What was dropped of its samples.
+    /// Samples that were dropped, with reasons.
     pub(super) drops: Vec<String>,
 }
 
@@ -54,7 +54,7 @@ impl<'a> Loader<'a> {
         Loader { request, cfg, observer, topic, core: None, has_said: false }
     }
 
-    /// Everything of a bag.
+    /// Loads everything from a bag.
     pub(super) fn load(&mut self, bag: &Path) -> Result<Loaded, ExportError> {
         let needs_truth = if self.request.needs_truth { NeedsTruth::All } else { NeedsTruth::Tared };
         let cfg = annotated(self.cfg, &[bag.to_path_buf()], self.request.in_air, self.observer)?;
@@ -109,7 +109,7 @@ impl<'a> Loader<'a> {
         Ok((columns.pop().unwrap_or_default(), zero))
     }
 
-    /// The models, loaded: once, and again after a bag that failed took them with it.
+    /// Loads the models: at first use, and again after a bag that failed, because its error consumed them.
     fn load_core(&mut self) -> Result<Core, ExportError> {
         let is_first = !std::mem::replace(&mut self.has_said, true);
         let mut cfg = self.cfg.clone();
@@ -149,7 +149,7 @@ impl Loaded {
     }
 }
 
-/// What the sensors sent, what was lost of the bag, and what was dropped.
+/// The samples of the sensors, the data of the bag that were lost, and the samples that were dropped.
 fn read_samples(
     bag: &Path,
     cfg: &Config,

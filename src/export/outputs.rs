@@ -1,4 +1,4 @@
-//! What an export writes, all of it open until the last bag is read.
+//! Outputs of an export. All stay open until the last bag is read.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::{Dataset, DatasetSpec, Episode, ExportError, Layout, Request, TableLa
 use crate::columns::{Cells, ColumnFile, CsvFile, Kind};
 use crate::config::Config;
 
-/// Everything that is written, open until all bags are read.
+/// All outputs, open until all bags are read.
 pub(super) struct Outputs<'a> {
     request: &'a Request<'a>,
     cfg: &'a Config,
@@ -21,7 +21,7 @@ pub(super) struct Outputs<'a> {
     csv: Option<CsvFile>,
 }
 
-/// What one bag adds to the outputs.
+/// The part of the outputs that one bag adds.
 pub(super) struct Made {
     episode: Option<Episode>,
     /// `[regions][columns]`
@@ -39,12 +39,12 @@ impl<'a> Outputs<'a> {
         self.request.targets.parquet.is_some() || self.request.targets.csv.is_some()
     }
 
-    /// Whether some bag has decided what frames hold.
+    /// True if a bag has defined the layout of the frames.
     pub(super) fn has_layout(&self) -> bool {
         self.layout.is_some()
     }
 
-    /// What a bag adds, all of it before any is written.
+    /// Prepares everything that a bag adds, before any of it is written.
     pub(super) fn make(&mut self, loaded: &Loaded) -> Result<Made, ExportError> {
         let session = loaded.session();
         let mut episode = None;
@@ -95,7 +95,7 @@ impl<'a> Outputs<'a> {
         Ok(())
     }
 
-    /// Gives every output its name; `shard` makes the dataset a part of a larger one.
+    /// Completes all outputs and gives them their names. `shard` marks the dataset as a shard of a larger one.
     pub(super) fn finish(self, shard: Option<&ShardNotes>) -> Result<(), ExportError> {
         self.parquet.map_or(Ok(()), ColumnFile::finish)?;
         self.csv.map_or(Ok(()), CsvFile::finish)?;

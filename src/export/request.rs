@@ -1,4 +1,4 @@
-//! What is exported, and how.
+//! Options of an export.
 
 use std::path::{Path, PathBuf};
 
@@ -7,37 +7,38 @@ use crate::model::BackendChoice;
 use crate::sessions::{InAir, Shard};
 use crate::zero::Wanted;
 
-/// What is exported, and how.
+/// Options of an export.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
-    /// One recording each, which becomes one episode.
+    /// Recordings. Each becomes one episode.
     pub bags: &'a [PathBuf],
-    /// What is written.
+    /// Outputs.
     pub targets: Targets<'a>,
-    /// Frames a second of the dataset, 1 to 10,000.
+    /// Frames per second of the dataset, 1 to 10,000.
     pub fps: u32,
-    /// How far back the tactile samples of a frame reach, ms, 1 to 10,000.
+    /// Length of the tactile window of a frame, ms, 1 to 10,000.
     pub tactile_window_ms: u32,
-    /// What was done in these bags, in words.
+    /// Description of the task in these bags.
     pub task: &'a str,
-    /// The model that makes estimates; `None` for those in the bags where they hold some, else the models of the parameters.
+    /// Model for the estimates. `None` uses the estimates of a bag if it has some, or else the models of the
+    /// parameters.
     pub model: Option<&'a Path>,
-    /// What runs the models; `None` for what the parameters say.
+    /// Runtime for the models. `None` uses the parameter.
     pub backend: Option<BackendChoice>,
-    /// Where the zero of the forces is from.
+    /// Source of the zero of the forces.
     pub zero: Wanted<'a>,
-    /// What tells when nothing touches the glove; `None` for the annotations of the bags.
+    /// Times in which nothing touches the glove. `None` uses the annotations of the bags.
     pub in_air: Option<&'a InAir>,
-    /// Whether a bag without the true force of the parameters is at fault.
+    /// True if a bag fails without the true force that the parameters name.
     pub needs_truth: bool,
-    /// Which share of the bags is exported, to a dataset that [`join`](super::join) takes; `None` for all of them. All bags
-    /// are needed: the first that can be exported decides the layout of every shard.
+    /// The shard of the bags to export, to a dataset that [`join`](super::join) reads. `None` exports all bags. `bags`
+    /// must always have all bags, because the first one that can be exported defines the layout of every shard.
     pub shard: Option<Shard>,
 }
 
 impl<'a> Request<'a> {
-    /// Frames at 30 Hz, each with the tactile samples of 100 ms, by the estimates in the bags or the models of the
-    /// parameters.
+    /// Options for 30 frames per second, each with the tactile samples of 100 ms. The estimates are from the bags or
+    /// from the models of the parameters.
     pub fn new(bags: &'a [PathBuf], targets: Targets<'a>) -> Self {
         Request {
             bags,
@@ -55,21 +56,21 @@ impl<'a> Request<'a> {
     }
 }
 
-/// What an export writes: any of these.
+/// Outputs of an export, one or more.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Targets<'a> {
-    /// Folder of a LeRobotDataset v3, which must not be there yet.
+    /// Folder of a LeRobotDataset v3, which must not exist.
     pub lerobot: Option<&'a Path>,
-    /// Every frame of every region as Parquet.
+    /// Parquet file with every frame of every region.
     pub parquet: Option<&'a Path>,
-    /// Every frame of every region as CSV.
+    /// CSV file with every frame of every region.
     pub csv: Option<&'a Path>,
-    /// Whether a table that is there is replaced; a dataset never is.
+    /// True if an existing table is replaced. A dataset is never replaced.
     pub overwrite: bool,
 }
 
 impl Targets<'_> {
-    /// Whether all of them can be written, before any work is done.
+    /// Checks that all of them can be written, before the work begins.
     ///
     /// # Errors
     /// [`ExportError::NoFolder`], [`ExportError::DatasetExists`] or [`ExportError::TableExists`].

@@ -1,4 +1,4 @@
-//! A session as a table: one row a region and frame, at the rate of the model.
+//! Converts a session to a table with one row per region and frame, at the rate of the model.
 
 use super::{ExportError, Session};
 use crate::columns::{Cells, Kind};
@@ -68,7 +68,7 @@ impl TableLayout {
     }
 }
 
-/// The rows of a session, region by region.
+/// Rows of a session, region by region.
 ///
 /// # Errors
 /// [`ExportError::OtherJoints`] when the session lacks a joint of the table, [`ExportError::OtherAxes`] when it has

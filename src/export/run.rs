@@ -1,4 +1,4 @@
-//! Bags in, a dataset or tables out.
+//! Exports bags to a dataset or tables.
 
 use super::ExportError;
 use super::lerobot::{ShardBag, ShardNotes};
@@ -11,12 +11,12 @@ use crate::config::Config;
 use crate::observer::{Observer, check};
 use crate::sessions::Shard;
 
-/// Exports bags, or a share of them. Those that can't be exported are in [`Summary::failed`], as long as one can; in a share
-/// they may be all of them.
+/// Exports bags, or a shard of them. Bags that fail are in [`Summary::failed`]. Without a shard, at least one bag must
+/// succeed.
 ///
 /// # Errors
-/// [`ExportError`] when an output can't be written, no bag can be exported, or the observer cancels; outputs are absent
-/// then.
+/// [`ExportError`] if an output can't be written, if no bag can be exported, or if the observer cancels. There are then
+/// no outputs.
 pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Summary, ExportError> {
     request.targets.check()?;
     let mut outputs = Outputs::create(request, cfg)?;
@@ -36,7 +36,7 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
         });
         check(observer)?;
         if !is_own {
-            continue; // what it is good for is its layout
+            continue; // this bag is in another shard, and only its layout is needed
         }
         if let Some(notes) = &mut notes {
             let synthetic = made.as_ref().is_ok_and(|(_, loaded)| loaded.synthetic);

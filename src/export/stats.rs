@@ -1,30 +1,30 @@
-//! What LeRobot keeps about each feature, to normalize it: of an episode, and of all.
+//! Statistics of each feature that LeRobot needs for normalization, per episode and for the whole dataset.
 
 use serde_json::{Value, json};
 
 use crate::columns::Cells;
 
-/// The quantiles that LeRobot keeps, and what it calls them.
+/// The quantiles in LeRobot's statistics, with their names.
 pub(super) const QUANTILES: [(f64, &str); 5] = [(0.01, "q01"), (0.1, "q10"), (0.5, "q50"), (0.9, "q90"), (0.99, "q99")];
 
-/// Statistics of one feature over the values that are finite.
+/// Statistics of one feature, over its finite values.
 ///
 /// # Shapes
-/// `[elements]` each; a matrix has one a column, over all of its rows.
+/// `[elements]` each. For a matrix: one element per column, over all rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stats {
     pub(super) min: Vec<f64>,
     pub(super) max: Vec<f64>,
     pub(super) mean: Vec<f64>,
     pub(super) std: Vec<f64>,
-    /// By quantile.
+    /// Indexed by quantile.
     pub(super) quantiles: Vec<Vec<f64>>,
-    /// Frames in which some value is finite.
+    /// Number of frames with a finite value.
     pub(super) count: u64,
 }
 
 impl Stats {
-    /// Of the cells of a column; `None` where an element has no finite value at all.
+    /// Statistics of the cells of a column. `None` if an element has no finite value.
     pub(super) fn of(cells: &Cells) -> Option<Stats> {
         let (n_columns, values) = numbers(cells);
         let n_frames = cells.n_rows();
@@ -58,7 +58,7 @@ impl Stats {
         Some(stats)
     }
 
-    /// Of all episodes: as LeRobot does it, whose quantiles of a dataset are the mean of those of its episodes.
+    /// Statistics of all episodes. As in LeRobot, a quantile of the dataset is the mean of the episodes' quantiles.
     pub(super) fn of_all<'s>(episodes: impl Iterator<Item = &'s Stats> + Clone) -> Option<Stats> {
         let count: u64 = episodes.clone().map(|stats| stats.count).sum();
         let first = episodes.clone().next()?;
@@ -85,7 +85,7 @@ impl Stats {
         })
     }
 
-    /// By LeRobot's names.
+    /// The statistics with LeRobot's names.
     pub(super) fn named(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         let moments = [("min", &self.min), ("max", &self.max), ("mean", &self.mean), ("std", &self.std)];
         let quantiles = QUANTILES.iter().map(|(_, name)| *name).zip(&self.quantiles);
@@ -100,14 +100,14 @@ impl Stats {
     }
 }
 
-/// Linear between the values around it, as numpy's default.
+/// Interpolates linearly, as NumPy does by default.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let at = share * (sorted.len() - 1) as f64;
     let (below, above) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
     below + (above - below) * at.fract()
 }
 
-/// Cells as numbers, row-major, and how many columns they have. What is no number is NaN.
+/// Cells as numbers, row-major, and the number of columns. Cells without a number are NaN.
 fn numbers(cells: &Cells) -> (usize, Vec<f64>) {
     let single = |values: &[f32]| values.iter().copied().map(f64::from).collect();
     match cells {

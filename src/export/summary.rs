@@ -1,4 +1,4 @@
-//! What an export tells at its end.
+//! Summary at the end of an export.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -13,57 +13,57 @@ use crate::columns::Cells;
 use crate::config::Config;
 use crate::zero::ZeroFrom;
 
-/// An export in numbers.
+/// Summary of an export.
 #[derive(Debug, Default, Serialize)]
 pub struct Summary {
-    /// Files and folders that were written.
+    /// Paths of the files and folders that were written.
     pub outputs: Vec<String>,
-    /// What became of each bag.
+    /// One entry per exported bag.
     pub bags: Vec<BagSummary>,
-    /// Bags that are in no output.
+    /// Bags that could not be exported. They are in no output.
     pub failed: Vec<Failed>,
 }
 
-/// A bag that couldn't be exported.
+/// A bag that could not be exported.
 #[derive(Debug, Serialize)]
 pub struct Failed {
     /// Its path.
     pub bag: String,
-    /// Why, in one line.
+    /// The reason, on one line.
     pub error: String,
 }
 
-/// What became of a bag.
+/// Summary of an exported bag.
 #[derive(Debug, Serialize)]
 pub struct BagSummary {
     /// Its path.
     pub bag: String,
-    /// Whether it is no recording but made by a simulator.
+    /// True if the data are simulated, not recorded.
     pub synthetic: bool,
-    /// `recorded` where they were in the bag, `computed` where the models made them.
+    /// `recorded` if the bag has them, `computed` if the models made them.
     pub estimates: &'static str,
-    /// Where the zero is from; `None` where the estimates were in the bag.
+    /// Source of the zero. `None` if the estimates are from the bag.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zero: Option<ZeroFrom>,
     /// Its episode of the dataset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub episode: Option<EpisodeSummary>,
-    /// Of the tables.
+    /// Number of rows in the tables.
     pub rows: usize,
-    /// What was lost of the bag.
+    /// Data of the bag that were lost.
     pub losses: Vec<String>,
-    /// What was dropped of its samples.
+    /// Samples that were dropped, with reasons.
     pub drops: Vec<String>,
 }
 
-/// An episode in numbers.
+/// Summary of an episode.
 #[derive(Debug, Serialize)]
 pub struct EpisodeSummary {
-    /// Frames of the dataset.
+    /// Number of frames.
     pub frames: usize,
-    /// Before the first frame, until everything had come once.
+    /// Time before the first frame, s, when some stream had not started.
     pub skipped_s: f64,
-    /// By region: share of the frames in which the force is known.
+    /// Share of the frames with a known force, by region.
     pub known: BTreeMap<String, f64>,
 }
 
@@ -95,12 +95,12 @@ impl BagSummary {
 }
 
 impl Summary {
-    /// Whether something of the input is in no output.
+    /// True if some of the input is in no output.
     pub fn has_lost(&self) -> bool {
         !self.failed.is_empty() || self.bags.iter().any(|bag| !bag.losses.is_empty())
     }
 
-    /// What a person should know besides, a line each.
+    /// Notes for the user, one line each.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for bag in &self.bags {

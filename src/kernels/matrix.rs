@@ -1,8 +1,8 @@
 //! Matrix products on slices.
 //!
 //! A tile of the result stays in registers over the whole inner axis, so neither factor is packed. Each value is summed
-//! in the order of the inner axis: the width of the machine's vectors reaches no result, only whether it fuses
-//! multiplication and addition does.
+//! in the order of the inner axis. The result therefore doesn't depend on the vector width of the machine, only on
+//! whether it has fused multiply-add.
 
 use macerator::{AutoArch, Scalar, Simd, Vector, WithSimd};
 
@@ -22,7 +22,7 @@ impl<'a> Matrix<'a> {
         Matrix { data, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
-    /// Rows that lie `row_stride` numbers apart.
+    /// A matrix whose rows start `row_stride` numbers apart.
     pub(crate) fn strided(data: &'a [f32], rows: usize, columns: usize, row_stride: usize) -> Self {
         assert!(
             rows == 0 || (rows - 1) * row_stride + columns <= data.len(),
@@ -55,7 +55,7 @@ pub(crate) fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     add_product(out, a, b);
 }
 
-/// `out += a b`, `out` row-major. Fastest where `b` is row-major: its transpose is copied first.
+/// `out += a b`, `out` row-major. Fastest if `b` is row-major. Otherwise it is first copied to that order.
 pub(crate) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     assert_eq!(a.columns, b.rows, "the inner axes of a product");
     assert_eq!(out.len(), a.rows * b.columns, "a product of {} x {}", a.rows, b.columns);
@@ -89,7 +89,7 @@ impl WithSimd for Product<'_> {
         let lanes = lanes::<S>();
         let columns = self.b.columns;
         let mut from = 0;
-        // 6 rows of 4 vectors fill the 32 registers of AVX-512 and NEON, 6 rows of 2 the 16 of AVX2.
+        // Registers: 6 rows of 4 vectors fill the 32 of AVX-512 and NEON, 6 rows of 2 vectors the 16 of AVX2.
         if lanes != 8 {
             while from + 4 * lanes <= columns {
                 self.columns::<S, 4>(from);
@@ -111,7 +111,7 @@ impl WithSimd for Product<'_> {
 }
 
 impl Product<'_> {
-    /// The columns of `V` vectors.
+    /// Computes the columns of `V` vectors.
     #[inline(always)]
     fn columns<S: Simd, const V: usize>(&mut self, from: usize) {
         let mut row = 0;
@@ -129,7 +129,7 @@ impl Product<'_> {
         }
     }
 
-    /// `R` rows of `V` vectors.
+    /// Computes a tile of `R` rows and `V` vectors.
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, so that the sums stay in registers")]
     fn tile<S: Simd, const R: usize, const V: usize>(&mut self, row: usize, from: usize) {
@@ -160,7 +160,7 @@ impl Product<'_> {
         }
     }
 
-    /// The columns that fill no vector, padded to one.
+    /// Computes the remaining columns, padded to one vector.
     #[inline(always)]
     fn last_columns<S: Simd>(&mut self, from: usize) {
         let (lanes, width) = (lanes::<S>(), self.b.columns);
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn every_size_and_layout_gives_the_product() {
-        let number = |idx: usize| ((idx * 37 + 11) % 19) as f32 - 9.0; // small whole numbers: sums are exact
+        let number = |idx: usize| ((idx * 37 + 11) % 19) as f32 - 9.0; // small integers: sums are exact
         let turned =
             |values: &[f32], rows: usize, columns: usize| Matrix::new(values, rows, columns).transposed().to_rows();
         for rows in [1, 2, 5, 6, 8, 9, 17] {

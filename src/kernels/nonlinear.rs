@@ -7,14 +7,14 @@ pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// Hyperbolic tangent to 2e-7 absolute.
+/// Hyperbolic tangent, with an absolute error of 2e-7.
 #[cfg(any(test, feature = "train"))]
 #[inline(always)]
 pub(crate) fn tanh_of(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }
 
-/// Bound on exponents of which three are multiplied: beyond it a sigmoid is 0 or 1 to 1e-12.
+/// Bound on exponents, because three exponentials are multiplied. Beyond it, a sigmoid is 0 or 1 to within 1e-12.
 const BOUND: f32 = 28.0; // exp(28)^3 is 3e36, of 3.4e38 that fit
 
 /// `sigmoid(forget) * cell + sigmoid(input) * tanh(candidate)`: the next cell of an LSTM, with a single division.
@@ -33,7 +33,7 @@ pub(crate) fn state(output: f32, cell: f32) -> f32 {
     (1.0 - cell) / ((1.0 + exp_within(-output, BOUND)) * (1.0 + cell))
 }
 
-/// Gaussian error linear unit, by the error function to 2e-7 absolute.
+/// Gaussian error linear unit. The absolute error of the error function is 2e-7.
 ///
 /// # Source
 /// Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26.
@@ -51,15 +51,15 @@ pub(crate) fn gelu(x: f32) -> f32 {
     x * share
 }
 
-/// Exponential to 2e-7 relative, without branches or calls so that loops over it become vector code.
+/// Exponential with a relative error of 2e-7. It has no branches or calls, so that loops over it become vector code.
 ///
-/// Cody and Waite's reduction by ln 2 in two parts, then the Taylor series on `[-ln2/2, ln2/2]` to its 7th power.
+/// Reduction by ln 2 in two parts (Cody and Waite), then the Taylor series on `[-ln2/2, ln2/2]` up to the 7th power.
 #[inline(always)]
 pub(crate) fn exp(x: f32) -> f32 {
-    exp_within(x, 87.0) // close to the largest and the smallest number
+    exp_within(x, 87.0) // close to the exponents of the largest and the smallest number
 }
 
-/// The same of a number between `-bound` and `bound`, or of the closer of these.
+/// Exponential of `x`, limited to the range from `-bound` to `bound`.
 #[inline(always)]
 fn exp_within(x: f32, bound: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits
@@ -91,7 +91,7 @@ mod tests {
             assert!((f64::from(sigmoid(x)) - 1.0 / (1.0 + (-wide).exp())).abs() < 2e-7, "sigmoid at {x}");
             assert!((f64::from(tanh_of(x)) - wide.tanh()).abs() < 3e-7, "tanh at {x}");
             let expected = wide * 0.5 * (1.0 + libm::erf(wide * std::f64::consts::FRAC_1_SQRT_2));
-            // 1.5e-7 of the series and the rounding of x itself.
+            // 1.5e-7 from the series, and the rounding of x itself.
             assert!((f64::from(gelu(x)) - expected).abs() < 3e-7 * (1.0 + wide.abs()), "gelu at {x}");
         }
     }
@@ -108,7 +108,7 @@ mod tests {
                 for (input, candidate) in numbers.iter().flat_map(|a| numbers.map(|b| (*a, b))) {
                     let got = wide(next_cell(cell, gate, input, candidate));
                     let expected = logistic(gate) * wide(cell) + logistic(input) * wide(candidate).tanh();
-                    // A few roundings of the cell, and those of the hyperbolic tangent by itself.
+                    // A few roundings of the cell, and those of the hyperbolic tangent.
                     let tolerance = 4e-7 * (1.0 + wide(cell).abs());
                     assert!((got - expected).abs() < tolerance, "{cell} {gate} {input} {candidate}: {got} {expected}");
                 }

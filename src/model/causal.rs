@@ -1,9 +1,10 @@
-//! The causal network of adaptive models found again in a graph: its weights, and the frames that each layer sees.
+//! Recognizes the causal network of adaptive models in an ONNX graph, and reads its weights and the frames that each
+//! layer sees.
 //!
-//! The network is a chain of dilated convolutions over time without padding, each with a ReLU and, after the first, the sum
-//! with its own input, then one decoder for the force and one for the odds of touch. Its input is the taxels twice: divided by a scale, and
-//! by a finer one and squashed, `x / (1 + |x|)`. Every node is followed from what it reads to what it gives; one that the
-//! network doesn't have ends the search.
+//! The network is a chain of dilated convolutions over time without padding, each with a ReLU. After the first one,
+//! each adds its own input to its output. Then one decoder gives the force, and one the probability of touch. The input
+//! is the taxels twice: divided by a scale, and divided by a finer scale and squashed, `x / (1 + |x|)`. Every node is
+//! followed from its inputs to its outputs. The search ends with an error at a node that the network doesn't have.
 //!
 //! # Source
 //! `train::network::causal`, as `train::export` writes it.
@@ -18,58 +19,58 @@ use super::paper::flow::Sizes;
 use super::paper::walk::{floats, is_standard, needed};
 use super::paper::{Decoder, Dense, TAPS, check_operators};
 
-/// The weights of the network.
+/// Weights of the network.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Causal {
     pub(super) window: usize,
     pub(super) n_taxels: usize,
-    /// Divisors of the taxels: of those that stay as they are, and of those that are squashed.
+    /// Divisors of the taxels: of the linear ones, and of those that are squashed.
     pub(super) scales: [f32; 2],
     pub(super) layers: Vec<Layer>,
     pub(super) force: Decoder,
     pub(super) touch: Decoder,
 }
 
-/// A convolution with a ReLU.
+/// Weights of a convolution with a ReLU.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layer {
     /// `[outputs, inputs, taps]`
     pub(super) dense: Dense,
     pub(super) dilation: usize,
-    /// True if its input is added to what it gives.
+    /// True if the layer's input is added to its output.
     pub(super) adds_input: bool,
 }
 
 impl Causal {
-    /// Frames that a force depends on.
+    /// Number of frames that a force depends on.
     pub(super) fn n_seen(&self) -> usize {
         1 + self.layers.iter().map(|layer| (TAPS - 1) * layer.dilation).sum::<usize>()
     }
 }
 
-/// What a tensor holds. All have the windows as their first axis.
+/// Stage of the network that a tensor is the output of. The first axis of all tensors is the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum What {
     /// `[N, frames, taxels]`
     Taxels,
-    /// `[N, taxels, frames]`, as all that follow up to `Layer`.
+    /// `[N, taxels, frames]`; the following stages, up to `Layer`, have the same axes.
     Channels,
     Scaled(f32),
     Size(f32),
     Bound(f32),
     Squashed(f32),
-    /// `[N, 2 taxels, frames]`: scaled, and squashed.
+    /// `[N, 2 taxels, frames]`: linear and squashed taxels.
     Both([f32; 2]),
-    /// What the convolution of a layer gives.
+    /// Output of the convolution of a layer.
     Convolved(usize),
     Rectified(usize),
-    /// What a layer gives in the end.
+    /// Output of a layer.
     Layer(usize),
-    /// Its last frames.
+    /// Last frames of a layer's output.
     Kept(usize),
     /// `[N, channels]`
     Features,
-    /// `[N, hidden]`, of the decoder that begins with this weight.
+    /// `[N, hidden]`, in the decoder whose first weight has this index.
     Hidden(usize),
     Active(usize),
     /// `[N, 1]`
@@ -77,7 +78,7 @@ enum What {
     Probability(usize),
 }
 
-/// A tensor of so many frames.
+/// A tensor with its number of frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Value {
     what: What,
@@ -96,7 +97,7 @@ struct Walk<'g> {
 /// Looks for the network in a model with these tensors.
 ///
 /// # Errors
-/// What is in the model that the network doesn't have.
+/// The part of the model that the network doesn't have.
 pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Causal, String> {
     check_operators(model)?;
     let graph = model.graph.as_ref().ok_or("it holds no graph")?;
@@ -206,7 +207,7 @@ impl<'g> Walk<'g> {
         self.values.get(name).copied()
     }
 
-    /// A tensor that is what some layer gives in the end.
+    /// Index and value of a tensor that is the output of a layer.
     fn layer(&self, name: &str) -> Option<(usize, Value)> {
         let value = self.flow(name)?;
         let layer = match value.what {
@@ -217,7 +218,7 @@ impl<'g> Walk<'g> {
         Some((layer, Value { what: What::Layer(layer), ..value }))
     }
 
-    /// A tensor that is what the newest layer gives.
+    /// The tensor, if it is the output of the newest layer.
     fn newest(&self, name: &str) -> Option<Value> {
         let (layer, value) = self.layer(name)?;
         (layer + 1 == self.layers.len()).then_some(value)
@@ -227,13 +228,13 @@ impl<'g> Walk<'g> {
         floats(self.constants.get(name)?)
     }
 
-    /// A single number.
+    /// A single float constant.
     fn number(&self, name: &str) -> Option<f32> {
         let (dims, values) = self.weights(name)?;
         (dims.len() <= 1 && values.len() == 1).then(|| values[0])
     }
 
-    /// A single whole number.
+    /// A single integer constant.
     fn integer(&self, name: &str) -> Option<i64> {
         match Sizes::of(self.constants.get(name)?)?.constants()?.as_slice() {
             [value] => Some(*value),
@@ -294,7 +295,7 @@ impl<'g> Walk<'g> {
         Some(Value { what: What::Convolved(self.layers.len() - 1), frames })
     }
 
-    /// What a layer gives plus the frames of its input that it gives something for, or a size plus 1.
+    /// Output of a convolution plus the matching frames of its input, or a size plus 1.
     fn sum(&mut self, a: &str, b: &str) -> Option<Value> {
         let (a, b) = match (self.flow(a), self.flow(b)) {
             (Some(a), Some(b)) => (a, b),

@@ -1,22 +1,22 @@
-//! Whether our own code gives the forces of a runtime, on windows of every scale.
+//! Compares the forces of our own code with those of a runtime, on windows of every scale.
 
 use super::session::Session;
 use super::trial::{Frames, SCALES, Scale};
 use crate::fusion::{Contract, Forces, Regressor};
 
-/// Windows of a trial, each a frame after the one before it.
+/// Windows of a trial. Each starts one frame after the one before.
 const N_WINDOWS: usize = 16;
 
-/// Forces that lie closer are the same: a hundredth of a gram-force.
+/// Absolute tolerance: a hundredth of a gram-force.
 const TOLERANCE_N: f64 = 1e-4;
 
-/// Sums in another order, through the 64 steps of an LSTM: a share of the largest force of a scale.
+/// Relative tolerance, as a share of the largest force at a scale: sums in another order, through 64 steps of an LSTM.
 const ROUNDING: f64 = 2e-5;
 
-/// Holds our own code against a runtime.
+/// Compares our own code with a runtime.
 ///
 /// # Errors
-/// Where they differ, and by how much.
+/// The place and the size of the difference.
 pub(super) fn compare(own: &mut dyn Regressor, runtime: &mut Session) -> Result<(), String> {
     let contract = runtime.contract().clone();
     let starts: Vec<usize> = (0..N_WINDOWS).collect();
@@ -35,7 +35,7 @@ fn differ(contract: &Contract, scale: &Scale, runtime: &Forces, own: &Forces) ->
     let all = |forces: &Forces| forces.force.iter().chain(&forces.base).map(newtons).collect::<Vec<f64>>();
     let touch = |forces: &Forces| forces.touch.iter().map(|touch| f64::from(*touch)).collect::<Vec<f64>>();
     same(scale, "N", &all(runtime), &all(own))?;
-    // Probabilities are compared as if a whole touch were a newton.
+    // For probabilities of touch, the tolerance counts 1 as one newton.
     same(scale, "of a touch", &touch(runtime), &touch(own))
 }
 

@@ -1,4 +1,5 @@
-//! From a file's graph, its metadata and the parameters to one contract, or to the first reason why there is none.
+//! Derives the tensor contract from a file's graph, its metadata and the parameters, or the first reason why there is
+//! none.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -11,13 +12,13 @@ use super::onnx::GraphProto;
 use super::{ModelSpec, TensorNames};
 use crate::fusion::{Contract, ForceAxes, ForceUnit, TouchLevels, TouchOutput};
 
-/// Model frames a second when neither the model nor the parameters say it: the paper's rate.
+/// Model frames per second if neither the model nor the parameters give it: the paper's rate.
 const DEFAULT_RATE_HZ: f64 = 100.0;
 
-/// Maximum size of an input window, in numbers; the paper's is 64 x 20. It bounds what a trial run takes.
+/// Maximum size of an input window, in numbers. The paper's is 64 x 20. It limits the memory of a trial run.
 const MAX_WINDOW_NUMBERS: usize = 1 << 22;
 
-/// A contract, and what is needed to run by it.
+/// A contract, and what a runtime needs to follow it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Terms {
     pub(super) contract: Contract,
@@ -30,7 +31,7 @@ pub(super) struct Terms {
     pub(super) notes: Vec<String>,
 }
 
-/// The tensors of the contract that are there, by their names in the file.
+/// Names in the file of the contract's tensors that exist.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Tensors {
     pub(super) tactile: String,
@@ -42,27 +43,27 @@ pub(super) struct Tensors {
 }
 
 impl Tensors {
-    /// Names of the outputs that are there, in the order force, touch, base, residual.
+    /// Names of the outputs that exist, in the order force, touch, base, residual.
     pub(super) fn outputs(&self) -> Vec<String> {
         let all = [Some(&self.force), self.touch.as_ref(), self.base.as_ref(), self.residual.as_ref()];
         all.into_iter().flatten().cloned().collect()
     }
 
-    /// Place of the touch among the outputs.
+    /// Index of the touch among the outputs.
     pub(super) fn touch_idx(&self) -> Option<usize> {
         self.touch.as_ref().map(|_| 1)
     }
 
-    /// Place of the base among the outputs.
+    /// Index of the base among the outputs.
     pub(super) fn base_idx(&self) -> Option<usize> {
         self.base.as_ref().map(|_| 1 + usize::from(self.touch.is_some()))
     }
 }
 
-/// Maximum frames in a window: nearly three minutes at 100 Hz.
+/// Maximum number of frames in a window: almost three minutes at 100 Hz.
 const MAX_WINDOW_FRAMES: usize = 1 << 14;
 
-/// Settles the contract of a graph.
+/// Derives the contract of a graph.
 pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) -> Result<Terms, ModelError> {
     let path = spec.path.as_path();
     let weights: BTreeSet<&str> = graph.initializer.iter().map(|tensor| tensor.name.as_str()).collect();
@@ -203,7 +204,7 @@ fn find_tensors(
     })
 }
 
-/// Frames and width of an input of rank 3, `None` where they are dynamic.
+/// Frames and width of an input of rank 3. `None` for a dynamic size.
 fn input_shape(
     path: &Path,
     tensor: &TensorInfo,
@@ -239,7 +240,7 @@ fn input_shape(
     Ok([size(frames)?, size(width)?])
 }
 
-/// One size out of what the shape and the metadata say.
+/// A size, from the shape and the metadata, which must agree.
 fn agree(
     path: &Path,
     tensor: &TensorInfo,
@@ -275,7 +276,7 @@ fn check_size(path: &Path, tensors: &Tensors, window: usize, width: usize) -> Re
     }
 }
 
-/// The artifact is one of the model's taxels and of joints that are named.
+/// The artifact model must have the model's number of taxels, and joints that the model names.
 fn check_artifact(path: &Path, metadata: &Metadata, n_taxels: usize) -> Result<(), ModelError> {
     let Some(artifact) = &metadata.artifact else { return Ok(()) };
     let conflict = |first: String, second: String| {
@@ -320,7 +321,7 @@ fn check_joints(path: &Path, metadata: &Metadata, tensors: &Tensors, n_joints: u
     Ok(())
 }
 
-/// Outputs are named one by one: the touch of a model is no force.
+/// All outputs must have different names: the touch of a model is not a force.
 fn check_outputs(path: &Path, names: &TensorNames) -> Result<(), ModelError> {
     let forces =
         [("force", &names.force), ("force_base", &names.force_base), ("force_residual", &names.force_residual)];
@@ -408,7 +409,8 @@ fn settle_unit(path: &Path, metadata: &Metadata, spec: &ModelSpec) -> Result<(Fo
     }
 }
 
-/// Refuses the model of another glove, as far as both sides tell theirs; what is to be said where one is wanted.
+/// Refuses the model of another glove, if both sides name their glove. Returns a note if such a model is used on
+/// purpose.
 fn check_glove(path: &Path, metadata: &Metadata, spec: &ModelSpec) -> Result<Option<String>, ModelError> {
     let trained = metadata.entries.get("glove").map(|glove| glove.trim()).filter(|glove| !glove.is_empty());
     let (Some(trained), Some(wanted)) = (trained, spec.of_glove.as_ref().or(spec.glove.as_ref())) else {

@@ -1,7 +1,8 @@
-//! The paper's network, or the causal one of adaptive models, run by our own code: the same forces as in a runtime, in less time.
+//! Runs the paper's network, or the causal network of adaptive models, in our own code: the same forces as a runtime,
+//! in less time.
 //!
-//! Windows that share nothing, the newest of some regions, are lanes of the network; many that overlap go in stretches to
-//! as many threads as there may be.
+//! Windows that share no frames, such as the newest windows of several regions, become lanes of the network. Many
+//! overlapping windows are split into stretches, which run on several threads.
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -13,19 +14,19 @@ use super::network::{Known, Network, Scratch};
 use super::session::{Session, check};
 use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows};
 
-/// Frames of a stretch that windows may begin in.
+/// Maximum number of frames of a stretch in which windows may begin.
 const SPAN: usize = 256;
 
-/// Windows of one call that gains all there is to gain: a stretch for each of 16 threads.
+/// Number of windows per call beyond which there is no further gain: one stretch for each of 16 threads.
 pub(super) const WINDOWS_AT_ONCE: usize = 16 * SPAN;
 
-/// Steps from window to window that a stretch goes on over; a longer one costs more than a stretch that begins anew.
+/// Maximum step between windows of a stretch, frames. With a larger step, a new stretch is cheaper.
 const MAX_STEP: usize = 4;
 
-/// A model whose windows are run by our own code.
+/// A model that our own code runs.
 ///
 /// # Invariant
-/// A window has the same force, bit by bit, whichever windows are run with it or were run before, and on however many
+/// A window's force has the same bits for any other windows in the same call, any earlier calls, and any number of
 /// threads: `model_stretches::any_company_and_any_number_of_threads_give_the_same_bits`,
 /// `model_lanes::windows_that_come_frame_by_frame_give_the_bits_of_a_stretch`.
 #[derive(Debug)]
@@ -37,13 +38,13 @@ pub(super) struct Direct {
     n_threads: usize,
 }
 
-/// A stretch that waits for a thread, and the place of its forces.
+/// A stretch that waits for a thread, and the slices for its results.
 struct Job<'a> {
     windows: SharedWindows<'a>,
     force: &'a mut [f32],
-    /// Empty for a model without a base.
+    /// Empty if the model has no base.
     base: &'a mut [f32],
-    /// Empty for a model without a touch output.
+    /// Empty if the model has no touch output.
     touch: &'a mut [f32],
 }
 
@@ -56,10 +57,10 @@ struct Worker {
 }
 
 impl Direct {
-    /// The paper's network in our own code, stretches on so many threads.
+    /// A model that runs in our own code, with up to `n_threads` threads for stretches.
     ///
     /// # Errors
-    /// Why it can't be run so: windows that are too short, or other forces than those of its runtime.
+    /// Why our own code can't run it: its windows are too short, or its forces differ from those of the runtime.
     pub(super) fn of(runtime: &mut Session, own: &Own, n_threads: usize) -> Result<Self, String> {
         let contract = runtime.contract().clone();
         let network = match own {
@@ -101,7 +102,7 @@ impl Direct {
         let n_touch = if self.contract.touch.is_some() { n } else { 0 };
         for (forces, n) in [(&mut out.force, n), (&mut out.base, n_base), (&mut out.touch, n_touch)] {
             forces.clear();
-            forces.resize(n, f32::NAN); // what isn't written to is no force
+            forces.resize(n, f32::NAN); // an output that is not written stays NaN
         }
         let (mut force, mut base) = (out.force.as_mut_slice(), out.base.as_mut_slice());
         let mut touch = out.touch.as_mut_slice();
@@ -149,7 +150,7 @@ impl Direct {
     }
 }
 
-/// Windows by their index, those together that follow one another closely.
+/// Groups windows, by index, whose starts are at most `MAX_STEP` apart.
 fn parts(starts: &[usize]) -> impl Iterator<Item = Range<usize>> {
     let mut from = 0;
     std::iter::from_fn(move || {
@@ -161,7 +162,7 @@ fn parts(starts: &[usize]) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// Takes up to `n` from the front of a slice.
+/// Removes up to `n` elements from the front of a slice.
 fn take<'a>(rest: &mut &'a mut [f32], n: usize) -> &'a mut [f32] {
     let all = std::mem::take(rest);
     let (taken, left) = all.split_at_mut(n.min(all.len()));

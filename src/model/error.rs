@@ -1,8 +1,8 @@
-//! Why a model can't be used: one line each.
+//! Errors of models. Each message is one line.
 
 use std::path::PathBuf;
 
-/// Why a model file can't be used. The text names the file, what was expected, what came, and what to do.
+/// Why a model file can't be used. The message names the file, what was expected, what was found, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// The file can't be read.
@@ -13,7 +13,7 @@ pub enum ModelError {
         /// Message of the system.
         reason: std::io::Error,
     },
-    /// The file is larger than a model of this kind can be.
+    /// The file is larger than any model that is expected.
     #[error("{path}: the file has more than {limit_mib} MiB, expected a model of a few MiB; is it the right file?")]
     TooLarge {
         /// The model file.
@@ -21,14 +21,14 @@ pub enum ModelError {
         /// The largest file that is read, MiB.
         limit_mib: u64,
     },
-    /// More nodes than runtimes take in any time.
+    /// The model has more nodes than runtimes load in reasonable time.
     #[error("{path}: has {n_nodes} nodes, expected at most {most}; simplify its graph, or export it with optimization")]
     TooManyNodes {
         /// The file.
         path: PathBuf,
         /// Its nodes.
         n_nodes: usize,
-        /// The most that are taken.
+        /// The largest accepted number.
         most: usize,
     },
     /// The bytes are not a whole ONNX model.
@@ -36,10 +36,10 @@ pub enum ModelError {
     Malformed {
         /// The model file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
-    /// A tensor's bytes are kept in another file.
+    /// The values of a tensor are in another file.
     #[error("{path}: tensor {tensor} keeps its values in another file; export the model into one file")]
     ExternalData {
         /// The model file.
@@ -68,24 +68,24 @@ pub enum ModelError {
         path: PathBuf,
         /// The key in `metadata_props`.
         key: String,
-        /// Its text, shortened.
+        /// Its value, shortened.
         value: String,
-        /// What it should be.
+        /// The expected form.
         expected: String,
     },
-    /// Two sources of the same fact tell different things.
+    /// Two sources give different values.
     #[error("{path}: {first}, but {second}; {remedy}")]
     Conflict {
         /// The model file.
         path: PathBuf,
-        /// Value in one.
+        /// The first source with its value.
         first: String,
-        /// Value in the other.
+        /// The second source with its value.
         second: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
-    /// A tensor of the contract is not there.
+    /// A tensor of the contract is missing.
     #[error(
         "{path}: no {kind} named {name}; the model has {present}; if one of them is meant, name it in the parameter model.NAME.{parameter}"
     )]
@@ -94,14 +94,14 @@ pub enum ModelError {
         path: PathBuf,
         /// `input` or `output`.
         kind: &'static str,
-        /// The name that was looked for.
+        /// The name in the contract or the parameters.
         name: String,
-        /// What is there instead, with types and shapes.
+        /// The tensors that exist, with types and shapes.
         present: String,
         /// The parameter that maps the name.
         parameter: &'static str,
     },
-    /// The model wants an input that the contract does not know.
+    /// The model has an input that the contract doesn't know.
     #[error(
         "{path}: input {input} is neither the tactile nor the pose input; if it is the pose, name it in the parameter model.NAME.inputs.pose"
     )]
@@ -111,7 +111,7 @@ pub enum ModelError {
         /// The input with its type and shape.
         input: String,
     },
-    /// A tensor has another element type than float32, or is no tensor.
+    /// A tensor is not a float32 tensor.
     #[error("{path}: {kind} {name} is {got}, expected float32; export the model in float32")]
     ElementType {
         /// The model file.
@@ -123,7 +123,7 @@ pub enum ModelError {
         /// Its element type.
         got: String,
     },
-    /// A tensor has another shape than the contract wants.
+    /// A tensor has another shape than the contract requires.
     #[error("{path}: {kind} {name} has shape {got}, expected {expected}")]
     Shape {
         /// The model file.
@@ -134,7 +134,7 @@ pub enum ModelError {
         name: String,
         /// Its shape.
         got: String,
-        /// The shape it should have, and what to do about it.
+        /// The expected shape, and what to do about it.
         expected: String,
     },
     /// The batch is fixed at a size other than 1.
@@ -151,7 +151,7 @@ pub enum ModelError {
         /// The fixed size.
         batch: u64,
     },
-    /// A touch output that is no probability.
+    /// The touch output gave a value that is not a probability.
     #[error(
         "{path}: output {output} gave {value}, expected a probability of touch from 0 to 1; export it after its sigmoid, or name another output in the parameter model.NAME.outputs.touch"
     )]
@@ -160,18 +160,18 @@ pub enum ModelError {
         path: PathBuf,
         /// The output.
         output: String,
-        /// What it gave.
+        /// The value that it gave.
         value: f32,
     },
-    /// The runtime that the parameters ask for is not there.
+    /// The runtime that the parameters ask for is missing.
     #[error("{path}: backend onnxruntime can't be used: {reason}; run scripts/fetch-onnxruntime or set backend: rten")]
     NoOnnxRuntime {
         /// The model file.
         path: PathBuf,
-        /// Where it was looked for and what was found.
+        /// Where it was searched for, and what was found.
         reason: String,
     },
-    /// The model names a different glove than the parameters.
+    /// The model was trained for another glove than the parameters name.
     #[error(
         "{path}: was trained on glove {trained:?}, the parameters say {key}: {wanted:?}; take the model of this glove, correct `{key}`, or set model.NAME.glove to {trained:?} to use it all the same"
     )]
@@ -180,17 +180,17 @@ pub enum ModelError {
         path: PathBuf,
         /// The glove in its metadata.
         trained: String,
-        /// The parameter that says otherwise.
+        /// The parameter that names the other glove.
         key: &'static str,
-        /// What it says.
+        /// The glove that it names.
         wanted: String,
     },
-    /// Our own code was asked for, and can't run the model.
+    /// The parameters ask for our own code, which can't run the model.
     #[error("{path}: backend builtin can't run it: {reason}; set backend: auto, onnxruntime or rten")]
     NotBuiltin {
         /// The model file.
         path: PathBuf,
-        /// What is not the paper's network.
+        /// The difference from our networks.
         reason: String,
     },
     /// The runtime refuses the model, or fails to run it.
@@ -207,7 +207,7 @@ pub enum ModelError {
         /// Message of that process, or how it ended.
         line: String,
     },
-    /// A trial run gave something other than a finite force.
+    /// A trial run gave a force that is not finite.
     #[error(
         "{path}: output {output} is {value} for {window}, expected a finite force; train or export the model again"
     )]
@@ -216,9 +216,9 @@ pub enum ModelError {
         path: PathBuf,
         /// The output.
         output: String,
-        /// What it gave.
+        /// The value that it gave.
         value: f32,
-        /// The window of the trial run, in words.
+        /// The trial window, in words.
         window: String,
     },
     /// The force of a window depends on the other windows of its batch.
@@ -230,14 +230,14 @@ pub enum ModelError {
         path: PathBuf,
         /// The output.
         output: String,
-        /// What the trial's readings were, in a word.
+        /// Size of the trial's readings, in one word.
         scale: &'static str,
         /// The force of the window on its own.
         alone: f32,
         /// The force of the same window in a batch.
         batched: f32,
     },
-    /// Base, residual and final force don't fit together.
+    /// Base, residual and force disagree.
     #[error(
         "{path}: {force} is {got}, but {base} - {residual} is {expected}; the convention is {force} = {base} - {residual}{hint}"
     )]
@@ -250,16 +250,16 @@ pub enum ModelError {
         base: String,
         /// Name of the residual output.
         residual: String,
-        /// The force that came.
+        /// The force of the model.
         got: f32,
         /// Base minus residual.
         expected: f32,
-        /// What to do, where it is known; starts with `; `.
+        /// The remedy, if it is known. Starts with `; `.
         hint: &'static str,
     },
 }
 
-/// Foreign text as one line of bounded length: what a file or a runtime says must not break an error line.
+/// Text from a file or a runtime as one line of limited length, so that it can't break the format of an error.
 pub(super) fn one_line(text: &str) -> String {
     const MAX_CHARS: usize = 300;
     let mut line: String = text.split_whitespace().collect::<Vec<_>>().join(" ");

@@ -1,8 +1,9 @@
-//! The first run of a model that isn't the paper's network: in a separate process, which may crash.
+//! First run of a model that isn't one of our networks. It runs in a separate process, because it may crash.
 //!
-//! A runtime that is given a chain of 100,000 nodes, or a tensor of 384 GB, ends its process. The resources of a graph
-//! can't be derived from its nodes, since sizes may depend on readings; so it is tried, with limited memory and time,
-//! with batches and readings larger than any that come. The trial process is this program, started again.
+//! A runtime can end its process when a graph has 100,000 nodes in a chain or a tensor of 384 GB. The memory that a
+//! graph needs can't be derived from its nodes, because sizes may depend on readings. The model is therefore tried with
+//! limited memory and time, on batches and readings that are larger than real ones. The trial process is this program,
+//! started again.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -19,34 +20,35 @@ use super::trial::{Frames, SCALES};
 use super::{BackendChoice, ModelSpec, TensorNames};
 use crate::fusion::Forces;
 
-/// The argument that asks this program to try a model; what comes behind it says which.
+/// Command-line argument that makes this program try a model. The next argument is the request.
 pub const ARGUMENT: &str = "--try-model";
 
-/// Address space of the process that tries. The paper's network takes a fiftieth of it, the runtime's library included.
+/// Limit on the address space of the trial process. The paper's network needs a fiftieth of it, the runtime's library
+/// included.
 const MAX_MEMORY_KIB: u64 = 4 << 20;
 
-/// Time that the first run may take; the paper's network takes a fiftieth of a second.
+/// Time limit of the first run. The paper's network needs a fiftieth of a second.
 const MAX_TIME: Duration = Duration::from_secs(20);
 
 /// Polling interval for the trial process.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
-/// Stack of the thread that tries: less than any thread has that loads models.
+/// Stack of the trial thread: smaller than the stack of any thread that loads models.
 const STACK: usize = 1 << 20;
 
-/// Windows that are run at once: as many as a runtime is ever given.
+/// Windows per call: the largest number that a runtime ever gets.
 const N_WINDOWS: usize = 64;
 
-/// Set in the environment of a trial process: neither it nor what it starts tries a model in a further process.
+/// Set in the environment of a trial process, so that neither it nor its children start another trial.
 const IN_TRIAL: &str = "TPF_MODEL_TRIAL";
 
-/// The program to start and its arguments before [`ARGUMENT`], if there is one.
+/// Program to start for a trial, and its arguments before [`ARGUMENT`]. Empty if none was set.
 static PROGRAM: OnceLock<(PathBuf, Vec<OsString>)> = OnceLock::new();
 
-/// Models that were tried, by their SHA-256, backend and names of tensors.
+/// Models that were already tried, as SHA-256, backend and tensor names.
 static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
-/// What to try.
+/// The model to try.
 #[derive(Debug, Serialize, Deserialize)]
 struct Request {
     path: PathBuf,
@@ -54,24 +56,26 @@ struct Request {
     names: TensorNames,
 }
 
-/// Tries models in processes of this program from now on. Its `main` must give what follows [`ARGUMENT`] to [`answer`].
+/// From now on, models are tried in processes of this program. Its `main` must pass the argument after [`ARGUMENT`] to
+/// [`answer`].
 pub fn call_this_program() {
-    // Without a name of its own it can't be called, and models are loaded as a library loads them.
+    // If the path of the executable is unknown, models are loaded without a trial, as in a library.
     if let Ok(program) = std::env::current_exe() {
         call(program, Vec::new());
     }
 }
 
-/// Tries models in processes of this program from now on, unless one was named before. With these arguments and two more,
-/// [`ARGUMENT`] and a text, it gives that text to [`answer`], writes what that says to stdout, and leaves with 1 at an error.
+/// From now on, models are tried in processes of this program, unless another one was set before. It is started with
+/// `args`, [`ARGUMENT`] and a text. It must pass the text to [`answer`]. If that returns an error, it must print it to
+/// stdout and exit with 1.
 pub fn call(program: PathBuf, args: Vec<OsString>) {
     PROGRAM.get_or_init(|| (program, args));
 }
 
-/// Tries a model as the process that was called for it: `Err` with one line where it can't be used.
+/// Tries a model in the trial process. The error is one line.
 ///
 /// # Errors
-/// What [`load`](super::load) says, or that the model fails on many windows.
+/// The error of [`load`](super::load), or of a run on many windows.
 pub fn answer(request: &str) -> Result<(), String> {
     let Request { path, backend, names } =
         serde_json::from_str(request).map_err(|error| format!("{ARGUMENT}: {error}"))?;
@@ -87,16 +91,16 @@ fn run(spec: &ModelSpec) -> Result<(), String> {
     let starts: Vec<usize> = (0..N_WINDOWS).collect();
     let frames = SCALES.iter().map(|scale| Frames::new(&contract, scale, N_WINDOWS + contract.window - 1));
     for frames in frames {
-        // A model may refuse readings that no sensor sends.
+        // A model may fail on readings that no sensor sends.
         let _ = model.regressor.run(frames.windows(&starts), &mut Forces::default());
     }
     Ok(())
 }
 
-/// Tries a model in a separate process, once; `Some` gives the reason why that was not possible.
+/// Tries a model in a separate process, once per model. `Some` is the reason why a trial was not possible.
 ///
 /// # Errors
-/// [`ModelError::FirstRun`] with what that process said, or how it ended.
+/// [`ModelError::FirstRun`] with the message of that process, or how it ended.
 pub(super) fn check(spec: &ModelSpec, sha256: &str) -> Result<Option<String>, ModelError> {
     let Some((program, args)) = PROGRAM.get() else { return Ok(None) };
     if std::env::var_os(IN_TRIAL).is_some() {
@@ -134,9 +138,9 @@ pub(super) fn check(spec: &ModelSpec, sha256: &str) -> Result<Option<String>, Mo
     Ok(None)
 }
 
-/// Calls the program under limits: how it ended, if it did in time, and what it said.
+/// Runs the program under the limits. Returns its exit status, if it ended in time, and its output.
 fn called(program: &Path, args: &[OsString], request: &str) -> std::io::Result<(Option<ExitStatus>, String)> {
-    // A limit that is stricter already stays.
+    // A stricter limit that is already set stays in force.
     let limits = format!("ulimit -c 0; ulimit -v {MAX_MEMORY_KIB}; exec \"$0\" \"$@\"");
     let mut child = Command::new("/bin/sh")
         .args(["-c", &limits])
@@ -156,7 +160,7 @@ fn called(program: &Path, args: &[OsString], request: &str) -> std::io::Result<(
     Ok((status, said))
 }
 
-/// How a process ended; where it takes too long it is ended, which is `None`.
+/// Waits for a process to end. After the time limit it is killed, and the result is `None`.
 fn ended(child: &mut Child) -> std::io::Result<Option<ExitStatus>> {
     let begin = Instant::now();
     loop {

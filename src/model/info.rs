@@ -1,4 +1,4 @@
-//! What is known of a model once it is open: for the start-up log, diagnostics, reports and `inspect`.
+//! Information about an open model, for the start-up log, diagnostics, reports and `inspect`.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,7 +10,7 @@ use super::error::one_line;
 use super::onnx::{DimensionValue, ValueInfoProto, data_type};
 use crate::fusion::{Contract, ForceUnit, TouchOutput};
 
-/// Everything that is known of a model.
+/// Information about a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelInfo {
     /// The file.
@@ -20,54 +20,54 @@ pub struct ModelInfo {
     pub sha256: String,
     /// Length of the file, bytes.
     pub size_bytes: u64,
-    /// What runs it; absent when it was only inspected.
+    /// The runtime that runs it. Absent if the model was only inspected.
     pub backend: Option<BackendInfo>,
-    /// What it promises. Where it was only inspected, `has_base` is what the file says, untried.
+    /// The tensor contract. If the model was only inspected, `has_base` is taken from the file and not tested.
     #[serde(serialize_with = "contract")]
     pub contract: Contract,
-    /// Where the unit of the contract comes from.
+    /// Source of the contract's unit.
     pub unit_from: Origin,
-    /// Where the rate of the contract comes from.
+    /// Source of the contract's rate.
     pub rate_from: Origin,
-    /// How many windows the graph takes at once.
+    /// Number of windows that the graph takes at once.
     pub batch: Batch,
-    /// `metadata_props` as they stand in the file.
+    /// `metadata_props` as in the file.
     pub metadata: BTreeMap<String, String>,
-    /// Who wrote the file, with its version.
+    /// Program that wrote the file, with its version.
     pub producer: String,
     /// Version of the ONNX format.
     pub ir_version: i64,
-    /// Version of the standard operators.
+    /// Version of the standard operator set.
     pub opset: i64,
-    /// Inputs in the file's order, weights left out.
+    /// Inputs in the file's order, without weights.
     pub inputs: Vec<TensorInfo>,
     /// Outputs in the file's order.
     pub outputs: Vec<TensorInfo>,
-    /// Why our own code can't run it; absent for the paper's network.
+    /// Why our own code can't run it. Absent if it can.
     pub not_builtin: Option<String>,
-    /// Windows of one call that it runs fastest with.
+    /// Number of windows per call at which it runs fastest.
     pub batch_hint: usize,
-    /// Notes for the user: fallbacks, defaults in use, unused outputs.
+    /// Notes for the user: fallbacks, defaults that are used, unused outputs.
     pub notes: Vec<String>,
 }
 
-/// What runs a model, and where it comes from.
+/// Runtime of a model, and where it comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct BackendInfo {
-    /// Which runtime.
+    /// Name of the runtime.
     pub runtime: RuntimeName,
-    /// Its version; `unknown` if it can't be read.
+    /// Its version, or `unknown`.
     pub version: String,
-    /// The shared library, for ONNX Runtime.
+    /// Path of the shared library, for ONNX Runtime.
     #[serde(serialize_with = "lossy_optional_path", skip_serializing_if = "Option::is_none")]
     pub library: Option<PathBuf>,
-    /// The runtime that our own code was held against, where that is what runs it.
+    /// If our own code runs the model: the runtime with which its results were compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checked_against: Option<Box<BackendInfo>>,
 }
 
 impl BackendInfo {
-    /// Our own code, held against a runtime.
+    /// Our own code, compared with a runtime.
     pub(super) fn builtin(runtime: BackendInfo) -> Self {
         BackendInfo {
             runtime: RuntimeName::Builtin,
@@ -95,7 +95,7 @@ impl fmt::Display for BackendInfo {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RuntimeName {
-    /// Our own code for the paper's network.
+    /// Our own code, for the networks that `tpf train` makes.
     Builtin,
     /// ONNX Runtime, loaded from a shared library at start.
     OnnxRuntime,
@@ -113,36 +113,36 @@ impl fmt::Display for RuntimeName {
     }
 }
 
-/// Where a fact of the contract comes from.
+/// Source of a value of the contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
-    /// The model's own metadata.
+    /// Metadata of the model.
     Metadata,
     /// The parameters.
     Parameters,
-    /// Not specified: the paper's value is used.
+    /// Neither gives it: the paper's value is used.
     Default,
 }
 
-/// How many windows a graph takes at once.
+/// Number of windows that a graph takes at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Batch {
-    /// Any number.
+    /// Any number of windows.
     Dynamic,
-    /// One; batches are run window by window.
+    /// One window. Batches are run window by window.
     One,
 }
 
-/// A tensor that a model takes or gives.
+/// Input or output tensor of a model.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct TensorInfo {
     /// Its name in the file.
     pub name: String,
-    /// Its element type, or what it is when it is no tensor.
+    /// Element type, or the kind of value if it is not a tensor.
     pub dtype: String,
-    /// Its shape, where at least the rank is known.
+    /// Shape, if at least the rank is known.
     pub shape: Option<Vec<Dim>>,
 }
 
@@ -150,9 +150,9 @@ pub struct TensorInfo {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Dim {
-    /// A size.
+    /// Known size.
     Fixed(u64),
-    /// Known at run time, by the name the exporter gave it; `?` when it gave none.
+    /// Size that is known only at run time, with the exporter's name for it, or `?`.
     Dynamic(String),
 }
 
@@ -160,7 +160,7 @@ impl TensorInfo {
     pub(super) fn read(value: &ValueInfoProto) -> Self {
         let tensor_type = value.r#type.as_ref().and_then(|r#type| r#type.tensor_type.as_ref());
         let dim = |value: &Option<DimensionValue>| match value {
-            // Some exporters write a negative size where they mean a dynamic one.
+            // Some exporters write a negative size for a dynamic dimension.
             Some(DimensionValue::DimValue(size)) => u64::try_from(*size).map_or(Dim::Dynamic("?".into()), Dim::Fixed),
             Some(DimensionValue::DimParam(name)) if !name.is_empty() => Dim::Dynamic(name.clone()),
             _ => Dim::Dynamic("?".into()),
@@ -174,7 +174,7 @@ impl TensorInfo {
         }
     }
 
-    /// The shape as text on one line, `[N, 64, 16]`.
+    /// Shape on one line, as `[N, 64, 16]`.
     pub fn shape_text(&self) -> String {
         let Some(dims) = &self.shape else { return "of unknown rank".to_string() };
         let dims: Vec<String> = dims.iter().map(ToString::to_string).collect();
@@ -197,7 +197,7 @@ impl fmt::Display for Dim {
     }
 }
 
-/// A force unit as metadata and parameters spell it.
+/// Name of a force unit in metadata and parameters.
 pub fn unit_name(unit: ForceUnit) -> &'static str {
     match unit {
         ForceUnit::GramForce => "gF",
@@ -215,7 +215,7 @@ fn lossy_optional_path<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> 
     path.as_ref().map(|path| path.to_string_lossy()).serialize(serializer)
 }
 
-/// The contract for machines; `fusion` itself knows no formats.
+/// Serializes the contract here, because `fusion` knows no file formats.
 fn contract<S: Serializer>(contract: &Contract, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
     struct Json<'a> {

@@ -1,4 +1,4 @@
-//! Metadata of a model file, from `metadata_props`: every key is optional and is checked if present.
+//! Metadata of a model file, from `metadata_props`. Every key is optional, and is checked if it is present.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,22 +10,22 @@ use super::onnx::StringStringEntryProto;
 use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchLevels, TouchOutput};
 use crate::units::{GramForce, Newton};
 
-/// The version of the contract that this build keeps, as in `tpf.contract`.
+/// Version of the tensor contract that this build supports, as in `tpf.contract`.
 pub const CONTRACT_VERSION: &str = "1";
 
-/// Key that names the sessions that a model was trained without, where it is one of several that are scored on those: a JSON
-/// array of texts.
+/// Key for the sessions that were left out of the training of this model, when several models are scored on the
+/// sessions that each has not seen. A JSON array of strings.
 pub const HELD_OUT: &str = "held_out";
 
-/// The highest rate that is accepted, as in the parameters: what is missing between two samples is filled frame by frame.
+/// Highest accepted rate, as for the parameters. It is limited because gaps between samples are filled frame by frame.
 const MAX_RATE_HZ: f64 = 10_000.0;
 
-/// Metadata of a model, understood.
+/// Parsed metadata of a model.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Metadata {
-    /// `unit`: of every force output.
+    /// `unit`: unit of all force outputs.
     pub unit: Option<ForceUnit>,
-    /// `rate_hz`: model frames a second.
+    /// `rate_hz`: model frames per second.
     pub rate_hz: Option<f64>,
     /// `window`: frames in a window.
     pub window: Option<usize>,
@@ -33,23 +33,23 @@ pub struct Metadata {
     pub n_taxels: Option<usize>,
     /// `joints`: joint names in the order of the pose input.
     pub joints: Option<Vec<String>>,
-    /// `pose_range`: per joint, of the training data.
+    /// `pose_range`: range of each joint in the training data.
     pub pose_range: Option<Vec<PoseRange>>,
-    /// `artifact`: what pose makes of the taxels.
+    /// `artifact`: model of the pose artifact in the taxels.
     pub artifact: Option<ArtifactModel>,
-    /// `touch`: when the touch output is contact.
+    /// `touch`: levels of the touch output at which contact begins and ends.
     pub touch: Option<TouchOutput>,
-    /// `metrics.mdf_gf`: minimum detectable force, as measured at training.
+    /// `metrics.mdf_gf`: minimum detectable force, measured after training.
     pub mdf: Option<Newton>,
-    /// Every entry of the file, unchanged: our keys and others.
+    /// All entries of the file, unchanged, ours and others.
     pub entries: BTreeMap<String, String>,
 }
 
 impl Metadata {
-    /// Reads the entries of a model file. Keys that are not ours are kept and not judged.
+    /// Parses the entries of a model file. Keys that are not ours are kept unchecked.
     ///
     /// # Errors
-    /// [`ModelError::Metadata`] for a key of ours that is malformed, or for any key that is there twice.
+    /// [`ModelError::Metadata`] for a malformed key of ours, and for any key that occurs twice.
     pub fn parse(path: &Path, props: &[StringStringEntryProto]) -> Result<Self, ModelError> {
         let mut metadata = Metadata::default();
         for prop in props {
@@ -81,7 +81,7 @@ impl Metadata {
             "artifact" => self.artifact = Some(artifact(value)?),
             "touch" => self.touch = Some(touch(value)?),
             "metrics" => self.mdf = mdf(value)?,
-            // glove, trained_on, tool_version are free text; foreign keys are none of our business.
+            // glove, trained_on and tool_version are free text. Keys of other tools are not ours to check.
             _ => {}
         }
         Ok(())
@@ -156,7 +156,7 @@ fn touch(value: &str) -> Result<TouchOutput, String> {
     Ok(TouchOutput { levels: TouchLevels { on, off }, false_per_min })
 }
 
-/// The MDF among the metrics. A `null` is a curve that never crossed 90 %: no MDF.
+/// MDF among the metrics. `null` means that detection never reached 90 %, so there is no MDF.
 fn mdf(value: &str) -> Result<Option<Newton>, String> {
     let expected = || "a JSON object, in which mdf_gf is a positive number of gF or null".to_string();
     let Ok(Value::Object(metrics)) = serde_json::from_str(value) else { return Err(expected()) };

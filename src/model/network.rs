@@ -1,15 +1,17 @@
-//! The paper's network, and the causal one of adaptive models, computed here over frames that windows share, in one call or from call to call.
+//! Computes the paper's network, and the causal network of adaptive models, in our own code. Windows share the work on
+//! common frames.
 //!
-//! What depends on a frame alone is computed once a frame: encoding of the pose, input projections of the first LSTM
-//! layer, taps of the convolutions, and the interior of the convolutions, which is the same in every window that has it.
-//! What a window has of its own is computed once a window: the few frames of every convolution that see its zero padding,
-//! and the recurrences, which start anew in it. Those run over many windows at once.
+//! Values that don't depend on the window are computed once per frame: the encoding of the pose, the input projections
+//! of the first LSTM layer, the taps of the convolutions, and the interior of the convolutions, which is the same in
+//! every window that contains it. The rest is computed once per window: the few frames of each convolution that see its
+//! zero padding, and the recurrences, which start anew in each window. These run over many windows at once.
 //!
-//! Windows come in two ways. In a stretch, window `i` at its frame `k` reads frame `i + k`. In lanes that share nothing,
-//! it reads frame `k` of lane `i`, and when the same lanes come again a frame later, only that frame is computed. Frames of
-//! lanes lie side by side, so that both ways what windows read at one of their frames is one block of rows.
+//! Windows come in two layouts. In a stretch, windows overlap: frame `k` of window `i` is frame `i + k`. In lanes,
+//! windows share nothing: frame `k` of window `i` is frame `k` of lane `i`. If the same lanes come again one frame
+//! later, only the new frame is computed. The frames of all lanes are interleaved, so in both layouts the rows that the
+//! windows read at frame `k` are contiguous.
 //!
-//! A window's force comes out the same, bit by bit, whichever way it comes and whichever windows are beside it.
+//! The force of a window has the same bits in both layouts, and for any other windows in the same call.
 
 mod causal;
 mod dense;
@@ -27,13 +29,14 @@ use dense::Decoder;
 use pose::Pose;
 use touch::Touch;
 
-/// Frames at each end of a window whose last convolution sees the padding: the sum of all dilations.
+/// Frames at each end of a window where the output of the last convolution depends on padding: the sum of all
+/// dilations.
 const REACH: usize = DILATIONS[0] + DILATIONS[1] + DILATIONS[2] + DILATIONS[3];
 
-/// Windows that are taken through the recurrences together: their states stay in a cache of 1 MiB.
+/// Windows that go through the recurrences together. Their states fit into a cache of 1 MiB.
 const BLOCK: usize = 48;
 
-/// The network, its weights laid out for products of many frames.
+/// The network. Its weights are laid out for matrix products over many frames.
 #[derive(Debug)]
 pub(super) struct Network {
     window: usize,
@@ -63,7 +66,7 @@ enum Head {
     Residual { base: Decoder, residual: Decoder },
 }
 
-/// What depends on frames alone, of the frames that came last.
+/// Values per frame, kept for the most recent frames.
 #[derive(Debug, Default)]
 pub(super) struct Known {
     touch: touch::Known,
@@ -71,7 +74,7 @@ pub(super) struct Known {
     causal: causal::Known,
 }
 
-/// Values computed again for every window.
+/// Buffers for values per window.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     touch: touch::Scratch,
@@ -82,7 +85,7 @@ pub(super) struct Scratch {
 }
 
 impl Network {
-    /// The network with these weights; `None` where windows are too short to have an interior.
+    /// Builds the network with these weights. `None` if the windows are too short to have an interior.
     pub(super) fn new(paper: &Paper, n_taxels: usize, n_joints: usize) -> Option<Self> {
         let head = match &paper.head {
             paper::Head::Touch(decoder) => Head::Touch(Decoder::new(decoder)),
@@ -104,13 +107,14 @@ impl Network {
         })
     }
 
-    /// The causal network with these weights.
+    /// Builds the causal network with these weights.
     pub(super) fn causal(found: &found::Causal) -> Self {
         let body = Body::Causal(Box::new(causal::Causal::new(found)));
         Network { window: found.window, n_taxels: found.n_taxels, n_joints: 0, body }
     }
 
-    /// Forgets all frames; those that follow are `n_frames`, each of so many lanes, and then one at a time.
+    /// Forgets all frames. The next call of `run` brings `n_frames` frames of `n_lanes` lanes, later calls one frame
+    /// each.
     pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
         match &self.body {
             Body::Paper(paper) => {
@@ -121,12 +125,12 @@ impl Network {
         }
     }
 
-    /// Takes in new frames, and runs the first `n` windows of those that are known: one a lane, or in a single lane each a
-    /// frame after the one before it.
+    /// Adds new frames and runs the first `n` windows: one window per lane, or, with a single lane, windows that each
+    /// start one frame after the one before.
     ///
     /// # Shapes
-    /// `tactile`: `[frames, lanes, taxels]`, `pose`: `[frames, lanes, joints]`; `out.base` stays empty where the network
-    /// has no base, and `out.touch` where it has none.
+    /// `tactile`: `[frames, lanes, taxels]`, `pose`: `[frames, lanes, joints]`. `out.base` stays empty if the network
+    /// has no base, `out.touch` if it has no touch output.
     pub(super) fn run(
         &self,
         known: &mut Known,
@@ -181,7 +185,7 @@ impl PaperBody {
     }
 }
 
-/// Touch and pose of each of `n` windows side by side, and their product where it is asked for.
+/// Concatenates touch and pose of each of `n` windows, and their product if `with_product`.
 fn fuse(touch: &[f32], pose: &[f32], n: usize, with_product: bool, rows: &mut Vec<f32>) {
     let width = (touch.len() / n.max(1)).max(1);
     rows.clear();
@@ -194,19 +198,19 @@ fn fuse(touch: &[f32], pose: &[f32], n: usize, with_product: bool, rows: &mut Ve
     }
 }
 
-/// A buffer at the size that is needed; what it holds is not said.
+/// Resizes a buffer. Its contents are unspecified.
 fn sized(buffer: &mut Vec<f32>, n: usize) -> &mut [f32] {
     buffer.resize(n, 0.0);
     buffer
 }
 
-/// The rectifier; what is not a number stays so, which `f32::max` would hide.
+/// ReLU that passes NaN through. `f32::max` would turn NaN into 0.
 #[inline(always)]
 fn rectified(value: f32) -> f32 {
     if value < 0.0 { 0.0 } else { value }
 }
 
-/// Runs a loop with all vector instructions that the machine has.
+/// Runs a loop compiled for the vector instructions of this machine.
 #[inline(always)]
 fn vectorized(run: impl FnOnce()) {
     AutoArch::new().dispatch(run);

@@ -1,8 +1,8 @@
-//! The part of the ONNX file format that a contract needs, for reading and for writing.
+//! Reads and writes the part of the ONNX file format that a contract needs.
 //!
-//! Declared by hand with the field numbers of `onnx.proto3` (IR version 8 and later), so that no `protoc` is needed. A
-//! field that is not declared here is skipped on reading. Scalars of an attribute are `Option`s because readers that
-//! were built from the proto2 variant tell an absent field from one that holds its default.
+//! The messages are declared by hand with the field numbers of `onnx.proto3` (IR version 8 and later), so that no
+//! `protoc` is needed. Other fields are skipped when reading. Scalars of an attribute are `Option`s, because readers
+//! that were built from the proto2 variant distinguish an absent field from one with its default value.
 
 pub use prost::Message;
 
@@ -11,7 +11,7 @@ mod graph;
 
 pub use graph::Graph;
 
-/// `TensorProto.DataType`: the element types that are told apart here.
+/// `TensorProto.DataType`: the element types that we distinguish.
 pub mod data_type {
     /// float32.
     pub const FLOAT: i32 = 1;
@@ -26,7 +26,7 @@ pub mod data_type {
     /// bfloat16.
     pub const BFLOAT16: i32 = 16;
 
-    /// The name that numpy users know an element type by.
+    /// Name of an element type as in NumPy.
     pub fn name(data_type: i32) -> String {
         let known = match data_type {
             0 => "undefined",
@@ -50,7 +50,7 @@ pub mod data_type {
     }
 }
 
-/// `TensorProto.DataLocation.EXTERNAL`: the tensor's bytes lie in another file.
+/// `TensorProto.DataLocation.EXTERNAL`: the tensor's bytes are in another file.
 pub const EXTERNAL: i32 = 1;
 
 /// A whole model file.
@@ -59,10 +59,10 @@ pub struct ModelProto {
     /// Version of the format itself.
     #[prost(int64, tag = "1")]
     pub ir_version: i64,
-    /// Who wrote the file.
+    /// Program that wrote the file.
     #[prost(string, tag = "2")]
     pub producer_name: String,
-    /// Version of who wrote the file.
+    /// Version of that program.
     #[prost(string, tag = "3")]
     pub producer_version: String,
     /// The network.
@@ -71,7 +71,7 @@ pub struct ModelProto {
     /// Operator sets in use.
     #[prost(message, repeated, tag = "8")]
     pub opset_import: Vec<OperatorSetIdProto>,
-    /// Named text beside the network.
+    /// Named texts that describe the model.
     #[prost(message, repeated, tag = "14")]
     pub metadata_props: Vec<StringStringEntryProto>,
     /// Functions that nodes may call.
@@ -90,18 +90,18 @@ pub struct OperatorSetIdProto {
     pub version: i64,
 }
 
-/// A key and its text.
+/// A key and its value.
 #[derive(Clone, PartialEq, Eq, Hash, Message)]
 pub struct StringStringEntryProto {
-    /// Key, distinct within its list.
+    /// Key, unique within its list.
     #[prost(string, tag = "1")]
     pub key: String,
-    /// Text.
+    /// Value.
     #[prost(string, tag = "2")]
     pub value: String,
 }
 
-/// A function of the model's own; only its nodes are read, for the constants that they hold.
+/// A function that the model defines. Only its nodes are read, for their constants.
 #[derive(Clone, PartialEq, Message)]
 pub struct FunctionProto {
     /// Name of the function.
@@ -112,7 +112,7 @@ pub struct FunctionProto {
     pub node: Vec<NodeProto>,
 }
 
-/// A network: nodes in topological order, and the tensors they start from.
+/// A network: its nodes and weights, inputs and outputs.
 #[derive(Clone, PartialEq, Message)]
 pub struct GraphProto {
     /// Operations in topological order.
@@ -124,7 +124,7 @@ pub struct GraphProto {
     /// Weights.
     #[prost(message, repeated, tag = "5")]
     pub initializer: Vec<TensorProto>,
-    /// Inputs; before IR version 4 these list the weights too.
+    /// Inputs. Before IR version 4 these also list the weights.
     #[prost(message, repeated, tag = "11")]
     pub input: Vec<ValueInfoProto>,
     /// Outputs.
@@ -135,13 +135,13 @@ pub struct GraphProto {
     pub sparse_initializer: Vec<SparseTensorProto>,
 }
 
-/// One operation.
+/// One operation of a network.
 #[derive(Clone, PartialEq, Message)]
 pub struct NodeProto {
-    /// Names of the tensors it reads; empty for an optional one that is left out.
+    /// Names of the input tensors; empty for an optional input that is left out.
     #[prost(string, repeated, tag = "1")]
     pub input: Vec<String>,
-    /// Names of the tensors it makes.
+    /// Names of the output tensors.
     #[prost(string, repeated, tag = "2")]
     pub output: Vec<String>,
     /// Name of the node.
@@ -150,7 +150,7 @@ pub struct NodeProto {
     /// Operator.
     #[prost(string, tag = "4")]
     pub op_type: String,
-    /// Settings of the operator.
+    /// Attributes of the operator.
     #[prost(message, repeated, tag = "5")]
     pub attribute: Vec<AttributeProto>,
     /// Operator set; empty for the standard operators.
@@ -158,19 +158,19 @@ pub struct NodeProto {
     pub domain: String,
 }
 
-/// A setting of a node. `r#type` says which of the values it holds.
+/// An attribute of a node. `r#type` says which field holds its value.
 #[derive(Clone, PartialEq, Message)]
 pub struct AttributeProto {
-    /// Name of the setting.
+    /// Name of the attribute.
     #[prost(string, tag = "1")]
     pub name: String,
-    /// A number.
+    /// A float.
     #[prost(float, optional, tag = "2")]
     pub f: Option<f32>,
     /// An integer.
     #[prost(int64, optional, tag = "3")]
     pub i: Option<i64>,
-    /// Text.
+    /// A string.
     #[prost(bytes = "vec", optional, tag = "4")]
     pub s: Option<Vec<u8>>,
     /// A tensor.
@@ -179,13 +179,13 @@ pub struct AttributeProto {
     /// A graph: the body of a loop or a branch.
     #[prost(message, optional, tag = "6")]
     pub g: Option<GraphProto>,
-    /// Numbers.
+    /// Floats.
     #[prost(float, repeated, packed = "false", tag = "7")]
     pub floats: Vec<f32>,
     /// Integers.
     #[prost(int64, repeated, packed = "false", tag = "8")]
     pub ints: Vec<i64>,
-    /// Texts.
+    /// Strings.
     #[prost(bytes = "vec", repeated, tag = "9")]
     pub strings: Vec<Vec<u8>>,
     /// Tensors.
@@ -202,7 +202,7 @@ pub struct AttributeProto {
     pub sparse_tensor: Option<SparseTensorProto>,
 }
 
-/// A tensor with its values, in `raw_data` or in the field of its type.
+/// A tensor. Its values are in `raw_data` or in the field for its type.
 #[derive(Clone, PartialEq, Message)]
 pub struct TensorProto {
     /// Shape; empty for a scalar.
@@ -214,7 +214,7 @@ pub struct TensorProto {
     /// Values of a float32 tensor.
     #[prost(float, repeated, tag = "4")]
     pub float_data: Vec<f32>,
-    /// Values of an int32 tensor and of every smaller type; float16 and bfloat16 as bits.
+    /// Values of an int32 tensor and of all smaller types; float16 and bfloat16 as bits.
     #[prost(int32, repeated, tag = "5")]
     pub int32_data: Vec<i32>,
     /// Values of an int64 tensor.
@@ -229,23 +229,23 @@ pub struct TensorProto {
     /// Values of a float64 tensor.
     #[prost(double, repeated, tag = "10")]
     pub double_data: Vec<f64>,
-    /// Where the bytes lie when they are not in this file.
+    /// Location of the bytes if they are not in this file.
     #[prost(message, repeated, tag = "13")]
     pub external_data: Vec<StringStringEntryProto>,
-    /// [`EXTERNAL`] when the bytes are not in this file.
+    /// [`EXTERNAL`] if the bytes are not in this file.
     #[prost(int32, tag = "14")]
     pub data_location: i32,
 }
 
-/// A tensor of which only the non-zero values are stored.
+/// A tensor whose non-zero values only are stored.
 #[derive(Clone, PartialEq, Message)]
 pub struct SparseTensorProto {
-    /// The values, and the tensor's name.
+    /// The values, with the tensor's name.
     #[prost(message, optional, tag = "1")]
     pub values: Option<TensorProto>,
 }
 
-/// A tensor that the graph takes or gives.
+/// An input or output of a graph.
 #[derive(Clone, PartialEq, Message)]
 pub struct ValueInfoProto {
     /// Name of the tensor.
@@ -256,7 +256,7 @@ pub struct ValueInfoProto {
     pub r#type: Option<TypeProto>,
 }
 
-/// A type. Only tensors are read; sequences and maps come out without a `tensor_type`.
+/// A type. Only tensor types are read; for sequences and maps `tensor_type` is absent.
 #[derive(Clone, PartialEq, Message)]
 pub struct TypeProto {
     /// Type of a dense tensor.
@@ -270,7 +270,7 @@ pub struct TensorTypeProto {
     /// Element type, see [`data_type`].
     #[prost(int32, tag = "1")]
     pub elem_type: i32,
-    /// Shape; absent when even the rank is unknown.
+    /// Shape; absent if even the rank is unknown.
     #[prost(message, optional, tag = "2")]
     pub shape: Option<TensorShapeProto>,
 }
@@ -283,21 +283,21 @@ pub struct TensorShapeProto {
     pub dim: Vec<DimensionProto>,
 }
 
-/// One dimension: a size, a name, or nothing.
+/// One dimension: a size, a name, or unknown.
 #[derive(Clone, PartialEq, Message)]
 pub struct DimensionProto {
-    /// What is known of it.
+    /// Size or name, if known.
     #[prost(oneof = "DimensionValue", tags = "1, 2")]
     pub value: Option<DimensionValue>,
 }
 
-/// What is known of a dimension.
+/// Value of a dimension.
 #[derive(Clone, PartialEq, Eq, prost::Oneof)]
 pub enum DimensionValue {
-    /// Its size.
+    /// Known size.
     #[prost(int64, tag = "1")]
     DimValue(i64),
-    /// The name of a size that is known at run time.
+    /// Name of a size that is known only at run time.
     #[prost(string, tag = "2")]
     DimParam(String),
 }

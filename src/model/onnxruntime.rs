@@ -1,4 +1,4 @@
-//! ONNX Runtime, loaded from a shared library where there is one.
+//! Runs models in ONNX Runtime, which is loaded from a shared library if one is found.
 
 mod library;
 
@@ -13,19 +13,19 @@ use super::info::{BackendInfo, RuntimeName};
 use super::session::Runtime;
 use crate::fusion::Windows;
 
-/// On the paper's network a window costs about the same from 8 to 64 at once, and more from 128 on; a small bound also
-/// limits the memory that ONNX Runtime keeps.
+/// The paper's network costs about the same per window for 8 to 64 windows at once, and more from 128 on. A small limit
+/// also reduces the memory that ONNX Runtime keeps.
 const MAX_BATCH: usize = 32;
 
-/// A graph in ONNX Runtime, run by the calling thread.
+/// A graph in ONNX Runtime. It runs on the calling thread.
 pub(super) struct OnnxRuntime {
     graph: Graph,
     tactile: String,
     pose: Option<String>,
     outputs: Vec<String>,
-    /// Which outputs to give, for each count of them that may be wanted: `options[n - 1]` gives the first `n`.
+    /// Output selections: `options[n - 1]` selects the first `n` outputs.
     options: Vec<RunOptions<HasSelectedOutputs>>,
-    /// Taxels and joints of a frame.
+    /// Number of taxels and of joints in a frame.
     sizes: [usize; 2],
 }
 
@@ -38,10 +38,10 @@ impl fmt::Debug for OnnxRuntime {
     }
 }
 
-/// Which library this process runs, loading it at the first call.
+/// The library that this process uses. The first call loads it.
 ///
 /// # Errors
-/// Where it was looked for, and why nothing that was found could be used.
+/// Where the library was searched for, and why no candidate could be used.
 pub(super) fn info() -> Result<BackendInfo, String> {
     let library = library::loaded()?;
     Ok(BackendInfo {
@@ -52,10 +52,10 @@ pub(super) fn info() -> Result<BackendInfo, String> {
     })
 }
 
-/// Opens a model from its bytes.
+/// Opens a model.
 ///
 /// # Errors
-/// What the library said, or why there is none.
+/// The library's error message, or why there is no library.
 pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<OnnxRuntime, String> {
     let library = library::loaded()?;
     let said = |e: ort::Error| format!("ONNX Runtime {}: {e}", library.version);
@@ -71,7 +71,7 @@ pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<OnnxRuntime, String> {
     })
 }
 
-/// One thread a session: two threads in one session are slower than two sessions.
+/// Builds a session with one thread: two threads in one session are slower than two sessions.
 fn build(library: &library::Library, bytes: &[u8]) -> Result<Graph, ort::Error> {
     Graph::builder(&library.environment)?
         .with_intra_threads(1)?

@@ -1,9 +1,9 @@
-//! The paper's network found again in a graph, whoever exported it: its weights, and what they are for.
+//! Recognizes the paper's network in an ONNX graph of any exporter, and reads its weights.
 //!
-//! Every node between inputs and outputs is followed, from what it reads to what it gives (`walk`): its operator, its
-//! settings, its constants, and which axis of a tensor is which. A node that the network doesn't have, or has elsewhere,
-//! ends the search, so what is found computes what the graph computes, but for rounding. Nodes that no output depends on
-//! don't count.
+//! Every node is followed from the inputs to the outputs (`walk`): its operator, its attributes, its constants, and the
+//! meaning of each axis of its tensors. The search ends with an error at a node that the network doesn't have, or has
+//! in another place. A network that is found therefore computes what the graph computes, except for rounding. Nodes
+//! that no output depends on are ignored.
 
 pub(super) mod attributes;
 pub(super) mod flow;
@@ -15,49 +15,49 @@ use super::onnx::{GraphProto, ModelProto};
 use flow::{Side, What};
 use walk::{Found, Walk};
 
-/// Dilations of the convolutions, the first one before the multi-scale block.
+/// Dilations of the convolutions. The first convolution comes before the multi-scale block.
 pub(super) const DILATIONS: [usize; 4] = [1, 1, 2, 4];
 
-/// Taps of every convolution.
+/// Taps of each convolution.
 pub(super) const TAPS: usize = 3;
 
-/// The weights of the paper's network.
+/// Weights of the paper's network.
 ///
 /// # Source
 /// Pose-aware tactile gloves, Sec. V.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Paper {
     pub(super) window: usize,
-    /// With their biases, batch normalization folded in.
+    /// Weights and biases, with batch normalization folded in.
     pub(super) convolutions: [Dense; 4],
     pub(super) pose: Option<Pose>,
     pub(super) head: Head,
 }
 
-/// A linear map.
+/// Weights of a linear map or a convolution.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Dense {
-    /// Outputs, inputs, and taps for a convolution, row-major.
+    /// `[outputs, inputs]`, or `[outputs, inputs, taps]` for a convolution. `weight` is row-major.
     pub(super) dims: Vec<usize>,
     pub(super) weight: Vec<f32>,
     /// `[outputs]`
     pub(super) bias: Vec<f32>,
 }
 
-/// The pose branch.
+/// Weights of the pose branch.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pose {
-    /// `[2 P]` each.
+    /// `[2 P]`, like `norm_shift`.
     pub(super) norm_gain: Vec<f32>,
     pub(super) norm_shift: Vec<f32>,
     pub(super) norm_epsilon: f32,
-    /// Inputs first, as of a MatMul: `[2 P, F]`.
+    /// `[2 P, F]`: inputs first, as for a MatMul.
     pub(super) embedding: Dense,
-    /// By layer, then forward and backward.
+    /// Indexed by layer, then by direction: forward, backward.
     pub(super) lstm: [[Cells; 2]; 2],
 }
 
-/// One direction of an LSTM layer, gates in ONNX's order: input, output, forget, cell.
+/// Weights of one direction of an LSTM layer. Gates are in ONNX's order: input, output, forget, cell.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cells {
     pub(super) hidden: usize,
@@ -65,29 +65,30 @@ pub(super) struct Cells {
     pub(super) input: Vec<f32>,
     /// `[4 H, H]`
     pub(super) recurrent: Vec<f32>,
-    /// `[4 H]`, both biases added.
+    /// `[4 H]`, the sum of both biases.
     pub(super) bias: Vec<f32>,
 }
 
-/// What makes the force.
+/// The part of the network that computes the force.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Head {
-    /// Touch alone.
+    /// From touch alone.
     Touch(Decoder),
-    /// Touch and pose side by side.
+    /// From the features of touch and pose, concatenated.
     Fused(Decoder),
-    /// A base of touch alone minus a residual of touch, pose and their product.
+    /// Base force from touch alone, minus a residual from touch, pose and their product.
     Residual { base: Decoder, residual: Decoder },
 }
 
-/// Two fully connected layers with a ReLU between.
+/// Two fully connected layers with a ReLU between them.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Decoder(pub(super) [Dense; 2]);
 
-/// Operator sets whose operators are known to mean the same; 13 is the first in which `Squeeze` reads its axes.
+/// Versions of the operator set in which our operators have the same meaning. 13 is the first in which `Squeeze` reads
+/// its axes from an input.
 const OPSETS: std::ops::RangeInclusive<i64> = 13..=25;
 
-/// Refuses operators of other versions than those that are known, and functions of a model's own.
+/// Refuses other versions of the operator set, and models that define functions.
 pub(super) fn check_operators(model: &ModelProto) -> Result<(), String> {
     let mut versions = model.opset_import.iter().filter(|opset| walk::is_standard(&opset.domain));
     let known = versions.next().is_some_and(|opset| OPSETS.contains(&opset.version)) && versions.next().is_none();
@@ -95,7 +96,7 @@ pub(super) fn check_operators(model: &ModelProto) -> Result<(), String> {
         return Err(format!("its operators are not of one of the versions {} to {}", OPSETS.start(), OPSETS.end()));
     }
     if !model.functions.is_empty() {
-        // One of them could go by the name of any operator.
+        // A function could have the name of any operator.
         return Err("it defines functions of its own".to_owned());
     }
     Ok(())
@@ -104,7 +105,7 @@ pub(super) fn check_operators(model: &ModelProto) -> Result<(), String> {
 /// Looks for the network in a model with these tensors.
 ///
 /// # Errors
-/// What is in the model that the network doesn't have.
+/// The part of the model that the network doesn't have.
 pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
     check_operators(model)?;
     let graph = model.graph.as_ref().ok_or("it holds no graph")?;
@@ -117,7 +118,7 @@ pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Paper, String> {
     paper(walked, ours, terms).ok_or_else(|| "its nodes are the paper's network's, and not all of them".to_owned())
 }
 
-/// True if an output depends on every node of a graph.
+/// True if the outputs depend on every node of the graph.
 pub(super) fn needs_every_node(graph: &GraphProto) -> bool {
     walk::needed(graph).is_some_and(|needed| needed.len() == graph.node.len())
 }

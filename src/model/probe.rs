@@ -1,4 +1,5 @@
-//! Trial runs at load: what a file can't promise is tried once, on windows that are the same at every start.
+//! Trial runs when a model is loaded. They check what the file can't guarantee, on windows that are the same at every
+//! start.
 
 use std::path::Path;
 
@@ -8,23 +9,24 @@ use super::session::Session;
 use super::trial::{Frames, SCALES, Scale};
 use crate::fusion::{Contract, SharedWindows};
 
-/// Windows of a trial batch.
+/// Number of windows in a trial batch.
 const N: usize = 3;
 
-/// Batch 1 and batch 3 may differ by float rounding: kernels for other sizes add in another order.
+/// Forces in batches of 1 and of 3 may differ by rounding, because kernels for other sizes add in another order.
 const BATCH_TOLERANCE: f32 = 1e-4; // of the largest force of the trial
 
-/// A base that truly has no path from the pose comes out bit by bit the same; this leaves room for graph optimizers.
+/// A base that doesn't depend on the pose has the same bits for any pose. The tolerance leaves room for graph
+/// optimizers.
 const BASE_TOLERANCE: f32 = 1e-6; // of the largest force of the trial
 
-/// The largest force of the trial counts as at least this, in the model's unit: a model that says zero to small windows
-/// does so by terms that cancel, and what is left is their rounding.
+/// Lower limit on the largest force of a trial, in the model's unit. A model that gives zero for small windows does so
+/// by terms that cancel, and only their rounding errors remain.
 const SMALLEST_SCALE: f32 = 0.1;
 
-/// What the trial windows are, for people.
+/// Descriptions of the trial windows, for messages.
 const WINDOW_NAMES: [&str; N] = ["a small trial window", "a window of zeros", "a second small trial window"];
 
-/// Runs the trials, on readings and poses of every scale. The notes that come back are for
+/// Runs the trials, with readings and poses of every scale. Returns notes for
 /// [`ModelInfo::notes`](super::ModelInfo::notes).
 ///
 /// # Errors
@@ -38,7 +40,7 @@ pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result
         let batched = match run(path, session, names.len(), trial.batch()) {
             Ok(batched) => batched,
             Err(refused) if idx == 0 => return Err(refused),
-            Err(_) => continue, // what a model refuses of itself gives no wrong force
+            Err(_) => continue, // a model that refuses such readings gives no wrong force
         };
         if idx == 0 {
             check_finite(path, &names, &batched)?;
@@ -107,7 +109,7 @@ fn check_finite(path: &Path, names: &[String], outputs: &[Vec<f32>]) -> Result<(
     Ok(())
 }
 
-/// A touch output is a probability, not what a sigmoid would make one of.
+/// A touch output must be a probability, not the value before the sigmoid.
 fn check_probability(path: &Path, name: &str, output: &[f32]) -> Result<(), ModelError> {
     let is_probability = |value: &&f32| !value.is_finite() || (0.0..=1.0).contains(*value);
     match output.iter().find(|value| !is_probability(value)) {
@@ -131,7 +133,7 @@ fn run(
     Ok(outputs)
 }
 
-/// True if two forces lie further apart than `tolerance`, or only one of them is a number.
+/// True if two forces differ by more than `tolerance`, or if only one of them is finite.
 fn differ(a: f32, b: f32, tolerance: f32) -> bool {
     match (a.is_finite(), b.is_finite()) {
         (true, true) => (a - b).abs() > tolerance,
@@ -139,7 +141,7 @@ fn differ(a: f32, b: f32, tolerance: f32) -> bool {
     }
 }
 
-/// The paper's convention: what the residual branch predicts is the artifact, and it is taken away.
+/// Checks the paper's convention: the residual branch predicts the artifact, which is subtracted.
 fn check_convention(
     path: &Path,
     force: &str,
@@ -168,7 +170,7 @@ fn check_convention(
     })
 }
 
-/// Windows of a scale, with one of zeros among them: a hand in the air.
+/// Windows of one scale. One of them is zero, like a hand in the air.
 struct Trial {
     starts: [usize; N],
     frames: Frames,

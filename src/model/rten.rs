@@ -1,4 +1,4 @@
-//! RTen, the runtime that is built in: nothing to install.
+//! Runs models in RTen, which is compiled in, so that nothing has to be installed.
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,21 +12,21 @@ use super::info::{BackendInfo, RuntimeName};
 use super::session::Runtime;
 use crate::fusion::Windows;
 
-/// The release that this build contains; a test holds it against `Cargo.lock`.
+/// RTen's version in this build. A test compares it with `Cargo.lock`.
 pub(super) const VERSION: &str = "0.27.0";
 
-/// RTen allocates afresh on every run; on the paper's network a window costs about the same from 16 to 128 at once, and
-/// more at 256.
+/// RTen allocates memory on every run. The paper's network costs about the same per window for 16 to 128 windows at
+/// once, and more at 256.
 const MAX_BATCH: usize = 64;
 
-/// A graph in RTen, run by one thread of its own.
+/// A graph in RTen. It runs on a single thread.
 pub(super) struct Rten {
     graph: Graph,
     tactile: NodeId,
     pose: Option<NodeId>,
     outputs: Vec<NodeId>,
     options: RunOptions,
-    /// Taxels and joints of a frame.
+    /// Number of taxels and of joints in a frame.
     sizes: [usize; 2],
 }
 
@@ -36,12 +36,12 @@ impl fmt::Debug for Rten {
     }
 }
 
-/// Which runtime this is.
+/// Describes this runtime.
 pub(super) fn info() -> BackendInfo {
     BackendInfo { runtime: RuntimeName::Rten, version: VERSION.to_string(), library: None, checked_against: None }
 }
 
-/// Opens a model from its bytes.
+/// Opens a model.
 pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<Rten, String> {
     let graph = guarded(|| Graph::load(bytes.to_vec()).map_err(|e| e.to_string()))?;
     let node = |name: &String| graph.node_id(name).map_err(|e| format!("RTen {VERSION} does not find {name}: {e}"));
@@ -81,7 +81,8 @@ impl Runtime for Rten {
     }
 }
 
-/// Runs RTen, which panics on some graphs that break the rules of their operators; a bad model must not end the node.
+/// Runs RTen and turns a panic into an error. RTen panics on some invalid graphs, and a bad model must not end the
+/// node.
 fn guarded<T>(run: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(value)) => Ok(value),

@@ -1,4 +1,4 @@
-//! A model that runs: one runtime behind the contract, batches cut to what it takes.
+//! A model in a runtime. Large calls are split into batches of the size that the runtime takes.
 
 use std::path::Path;
 
@@ -7,21 +7,21 @@ use super::error::one_line;
 use super::info::Batch;
 use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows, Windows};
 
-/// An open graph in one of the runtimes.
+/// A graph that is open in a runtime.
 pub(super) trait Runtime: std::fmt::Debug + Send {
-    /// The most windows that are given to [`infer`](Runtime::infer) at once.
+    /// Maximum number of windows per call of [`infer`](Runtime::infer).
     fn max_batch(&self) -> usize;
 
-    /// Runs `windows`, all of one length, and appends what each output gives to the buffer at its place.
+    /// Runs `windows`, all of the same length, and appends each output to the buffer with its index.
     ///
-    /// `outputs` may be shorter than the list that the graph was opened with: then only the first ones are wanted.
+    /// `outputs` may be shorter than the list that the graph was opened with: then only the first outputs are computed.
     fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String>;
 }
 
 /// A model ready to run.
 #[derive(Debug)]
 pub(super) struct Session {
-    /// The file's name, for errors.
+    /// File name, for errors.
     label: String,
     runtime: Box<dyn Runtime>,
     contract: Contract,
@@ -52,7 +52,7 @@ impl Session {
         }
     }
 
-    /// The file's name, for errors.
+    /// File name, for errors.
     pub(super) fn label(&self) -> &str {
         &self.label
     }
@@ -67,7 +67,8 @@ impl Session {
         self.contract.has_base = false;
     }
 
-    /// Runs `windows` and replaces what `outputs` held, in the order of [`Tensors::outputs`](super::contract::Tensors::outputs).
+    /// Runs `windows` and replaces the contents of `outputs`, in the order of
+    /// [`Tensors::outputs`](super::contract::Tensors::outputs).
     pub(super) fn infer(&mut self, windows: SharedWindows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
         outputs.iter_mut().for_each(Vec::clear);
         check(windows, &self.contract)?;
@@ -99,7 +100,7 @@ impl Session {
     }
 }
 
-/// Refuses windows that don't lie within their frames, or frames of another size than the model takes.
+/// Refuses windows that reach beyond their frames, and frames of another size than the model's input.
 pub(super) fn check(windows: SharedWindows<'_>, contract: &Contract) -> Result<(), String> {
     let SharedWindows { starts, tactile, pose } = windows;
     let n_frames = tactile.len() / contract.n_taxels.max(1);
@@ -120,7 +121,7 @@ pub(super) fn check(windows: SharedWindows<'_>, contract: &Contract) -> Result<(
     Ok(())
 }
 
-/// Windows of frames of `width` numbers: as they are where none overlap, else put together in `buffer`.
+/// The windows one after the other: a borrowed slice if none overlap, otherwise copied into `buffer`.
 fn one_below_the_other<'v>(
     frames: &'v [f32],
     starts: &[usize],

@@ -1,26 +1,26 @@
-//! Readings and angles that models are tried on at load: of every scale, the same at every start.
+//! Readings and joint angles for the trial runs of a model: of every scale, and the same at every start.
 
 use crate::fusion::{Contract, SharedWindows};
 
-/// Readings and angles of one scale.
+/// Ranges of readings and angles of one scale.
 pub(super) struct Scale {
-    /// What they are, for people.
+    /// Description, for messages.
     pub(super) name: &'static str,
-    /// Least and largest reading.
+    /// Smallest and largest reading.
     taxels: [f32; 2],
     angles: Angles,
 }
 
-/// Where angles lie.
+/// Range of the joint angles.
 enum Angles {
-    /// Where the model was trained, or within half a radian where it doesn't tell.
+    /// Range of the training data, or ±0.5 rad if the model doesn't give it.
     Trained,
-    /// Within so many radians of zero.
+    /// From -x to x, in radians.
     Within(f32),
 }
 
-/// What sensors send at rest and loaded, what they can't send, and what software makes of either. The first scale is the
-/// one that every model must give finite forces on.
+/// Readings that sensors send at rest and under load, readings that they can't send, and values of software errors.
+/// Every model must give finite forces on the first scale.
 pub(super) const SCALES: [Scale; 9] = [
     Scale { name: "small", taxels: [0.0, 1.0], angles: Angles::Trained },
     Scale { name: "tiny", taxels: [-0.01, 0.01], angles: Angles::Within(0.01) },
@@ -33,7 +33,7 @@ pub(super) const SCALES: [Scale; 9] = [
     Scale { name: "impossibly large", taxels: [-1e6, 1e6], angles: Angles::Within(30.0) },
 ];
 
-/// Made-up frames of one scale.
+/// Generated frames of one scale.
 pub(super) struct Frames {
     pub(super) tactile: Vec<f32>,
     pub(super) pose: Vec<f32>,
@@ -58,16 +58,16 @@ impl Frames {
     }
 }
 
-/// Knuth's 64-bit linear congruential generator: enough for trial windows, and the same everywhere.
+/// Knuth's 64-bit linear congruential generator: good enough for trial windows, and the same on every machine.
 struct Lcg(u64);
 
 impl Lcg {
-    /// The same at every start.
+    /// Always starts from the same state.
     fn new() -> Self {
         Lcg(0x7470_665f_7472_6961)
     }
 
-    /// A number in `[0, 1)`.
+    /// The next number in `[0, 1)`.
     fn next_unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f32 / (1u32 << 24) as f32 // the top 24 bits, exact in f32

@@ -1,18 +1,19 @@
-//! The tensors inside of a model file: whole, in this file, and finite.
+//! Checks the tensors of a model file: stored in this file, complete, and finite.
 
 use std::path::Path;
 
 use super::error::{ModelError, one_line};
 use super::onnx::{EXTERNAL, GraphProto, ModelProto, NodeProto, TensorProto, data_type};
 
-/// Most nodes of a model, those of its subgraphs and functions counted once: the largest networks that run at the rate of a
-/// glove have some hundreds, and runtimes take minutes, or their stack's end, for 100,000.
+/// Maximum number of nodes in a model, with those of subgraphs and functions. The largest networks that run at the rate
+/// of a glove have a few hundred. With 100,000, runtimes take minutes or overflow their stack.
 const MAX_NODES: usize = 10_000;
 
-/// Refuses a model of too many nodes, and one whose tensors lie elsewhere, don't fill their shapes, or hold NaN or infinite weights.
+/// Refuses a model with too many nodes, with tensors in other files or that don't fill their shapes, or with weights
+/// that are NaN or infinite.
 ///
-/// A single infinite element is let through: exporters write the bounds of `Clip` and masks so, and where it reaches
-/// the force, the trial runs find it.
+/// A tensor with a single infinite element is accepted, because exporters write the bounds of `Clip` and masks this
+/// way. If it reaches the force, the trial runs find it.
 ///
 /// # Errors
 /// [`ModelError::TooManyNodes`], [`ModelError::ExternalData`], [`ModelError::Malformed`], [`ModelError::NonFiniteWeight`].
@@ -28,13 +29,13 @@ pub(super) fn check(path: &Path, model: &ModelProto) -> Result<(), ModelError> {
     model.functions.iter().try_for_each(|function| check_nodes(path, &function.node))
 }
 
-/// Nodes with those of the graphs in them.
+/// Number of nodes, with those of subgraphs.
 fn count(nodes: &[NodeProto]) -> usize {
     let within = nodes.iter().flat_map(|node| &node.attribute);
     nodes.len() + within.flat_map(|one| one.g.iter().chain(&one.graphs)).map(|graph| count(&graph.node)).sum::<usize>()
 }
 
-// Recursion ends: the decoder has refused messages nested more than 100 deep.
+// The recursion is bounded: the decoder refuses messages that are nested more than 100 deep.
 fn check_graph(path: &Path, graph: &GraphProto) -> Result<(), ModelError> {
     for tensor in &graph.initializer {
         check_tensor(path, tensor, &tensor.name)?;
@@ -47,7 +48,7 @@ fn check_graph(path: &Path, graph: &GraphProto) -> Result<(), ModelError> {
 
 fn check_nodes(path: &Path, nodes: &[NodeProto]) -> Result<(), ModelError> {
     for node in nodes {
-        // A constant's own tensor is mostly nameless; its output is the name that people see.
+        // The tensor of a constant is mostly unnamed. Users see the name of its output.
         let fallback = node.output.first().unwrap_or(&node.name);
         for attribute in &node.attribute {
             let sparse = attribute.sparse_tensor.as_ref().and_then(|sparse| sparse.values.as_ref());
@@ -92,7 +93,7 @@ fn n_elements(dims: &[i64]) -> Option<usize> {
     dims.iter().try_fold(1usize, |n, &dim| n.checked_mul(usize::try_from(dim).ok()?))
 }
 
-/// Elements that are really there, a fraction where bytes are cut; `None` for types whose storage is not looked into.
+/// Number of stored elements, a fraction if the bytes are cut off. `None` for types that are not checked.
 fn n_stored(tensor: &TensorProto) -> Option<f64> {
     let (width, typed) = match tensor.data_type {
         data_type::FLOAT => (4, tensor.float_data.len()),
@@ -128,7 +129,7 @@ fn chunks<const WIDTH: usize>(raw: &[u8]) -> impl Iterator<Item = [u8; WIDTH]> {
     raw.as_chunks::<WIDTH>().0.iter().copied()
 }
 
-/// A 16-bit float as far as finiteness goes: NaN and infinities as themselves, every finite number as 0.
+/// Classifies a 16-bit float: NaN and infinities stay, every finite number gives 0.
 fn half(bits: u16, exponent: u16) -> f64 {
     let mantissa = 0x7FFF & !exponent;
     match (bits & exponent == exponent, bits & mantissa == 0, bits & 0x8000 == 0) {

@@ -1,41 +1,41 @@
-//! Whether joint angles are in the unit that the parameters say.
+//! Checks that joint angles have the unit that the parameters give.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// No joint of a hand bends further, rad.
+/// Larger than any angle of a hand's joint, rad.
 const MOST_BENT: f64 = 3.3;
 
-/// A joint that is used moves further, rad.
+/// A joint that is used moves by more than this, rad.
 const LEAST_MOTION: f64 = 0.3;
 
-/// Share of messages with an angle that no joint has, from which on it isn't a faulty one now and then.
+/// Share of messages with an impossible angle above which the cause is not an occasional faulty angle.
 const LEAST_BEYOND: f64 = 0.2;
 
-/// Most joints that are watched; two hands have 50.
+/// Maximum number of joints that are checked. Two hands have 50.
 const MAX_JOINTS: usize = 128;
 
-/// What the angles of one source were like: for bags and for live inputs.
+/// Statistics on the joint angles of a source, for bags and live inputs.
 #[derive(Debug, Clone)]
 pub struct AngleWatch {
-    /// Radians per unit of the source, by the parameters.
+    /// Radians per unit of the source, from the parameters.
     scale: f64,
     n_messages: u64,
-    /// Messages with an angle that no joint has.
+    /// Number of messages with an impossible angle.
     n_beyond: u64,
-    /// The greatest amount of an angle, in the unit of the source.
+    /// Largest absolute angle, in the unit of the source.
     most: f64,
-    /// The least and the greatest angle of each joint, in the unit of the source.
+    /// Smallest and largest angle of each joint, in the unit of the source.
     ranges: BTreeMap<String, [f64; 2]>,
 }
 
 impl AngleWatch {
-    /// Watches a source of so many radians per unit, by the parameters.
+    /// Statistics on a source with `scale` radians per unit.
     pub fn new(scale: f64) -> Self {
         AngleWatch { scale, n_messages: 0, n_beyond: 0, most: 0.0, ranges: BTreeMap::new() }
     }
 
-    /// Takes note of a message: the joints that count, with their angles in the unit of the source.
+    /// Adds a message: its joints, with their angles in the unit of the source.
     pub fn handle<'n>(&mut self, angles: impl Iterator<Item = (&'n str, f64)>) {
         let mut most = 0.0_f64;
         for (name, angle) in angles.filter(|(_, angle)| angle.is_finite()) {
@@ -51,10 +51,10 @@ impl AngleWatch {
         self.most = self.most.max(most);
     }
 
-    /// What nobody can mean, in one line that names a parameter of the source `key`: `joint.hand`.
+    /// A unit that can't be right, in one line that names a parameter of the source `key`, as in `joint.hand`.
     ///
-    /// Degrees where the parameters say radians are told by angles that no joint has; radians where they say degrees, by
-    /// joints that move and never get far.
+    /// Angles that no joint can have show degrees where the parameters give radians. Joints that move, but never far,
+    /// show radians where they give degrees.
     pub fn doubt(&self, key: &str) -> Option<String> {
         let Self { scale, n_messages, n_beyond, most, .. } = self;
         let is_degrees = (scale - PI / 180.0).abs() < 1e-12;
@@ -80,7 +80,7 @@ impl AngleWatch {
         })
     }
 
-    /// Begins to count messages anew; how far joints went is kept.
+    /// Resets the counts of messages. The ranges of the joints are kept.
     pub fn begin_count(&mut self) {
         (self.n_messages, self.n_beyond) = (0, 0);
     }

@@ -1,5 +1,5 @@
-//! What turns one raw message into samples for the core: shared by bag replay and the live node, so that both read a
-//! message alike.
+//! Decodes raw messages to samples for the core. Bag replay and the live node share it, so both read a message in the
+//! same way.
 
 mod clock;
 mod frames;
@@ -25,7 +25,7 @@ use super::cdr::CdrError;
 use super::definition::TypeTree;
 use super::dynamic::{FieldError, FieldPlan, MessageCondition, ReadAs, ReadError};
 
-/// A topic to read: what it is called, what is on it, and where in its messages the fields are.
+/// A topic to read: its name, its type, and the fields to read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Topic<Fields> {
     /// Absolute name.
@@ -36,18 +36,18 @@ pub struct Topic<Fields> {
     pub fields: Fields,
 }
 
-/// Why fields can't be bound to a message type.
+/// Fields that can't be bound to a message type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BindingError {
-    /// A path does not lead to what is needed.
+    /// A path doesn't lead to a field of the required type.
     #[error("{role}: {error}")]
     Field {
-        /// What the field is for: the key of the parameters.
+        /// The parameter that names the field.
         role: &'static str,
-        /// What is wrong with it.
+        /// The error.
         error: FieldError,
     },
-    /// Nothing says where stamps come from, and the type has none.
+    /// The type has no stamp, and the parameters don't name one.
     #[error(
         "stamp: {type_name} has no field that is known to be its stamp; give a field path, or 'receipt' for the time of arrival"
     )]
@@ -55,54 +55,54 @@ pub enum BindingError {
         /// The type.
         type_name: String,
     },
-    /// A message counter that is no whole number.
+    /// The field of a message counter is not an integer.
     #[error("sequence: field '{path}' of {type_name} is {found}, but a whole number must be there; leave it out")]
     NoCounter {
         /// The path.
         path: String,
         /// The type.
         type_name: String,
-        /// What the field is.
+        /// Type of the field.
         found: String,
     },
-    /// A stamp that can't be one.
+    /// The field of a stamp can't be a stamp.
     #[error("stamp: field '{path}' of {type_name} is {found}, {problem}")]
     Stamp {
         /// The path.
         path: String,
         /// The type.
         type_name: String,
-        /// What the field is.
+        /// Type of the field.
         found: String,
-        /// What is wrong with it, and what to write.
+        /// The problem and the remedy.
         problem: &'static str,
     },
-    /// A constant that can't be right.
+    /// A constant of the parameters is invalid.
     #[error("{role}: expected {expected}, got {got}")]
     Constant {
-        /// What it is for: the key of the parameters.
+        /// The parameter.
         role: &'static str,
-        /// What must be there.
+        /// The expected value.
         expected: &'static str,
-        /// What came.
+        /// The value found.
         got: String,
     },
 }
 
-/// Why a message holds no sample. Each is a drop to be counted under [`reason`](Self::reason).
+/// A message without a usable sample. The message is dropped and counted under [`reason`](Self::reason).
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SampleError {
-    /// The bytes are not what the definition says.
+    /// The bytes don't match the definition.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// It is for another source.
+    /// The message is for another source.
     #[error("a {type_name} is not for this source: only {wanted} is, and it has {got}")]
     NotForSource {
         /// The type.
         type_name: String,
-        /// What the parameters ask for.
+        /// The condition in the parameters.
         wanted: String,
-        /// What the field is instead.
+        /// The value found.
         got: String,
     },
     /// It tells frames that don't change, which are kept: no sample by themselves.
@@ -118,29 +118,29 @@ pub enum SampleError {
         /// Values in it.
         n_values: usize,
     },
-    /// Rows and columns don't make up the values.
+    /// The number of values is not rows times columns.
     #[error("a {type_name} of {rows} rows x {cols} taxels holds {n_values} values; expected {}", rows.saturating_mul(*cols))]
     Shape {
         /// The type.
         type_name: String,
-        /// Rows that the message or the parameters state.
+        /// Rows, from the message or the parameters.
         rows: u64,
-        /// Taxels that the message or the parameters state.
+        /// Taxels, from the message or the parameters.
         cols: u64,
         /// Values in the message.
         n_values: usize,
     },
-    /// The values don't divide into the rows.
+    /// The number of values is not a multiple of the number of rows.
     #[error("a {type_name} of {rows} rows holds {n_values} values, which don't divide into them")]
     Uneven {
         /// The type.
         type_name: String,
-        /// Rows that the message or the parameters state.
+        /// Rows, from the message or the parameters.
         rows: u64,
         /// Values in the message.
         n_values: usize,
     },
-    /// Several rows, and no time between them.
+    /// There are several rows, but the time between them is not known.
     #[error(
         "a {type_name} of {rows} rows has a row period of {row_period_ns} ns; expected more than 0: set row_period"
     )]
@@ -149,10 +149,10 @@ pub enum SampleError {
         type_name: String,
         /// Rows in the message.
         rows: u64,
-        /// What came; 0 when nothing says.
+        /// The row period; 0 if it is not known.
         row_period_ns: i64,
     },
-    /// A force that is not one number.
+    /// The force is not a single number.
     #[error(
         "a {type_name} holds {n_values} numbers where the force must be one; name one of them, such as forces[0].z"
     )]
@@ -162,7 +162,7 @@ pub enum SampleError {
         /// Numbers at the path.
         n_values: usize,
     },
-    /// Coordinates that are not three a point.
+    /// The number of coordinates is not three per point.
     #[error("a {type_name} holds {n_values} coordinates, which are not three a point")]
     Coordinates {
         /// The type.
@@ -170,7 +170,7 @@ pub enum SampleError {
         /// Numbers in the message.
         n_values: usize,
     },
-    /// Fewer points than a hand has.
+    /// The message has too few points for a hand.
     #[error(
         "a {type_name} holds {n_points} points where at least {wanted} are wanted: correct hand.layout or hand.points"
     )]
@@ -179,25 +179,25 @@ pub enum SampleError {
         type_name: String,
         /// Points in the message.
         n_points: usize,
-        /// Points up to the last one of the hand.
+        /// Number of points up to the last one of the hand.
         wanted: usize,
     },
-    /// Names, validities or orientations that are not as many as the points.
+    /// The number of names, validity flags or orientations differs from the number of points.
     #[error("a {type_name} holds {n_points} points and {n_beside} names, validities or orientations; expected as many")]
     Beside {
         /// The type.
         type_name: String,
         /// Points in the message.
         n_points: usize,
-        /// What stands beside them.
+        /// Number of names, flags or orientations.
         n_beside: usize,
     },
-    /// Names and angles of joints are not equally many.
+    /// The number of names differs from the number of angles.
     #[error("a {type_name} names {n_names} joints and holds {n_positions} positions; expected as many of both")]
     JointCount {
         /// The type.
         type_name: String,
-        /// Names, of the message or the parameters.
+        /// Names, from the message or the parameters.
         n_names: usize,
         /// Positions in the message.
         n_positions: usize,
@@ -205,7 +205,7 @@ pub enum SampleError {
 }
 
 impl SampleError {
-    /// Whether nothing is wrong with the message: it is for another source.
+    /// True if the message is correct, but for another source.
     pub fn is_for_another(&self) -> bool {
         matches!(self, SampleError::NotForSource { .. } | SampleError::Kept)
     }
@@ -215,7 +215,7 @@ impl SampleError {
         *self == SampleError::Kept
     }
 
-    /// A short name for counters, the same for every error of a kind.
+    /// Short name for counters, the same for all errors of a kind.
     pub fn reason(&self) -> &'static str {
         match self {
             SampleError::Read(ReadError { fault: CdrError::NoMatch { .. }, .. }) => "no_match",
@@ -230,7 +230,7 @@ impl SampleError {
     }
 }
 
-/// Whether a message is for a source, compiled; all messages are where nothing is asked for.
+/// Compiled condition that selects the messages of a source. Without one, all messages are for the source.
 #[derive(Debug, Clone)]
 struct OnlyPlan {
     condition: Option<(MessageCondition, String)>,

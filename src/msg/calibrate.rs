@@ -1,34 +1,34 @@
-//! The three parts of our `Calibrate` action. They mirror `action/Calibrate.action`.
+//! The three parts of our `Calibrate` action. They match `action/Calibrate.action`.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Duration, WireType};
 
-/// What a client of `Calibrate` asks for.
+/// Goal of `Calibrate`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct CalibrateGoal {
-    /// How long to collect; 0 takes the duration from the parameters.
+    /// Duration of the calibration; 0 takes the duration from the parameters.
     pub duration: Duration,
 }
 
-/// How a calibration ended.
+/// Result of a calibration.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct CalibrateResult {
-    /// Whether the new baseline is in use.
+    /// True if the new baseline is in use.
     pub success: bool,
-    /// What was done, or why not and what to do.
+    /// Summary of the calibration, or the reason for a failure with its remedy.
     pub message: String,
-    /// Where it was saved; empty when it was not.
+    /// File of the calibration; empty if it was not saved.
     pub file: String,
-    /// Tactile frames that the baseline was taken from.
+    /// Number of tactile frames from which the baseline was computed.
     pub frames: u32,
-    /// `[joints]`, those that were seen.
+    /// `[joints]`, names of the joints that had angles.
     pub joints: Vec<String>,
     /// `[joints]`, rad, largest minus smallest angle.
     pub joint_span: Vec<f64>,
     /// `[sources]`.
     pub sources: Vec<String>,
-    /// `[sources]`, the taxels of each.
+    /// `[sources]`, number of taxels of each source.
     pub source_taxels: Vec<u32>,
     /// `[taxels of all sources]`, standard deviation in the sensor's own unit.
     pub noise: Vec<f32>,
@@ -36,18 +36,18 @@ pub struct CalibrateResult {
     pub faulty_taxels: Vec<u32>,
 }
 
-/// How far a calibration has come.
+/// Progress of a calibration.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct CalibrateFeedback {
-    /// Until the goal's duration has passed.
+    /// Time left of the goal's duration.
     pub time_left: Duration,
-    /// `[joints]`, those that were seen so far.
+    /// `[joints]`, names of the joints that had angles so far.
     pub joints: Vec<String>,
     /// `[joints]`, rad, largest minus smallest angle.
     pub joint_span: Vec<f64>,
     /// `[sources]`.
     pub sources: Vec<String>,
-    /// `[sources]`, the taxels of each.
+    /// `[sources]`, number of taxels of each source.
     pub source_taxels: Vec<u32>,
     /// `[taxels of all sources]`, standard deviation in the sensor's own unit.
     pub noise: Vec<f32>,

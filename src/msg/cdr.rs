@@ -1,29 +1,29 @@
-//! Reading plain CDR: a position in the bytes of a message that never leaves them.
+//! Reads plain CDR with a position that never leaves the bytes of the message.
 
 use super::definition::Primitive;
 
 /// Encapsulation header of little-endian plain CDR.
 pub(super) const LITTLE_ENDIAN_HEADER: [u8; 4] = [0, 1, 0, 0];
 
-/// What a zstd frame begins with; no encapsulation does.
+/// First bytes of a zstd frame. No encapsulation header begins with them.
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd]; // RFC 8878, 3.1.1
 
-/// Why bytes can't be read as plain CDR.
+/// Bytes that can't be read as plain CDR.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CdrError {
     /// The bytes end within the encapsulation header.
     #[error("expected at least the 4 bytes of an encapsulation header, got {n_bytes}")]
     NoHeader {
-        /// How many bytes came.
+        /// Number of bytes.
         n_bytes: usize,
     },
-    /// The message is encoded in a way that ROS 2 does not use.
+    /// The message has an encoding that ROS 2 doesn't use.
     #[error("expected plain CDR (encapsulation 0x0000 or 0x0001), got 0x{id:04x}")]
     Encapsulation {
-        /// The identifier that came.
+        /// The encapsulation identifier.
         id: u16,
     },
-    /// The message is compressed by itself, as rosbag2 does in its compression mode `message`.
+    /// Each message is compressed separately, as in rosbag2's compression mode `message`.
     #[error("expected plain CDR, got a zstd frame: decompress the bag first, as in 'ros2 bag convert'")]
     Compressed,
     /// The bytes end before the field does.
@@ -31,28 +31,28 @@ pub enum CdrError {
     Truncated {
         /// Offset after the encapsulation header.
         at: usize,
-        /// Bytes that the field takes there.
+        /// Number of bytes of the field.
         needed: usize,
-        /// Bytes that are left.
+        /// Number of remaining bytes.
         left: usize,
     },
-    /// An array is too short for the element asked for.
+    /// An array is too short for the requested element.
     #[error("expected an array with an element {index}, got {len} elements")]
     NoElement {
-        /// The element asked for.
+        /// The requested element.
         index: usize,
-        /// How many there are.
+        /// Number of elements.
         len: usize,
     },
-    /// No element of an array is the one that is wanted.
+    /// No element of an array has the requested value.
     #[error("expected an element with {condition}, got {got}")]
     NoMatch {
         /// `field=value`.
         condition: String,
-        /// The values of that field that came.
+        /// The values of that field.
         got: String,
     },
-    /// Several elements are the one that is wanted.
+    /// Several elements have the requested value.
     #[error("expected one element with this value, got several")]
     SeveralMatch,
     /// A string is not UTF-8.
@@ -64,41 +64,41 @@ pub enum CdrError {
     /// A count is negative.
     #[error("expected a whole number that is not negative, got {value}")]
     NotACount {
-        /// What came.
+        /// The value found.
         value: i64,
     },
     /// A number of seconds is not finite.
     #[error("expected a finite number of seconds, got {value}")]
     NotASpan {
-        /// What came.
+        /// The value found.
         value: String,
     },
-    /// A number that should be a point in time is not finite.
+    /// A stamp is not finite.
     #[error("expected a finite number as a stamp, got {value}")]
     NotAStamp {
-        /// What came.
+        /// The value found.
         value: String,
     },
-    /// What describes packed bytes doesn't fit them, or says that they are no readings.
+    /// The description of packed bytes doesn't fit them, or says that they are not numbers.
     #[error("{reason}")]
     Packed {
-        /// What was expected, and what came.
+        /// The expected and the found value.
         reason: String,
     },
     /// A wide string, whose encoding differs between ROS 2 releases.
     #[error("wstring is not supported: its encoding differs between ROS 2 releases")]
     WideText,
-    /// The field was compiled to be read as something else.
+    /// The field was compiled for reading as another type.
     #[error("expected a field to read as {wanted}, got {found}")]
     Kind {
-        /// What was asked for.
+        /// The requested type.
         wanted: &'static str,
-        /// What the field is.
+        /// The type of the field.
         found: String,
     },
 }
 
-/// A position in the body of a message. Alignment counts from the end of the encapsulation header.
+/// A position in the body of a message. Alignment is relative to the end of the encapsulation header.
 #[derive(Debug, Clone)]
 pub(super) struct CdrReader<'a> {
     body: &'a [u8],
@@ -129,12 +129,12 @@ impl<'a> CdrReader<'a> {
         self.body
     }
 
-    /// Bytes not read yet.
+    /// Number of bytes that are not read yet.
     pub(super) fn left(&self) -> usize {
         self.body.len() - self.at
     }
 
-    /// Moves up to a multiple of `alignment`, a power of two.
+    /// Advances to a multiple of `alignment`, which is a power of two.
     #[inline]
     pub(super) fn align(&mut self, alignment: usize) -> Result<(), CdrError> {
         self.skip(self.at.wrapping_neg() & (alignment - 1))
@@ -147,7 +147,7 @@ impl<'a> CdrReader<'a> {
 
     #[inline]
     pub(super) fn take(&mut self, n_bytes: usize) -> Result<&'a [u8], CdrError> {
-        let rest = &self.body[self.at..]; // `at` only ever moves over bytes that are there
+        let rest = &self.body[self.at..]; // `at` never exceeds the length of the body
         match rest.get(..n_bytes) {
             Some(taken) => {
                 self.at += n_bytes;
@@ -157,7 +157,7 @@ impl<'a> CdrReader<'a> {
         }
     }
 
-    /// The bytes of `count` primitives; none, and no alignment either, when the count is 0.
+    /// The bytes of `count` primitives. If `count` is 0, nothing is read and nothing is aligned.
     #[inline]
     pub(super) fn primitives(&mut self, primitive: Primitive, count: usize) -> Result<&'a [u8], CdrError> {
         if count == 0 {
@@ -175,13 +175,13 @@ impl<'a> CdrReader<'a> {
         Ok(if self.little_endian { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }
 
-    /// The length of a sequence. It says nothing about the bytes that are there: check before reserving.
+    /// Reads the length of a sequence. It may exceed the remaining bytes: check it before reserving memory.
     #[inline]
     pub(super) fn len(&mut self) -> Result<usize, CdrError> {
         self.u32().map(|len| len as usize)
     }
 
-    /// The bytes of a string without its terminator, which some senders leave out of empty ones.
+    /// The bytes of a string without its terminator, which some senders omit for an empty string.
     #[inline]
     pub(super) fn text(&mut self) -> Result<&'a [u8], CdrError> {
         let len = self.len()?;

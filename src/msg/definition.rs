@@ -1,4 +1,4 @@
-//! What a message type is made of: `.msg` text and the concatenated `ros2msg` schemas of bags, parsed and resolved.
+//! Definitions of message types: parses and resolves `.msg` texts and the concatenated `ros2msg` schemas of bags.
 
 mod idl;
 mod installed;
@@ -8,16 +8,16 @@ mod tree;
 pub use installed::{Definitions, LookupError};
 pub use tree::TypeTree;
 
-/// Most fields, those of nested messages included, that a type may have.
-// Real messages have a few hundred at most, and `tpf inspect` looks at each by way of all before it.
+/// Maximum number of fields of a type, with those of nested messages.
+// Real messages have a few hundred at most, and `tpf inspect` reads each field by skipping all before it.
 const MAX_FIELDS: usize = 4096;
 
-/// A type of fixed size on the wire.
+/// A type with a fixed size on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Primitive {
     /// `bool`, one byte.
     Bool,
-    /// `byte`, eight bits without a meaning.
+    /// `byte`, eight bits without meaning.
     Byte,
     /// `char`, which in ROS 2 is an unsigned byte.
     Char,
@@ -44,7 +44,7 @@ pub enum Primitive {
 }
 
 impl Primitive {
-    /// The primitive that `.msg` text calls `name`.
+    /// The primitive with this name in `.msg` texts.
     pub fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "bool" => Primitive::Bool,
@@ -64,7 +64,7 @@ impl Primitive {
         })
     }
 
-    /// What `.msg` text calls it.
+    /// Its name in `.msg` texts.
     pub fn name(self) -> &'static str {
         match self {
             Primitive::Bool => "bool",
@@ -83,7 +83,7 @@ impl Primitive {
         }
     }
 
-    /// Bytes on the wire, which is its alignment too.
+    /// Size on the wire, bytes. Its alignment is the same.
     pub fn size(self) -> usize {
         match self {
             Primitive::Bool | Primitive::Byte | Primitive::Char | Primitive::Int8 | Primitive::UInt8 => 1,
@@ -94,29 +94,29 @@ impl Primitive {
     }
 }
 
-/// What one element of a field is.
+/// Type of one element of a field.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum BaseType {
-    /// A number, truth value or byte.
+    /// A number, boolean or byte.
     Primitive(Primitive),
     /// `string`, or `string<=bound`.
     Text {
-        /// Most bytes that it may hold, where the definition says.
+        /// Maximum length in bytes, if the definition gives one.
         bound: Option<u32>,
     },
     /// `wstring`, or `wstring<=bound`.
     WideText {
-        /// Most characters that it may hold, where the definition says.
+        /// Maximum length in characters, if the definition gives one.
         bound: Option<u32>,
     },
-    /// Another message, by its canonical name.
+    /// Another message, by canonical name.
     Message(String),
 }
 
-/// How many elements a field has.
+/// Number of elements of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arity {
-    /// The field is no array.
+    /// One: the field is not an array.
     One,
     /// `[n]`, at least 1.
     Fixed(u32),
@@ -126,12 +126,12 @@ pub enum Arity {
     Unbounded,
 }
 
-/// Type of a field: its elements, and how many.
+/// Type of a field: type and number of its elements.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldType {
-    /// What one element is.
+    /// Type of one element.
     pub base: BaseType,
-    /// How many elements there are.
+    /// Number of elements.
     pub arity: Arity,
 }
 
@@ -161,11 +161,11 @@ pub struct FieldDefinition {
     pub name: String,
     /// Its type.
     pub ty: FieldType,
-    /// Its default value as written, where there is one. It never reaches the wire.
+    /// Its default value as written, if there is one. It is not on the wire.
     pub default: Option<String>,
 }
 
-/// A constant of a message. It never reaches the wire.
+/// A constant of a message. It is not on the wire.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConstantDefinition {
     /// Its name.
@@ -176,7 +176,7 @@ pub struct ConstantDefinition {
     pub value: String,
 }
 
-/// One message type, as its `.msg` text says.
+/// A message type, as defined by its `.msg` text.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct MessageDefinition {
     /// Canonical name, `package/msg/Name`.
@@ -188,10 +188,10 @@ pub struct MessageDefinition {
 }
 
 impl MessageDefinition {
-    /// Parses the text of one `.msg` file; types of other messages are not looked up yet.
+    /// Parses the text of one `.msg` file. Types of other messages are not resolved yet.
     ///
     /// # Errors
-    /// [`DefinitionError`] naming the type, the line and what is wrong with it.
+    /// [`DefinitionError`], which names the type, the line and the error.
     pub fn parse(type_name: &str, text: &str) -> Result<Self, DefinitionError> {
         let type_name = checked_type_name(type_name)?;
         let mut definition = MessageDefinition { type_name, ..Default::default() };
@@ -206,20 +206,21 @@ impl MessageDefinition {
         Ok(definition)
     }
 
-    /// The field called `name`.
+    /// The field with this name.
     pub fn field(&self, name: &str) -> Option<&FieldDefinition> {
         self.fields.iter().find(|field| field.name == name)
     }
 
-    /// The package that the message belongs to.
+    /// Package of the message.
     pub fn package(&self) -> &str {
         self.type_name.split('/').next().unwrap_or_default()
     }
 }
 
-/// `pkg/Name` and `pkg/msg/Name` are one type: the second is what this crate writes and compares.
+/// Canonical name of a type. `pkg/Name` and `pkg/msg/Name` are the same type: this crate writes and compares the
+/// second.
 ///
-/// Names of services and actions (`pkg/srv/Name_Event`) stay as they are.
+/// Names of service and action types (`pkg/srv/Name_Event`) stay unchanged.
 pub fn canonical_type_name(name: &str) -> String {
     let name = name.trim();
     match name.split_once('/') {
@@ -228,46 +229,46 @@ pub fn canonical_type_name(name: &str) -> String {
     }
 }
 
-/// Why a definition can't be used.
+/// A definition that can't be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DefinitionError {
-    /// A type name is no `package/msg/Name`.
+    /// A type name is not of the form `package/msg/Name`.
     #[error("'{name}' is not a type name: expected package/msg/Name")]
     TypeName {
-        /// What came.
+        /// The name found.
         name: String,
     },
     /// A line of the text is neither field, constant, comment nor empty.
     #[error("definition of {type_name}, line {line}: {reason} in '{text}'")]
     Line {
-        /// Whose definition it is.
+        /// The type whose definition it is.
         type_name: String,
-        /// Line within it, from 1.
+        /// Line number within it, from 1.
         line: usize,
         /// The line, shortened.
         text: String,
-        /// What is wrong with it.
+        /// The error.
         reason: String,
     },
-    /// A section of a concatenated schema does not say what it defines.
+    /// A section of a concatenated schema doesn't name its type.
     #[error("schema of {type_name}, line {line}: expected 'MSG: package/Name' after the separator, got '{text}'")]
     Section {
         /// Type of the schema.
         type_name: String,
-        /// Line within the schema, from 1.
+        /// Line number within the schema, from 1.
         line: usize,
-        /// What came.
+        /// The line found.
         text: String,
     },
-    /// A type that is used is not defined.
+    /// A type is used but not defined.
     #[error("{type_name} uses {dependency}, which is not defined; give the .msg file of {dependency}")]
     UnknownDependency {
-        /// Who uses it.
+        /// The type that uses it.
         type_name: String,
-        /// What is missing.
+        /// The undefined type.
         dependency: String,
     },
-    /// A schema comes without a definition.
+    /// A schema has no definition.
     #[error(
         "{type_name} is not defined in the bag, as in any .db3 bag before ROS 2 Jazzy: source the setup file of its package, so that its .msg file is found on AMENT_PREFIX_PATH"
     )]
@@ -275,15 +276,15 @@ pub enum DefinitionError {
         /// The type.
         type_name: String,
     },
-    /// A schema is written in another language than those that are read.
+    /// A schema is in an unsupported language.
     #[error("the schema of {type_name} is written as '{got}', expected ros2msg or ros2idl")]
     Encoding {
         /// The type.
         type_name: String,
-        /// How it is written.
+        /// Its language.
         got: String,
     },
-    /// A text in IDL is longer than any real one.
+    /// An IDL text is longer than any real one.
     #[error("the IDL of {type_name} has {n_bytes} bytes, expected at most {limit}")]
     TooLong {
         /// The type.
@@ -293,7 +294,7 @@ pub enum DefinitionError {
         /// The limit.
         limit: usize,
     },
-    /// A text in IDL defines other types than the one that it is the schema of.
+    /// An IDL text doesn't define the type of its schema.
     #[error("the IDL of {type_name} has no struct of that name")]
     NotInIdl {
         /// The type.
@@ -304,10 +305,10 @@ pub enum DefinitionError {
     Recursive {
         /// The type.
         type_name: String,
-        /// The type inside of it that leads back.
+        /// The type in it that contains it.
         through: String,
     },
-    /// Types are nested deeper than any real message.
+    /// Types are nested more deeply than in any real message.
     #[error("{type_name} nests more than {limit} messages deep; a message of a robot does not")]
     TooDeep {
         /// The type.
@@ -315,7 +316,7 @@ pub enum DefinitionError {
         /// The limit.
         limit: usize,
     },
-    /// A type has more fields, nested ones included, than any real message.
+    /// A type has more fields, with nested ones, than any real message.
     #[error("{type_name} has more than {limit} fields, nested ones included; a message of a robot does not")]
     TooLarge {
         /// The type.
@@ -323,7 +324,7 @@ pub enum DefinitionError {
         /// The limit.
         limit: usize,
     },
-    /// The text is the definition of a service or action, but the type is not one of those that are made of it.
+    /// The text defines a service or action, but the type is not one of its parts.
     #[error(
         "the definition of {type_name} has parts divided by '---', which only a service event, request or response may have"
     )]
@@ -333,7 +334,7 @@ pub enum DefinitionError {
     },
 }
 
-/// The canonical form of a name, if it is one: identifiers divided by slashes, three of them.
+/// The canonical form of a valid type name: three identifiers, separated by slashes.
 fn checked_type_name(name: &str) -> Result<String, DefinitionError> {
     let canonical = canonical_type_name(name);
     let parts: Vec<&str> = canonical.split('/').collect();
@@ -344,7 +345,7 @@ fn checked_type_name(name: &str) -> Result<String, DefinitionError> {
     }
 }
 
-/// Text that may be hostile, cut to what fits into one line of an error.
+/// Text from a file, which may be malicious, cut so that it fits on the line of an error.
 fn shortened(text: &str) -> String {
     const LIMIT: usize = 80;
     let shown: String = text.chars().take(LIMIT).map(|c| if c.is_control() { ' ' } else { c }).collect();

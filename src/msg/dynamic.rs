@@ -1,12 +1,12 @@
-//! Reading any message type by its definition, straight from its bytes.
+//! Reads fields of any message type from its bytes, by its definition.
 //!
 //! A field is named by a path: `data`, `header.stamp`, `wrench.force.z`, `sensors[2].values` for one element of an
-//! array of messages, `fingers[].pressure` for all of them one after another, `sensors[name=tip].values` for those in
-//! which a field has a value. [`FieldPlan`] compiles a path once and then reads it from each message, past everything
-//! that stands before it, without allocating.
+//! array of messages, `fingers[].pressure` for all elements one after another, `sensors[name=tip].values` for the
+//! elements in which a field has this value. [`FieldPlan`] compiles a path once. It then reads the field from each
+//! message without allocations, skipping the fields before it.
 //!
-//! Bytes that a message describes are read as the numbers that they are: `data` of an image by its encoding, and
-//! `data[].z` of a point cloud by its point fields.
+//! If a message describes its bytes, they are read as numbers: `data` of an image by its encoding, `data[].z` of a
+//! point cloud by its point fields.
 
 mod condition;
 mod leaf;
@@ -32,19 +32,19 @@ use leaf::Leaf;
 use packed::Packed;
 use walk::Walk;
 
-/// What one element of a field is, and whether there can be several.
+/// Element type of a field, and whether it can have several elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FieldKind {
-    /// What one element is.
+    /// Type of an element.
     pub element: ElementKind,
-    /// Whether the path leads to an array, or through all elements of one.
+    /// True if the path leads to an array, or through all elements of one.
     pub many: bool,
 }
 
-/// What one element of a field is.
+/// Type of an element of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ElementKind {
-    /// A number, truth value or byte.
+    /// A number, boolean or byte.
     Number(Primitive),
     /// A string.
     Text,
@@ -55,7 +55,7 @@ pub enum ElementKind {
 }
 
 impl ElementKind {
-    /// Whether one element is a byte, which may be a number or a part of one.
+    /// True if an element is a byte, which may be a number or a part of one.
     pub fn is_byte(self) -> bool {
         matches!(self, ElementKind::Number(Primitive::Byte | Primitive::Char | Primitive::UInt8))
     }
@@ -73,20 +73,20 @@ impl fmt::Display for FieldKind {
     }
 }
 
-/// What a field is to be read as.
+/// Type that a field is read as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReadAs {
-    /// Any numbers, one or many: [`FieldPlan::read_f32`], [`FieldPlan::read_f64`].
+    /// Numbers, one or more: [`FieldPlan::read_f32`], [`FieldPlan::read_f64`].
     Numbers,
-    /// One whole number that is not negative: [`FieldPlan::read_count`].
+    /// One non-negative integer: [`FieldPlan::read_count`].
     Count,
     /// One point in time: [`FieldPlan::read_stamp`].
     Stamp,
-    /// One number of any kind, exactly: [`FieldPlan::read_nanos`].
+    /// One number of any type, without rounding: [`FieldPlan::read_nanos`].
     Nanos,
-    /// One span of time, as a duration or as a number of seconds: [`FieldPlan::read_period`].
+    /// One duration, as a `Duration` or as a number of seconds: [`FieldPlan::read_period`].
     Period,
-    /// Any strings, one or many: [`FieldPlan::read_texts`].
+    /// Strings, one or more: [`FieldPlan::read_texts`].
     Texts,
 }
 
@@ -115,30 +115,30 @@ impl ReadAs {
     }
 }
 
-/// Why a path can't be read from a type.
+/// A path that can't be read from a type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FieldError {
-    /// The path is not written as paths are.
+    /// The path has a syntax error.
     #[error(
         "'{path}' is not a field path ({reason}); expected names such as header.stamp, fingers[0].taxels, fingers[].pressure, fingers[name=thumb].taxels"
     )]
     Syntax {
         /// The path.
         path: String,
-        /// What is wrong with it.
+        /// The syntax error.
         reason: String,
     },
-    /// A name on the path is not there.
+    /// A field of the path doesn't exist.
     #[error("field '{field}' is not in {type_name}; it has {fields}")]
     Missing {
-        /// The name.
+        /// The name of the field.
         field: String,
-        /// The type in which it was looked for.
+        /// The type that was searched.
         type_name: String,
-        /// The names that are there.
+        /// The fields that exist.
         fields: String,
     },
-    /// The path ends at, or goes on behind, something that it can't.
+    /// The path ends at a field that it can't end at, or continues after one that has no fields.
     #[error("field '{field}' of {type_name} is {found}; {remedy}")]
     Shape {
         /// The path up to the field.
@@ -147,10 +147,10 @@ pub enum FieldError {
         type_name: String,
         /// Type of the field.
         found: String,
-        /// What to write instead.
+        /// The correct form.
         remedy: String,
     },
-    /// The field can't be read as what it is wanted for.
+    /// The field doesn't have the required type.
     #[error("field '{path}' of {type_name} is {found}, but {wanted} must be there")]
     Kind {
         /// The path.
@@ -159,10 +159,10 @@ pub enum FieldError {
         type_name: String,
         /// Type of the field.
         found: String,
-        /// What was wanted.
+        /// The required type.
         wanted: &'static str,
     },
-    /// A wide string stands at or before the field.
+    /// There is a wide string at or before the field.
     #[error(
         "field '{path}' of {type_name} can't be read: wstring '{field}' stands at or before it, and its encoding differs between ROS 2 releases"
     )]
@@ -176,7 +176,7 @@ pub enum FieldError {
     },
 }
 
-/// Refuses what is not written as a path, before there is a type to compile it against.
+/// Checks the syntax of a path, before its type is known.
 ///
 /// # Errors
 /// [`FieldError::Syntax`].
@@ -184,19 +184,19 @@ pub fn check_path(path: &str) -> Result<(), FieldError> {
     path::parse(path).map(|_| ())
 }
 
-/// Why a field can't be read from the bytes of a message.
+/// A field that can't be read from the bytes of a message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("field '{path}' of {type_name}: {fault}")]
 pub struct ReadError {
     /// The path.
     pub path: String,
-    /// The type that the bytes should be.
+    /// The expected type.
     pub type_name: String,
-    /// What is wrong with them.
+    /// The error in the bytes.
     pub fault: CdrError,
 }
 
-/// A path compiled against a type: how to get from the first byte of a message to the field.
+/// A path compiled against a type. It leads from the first byte of a message to the field.
 #[derive(Debug, Clone)]
 pub struct FieldPlan {
     path: String,
@@ -207,10 +207,10 @@ pub struct FieldPlan {
 }
 
 impl FieldPlan {
-    /// Compiles `path` against the type, to be read as `read_as`.
+    /// Compiles `path` against the type, for reading as `read_as`.
     ///
     /// # Errors
-    /// [`FieldError`] naming the path, the type and the fields that are there.
+    /// [`FieldError`], which names the path, the type and the existing fields.
     pub fn compile(tree: &TypeTree, path: &str, read_as: ReadAs) -> Result<Self, FieldError> {
         match packed::compile(tree, path)? {
             Some((data, packed)) if read_as == ReadAs::Numbers => {
@@ -220,7 +220,7 @@ impl FieldPlan {
         }
     }
 
-    /// Compiles a path to what stands in the message itself.
+    /// Compiles a path to a field of the message itself, not to packed numbers.
     fn plain(tree: &TypeTree, path: &str, read_as: ReadAs) -> Result<Self, FieldError> {
         let (walk, kind) = walk::compile(tree, path)?;
         let type_name = tree.type_name().to_owned();
@@ -231,20 +231,20 @@ impl FieldPlan {
         Ok(FieldPlan { path: path.to_owned(), type_name, kind, walk, packed: None })
     }
 
-    /// The path as it was given.
+    /// The path as given.
     pub fn path(&self) -> &str {
         &self.path
     }
 
-    /// What the field is.
+    /// Element type of the field, and whether it can have several elements.
     pub fn kind(&self) -> FieldKind {
         self.kind
     }
 
-    /// Appends the numbers to `out`, converted; how many there were. A truth value is 0 or 1.
+    /// Converts the numbers, appends them to `out`, and returns how many there were. A boolean gives 0 or 1.
     ///
     /// # Errors
-    /// [`ReadError`] when the bytes end early or are no plain CDR; `out` is then as it was.
+    /// [`ReadError`] if the bytes end early or are not plain CDR. `out` is then unchanged.
     pub fn read_f32(&self, cdr: &[u8], out: &mut Vec<f32>) -> Result<usize, ReadError> {
         let before = out.len();
         let outcome = self.numbers(cdr, &mut |primitive, bytes, is_little| {
@@ -254,10 +254,10 @@ impl FieldPlan {
         outcome.map(|()| out.len() - before)
     }
 
-    /// As [`read_f32`](Self::read_f32), in double precision.
+    /// Like [`read_f32`](Self::read_f32), in double precision.
     ///
     /// # Errors
-    /// [`ReadError`] when the bytes end early or are no plain CDR; `out` is then as it was.
+    /// [`ReadError`] if the bytes end early or are not plain CDR. `out` is then unchanged.
     pub fn read_f64(&self, cdr: &[u8], out: &mut Vec<f64>) -> Result<usize, ReadError> {
         let before = out.len();
         let outcome = self.numbers(cdr, &mut |primitive, bytes, is_little| {
@@ -267,10 +267,10 @@ impl FieldPlan {
         outcome.map(|()| out.len() - before)
     }
 
-    /// The whole number, which must not be negative.
+    /// Reads an integer, which must not be negative.
     ///
     /// # Errors
-    /// [`ReadError`] when it is negative, or the bytes end early or are no plain CDR.
+    /// [`ReadError`] if it is negative, or if the bytes end early or are not plain CDR.
     pub fn read_count(&self, cdr: &[u8]) -> Result<u64, ReadError> {
         self.read_one(cdr, |leaf, reader| {
             let (primitive, bytes) = leaf.numbers(reader)?;
@@ -278,10 +278,10 @@ impl FieldPlan {
         })
     }
 
-    /// The point in time.
+    /// Reads a point in time.
     ///
     /// # Errors
-    /// [`ReadError`] when the bytes end early or are no plain CDR.
+    /// [`ReadError`] if the bytes end early or are not plain CDR.
     pub fn read_stamp(&self, cdr: &[u8]) -> Result<Stamp, ReadError> {
         self.read_one(cdr, |leaf, reader| match leaf {
             Leaf::Time => sec_nanosec(reader),
@@ -289,10 +289,11 @@ impl FieldPlan {
         })
     }
 
-    /// The number times `unit_ns`: whole numbers exactly, others to within their precision and within an `i128`.
+    /// Reads a number and multiplies it by `unit_ns`: exactly for integers; floats within their precision and the range
+    /// of `i128`.
     ///
     /// # Errors
-    /// [`ReadError`] when it is not finite, or the bytes end early or are no plain CDR.
+    /// [`ReadError`] if it is not finite, or if the bytes end early or are not plain CDR.
     pub fn read_nanos(&self, cdr: &[u8], unit_ns: i64) -> Result<i128, ReadError> {
         self.read_one(cdr, |leaf, reader| {
             let (primitive, bytes) = leaf.numbers(reader)?;
@@ -304,16 +305,16 @@ impl FieldPlan {
             if !number.is_finite() {
                 return Err(CdrError::NotAStamp { value: number.to_string() });
             }
-            // By parts, as 1.7e18 ns since 1970 are told to within 256 ns only; the casts saturate.
+            // In two parts, because an f64 represents 1.7e18 ns since 1970 only to within 256 ns. The casts saturate.
             let part = (number.fract() * unit_ns as f64).round() as i128;
             Ok((number.trunc() as i128).saturating_mul(unit_ns.into()).saturating_add(part))
         })
     }
 
-    /// The span of time in nanoseconds; a number counts as seconds.
+    /// Reads a duration in nanoseconds. A number counts as seconds.
     ///
     /// # Errors
-    /// [`ReadError`] when it is not finite, or the bytes end early or are no plain CDR.
+    /// [`ReadError`] if it is not finite, or if the bytes end early or are not plain CDR.
     pub fn read_period(&self, cdr: &[u8]) -> Result<i64, ReadError> {
         self.read_one(cdr, |leaf, reader| match leaf {
             Leaf::Duration => sec_nanosec(reader).map(|Stamp(nanos)| nanos),
@@ -321,7 +322,8 @@ impl FieldPlan {
                 let (primitive, bytes) = leaf.numbers(reader)?;
                 let seconds = numbers::first(primitive, bytes, reader.is_little_endian());
                 let nanos = seconds * NANOS_PER_SEC as f64;
-                // The cast saturates, so a span beyond 292 years stays beyond any that is accepted.
+                // The cast saturates. A duration of more than 292 years is therefore still longer than any that is
+                // accepted.
                 if nanos.is_finite() {
                     Ok(nanos.round() as i64)
                 } else {
@@ -331,10 +333,10 @@ impl FieldPlan {
         })
     }
 
-    /// The strings, into a buffer whose strings keep their memory; it is as long as there were strings.
+    /// Replaces the strings in `out`, whose memory is reused. Afterwards `out` has as many strings as the field.
     ///
     /// # Errors
-    /// [`ReadError`] when a string is not UTF-8, or the bytes end early or are no plain CDR; `out` is then empty.
+    /// [`ReadError`] if a string is not UTF-8, or if the bytes end early or are not plain CDR. `out` is then empty.
     pub fn read_texts(&self, cdr: &[u8], out: &mut Vec<String>) -> Result<(), ReadError> {
         let mut filled = 0;
         let outcome = self.run(cdr, |leaf, reader| {
@@ -355,7 +357,7 @@ impl FieldPlan {
         outcome
     }
 
-    /// Tells all numbers stretch by stretch: what they are, their bytes, whether those are little-endian.
+    /// Passes all numbers to `tell` in blocks: their type, their bytes, and whether these are little-endian.
     fn numbers(&self, cdr: &[u8], tell: &mut dyn FnMut(Primitive, &[u8], bool)) -> Result<(), ReadError> {
         match &self.packed {
             Some(packed) => packed.read(self, cdr, tell),
@@ -367,7 +369,7 @@ impl FieldPlan {
         }
     }
 
-    /// The bytes of an array of them.
+    /// The bytes of a byte array.
     fn bytes<'a>(&self, cdr: &'a [u8]) -> Result<&'a [u8], ReadError> {
         let mut found: &[u8] = &[];
         self.run(cdr, |leaf, reader| {
@@ -408,7 +410,7 @@ impl FieldPlan {
     }
 }
 
-/// The two fields that `Time` and `Duration` have alike, in nanoseconds.
+/// Reads `sec` and `nanosec`, which `Time` and `Duration` have in common, in nanoseconds.
 fn sec_nanosec(reader: &mut CdrReader<'_>) -> Result<Stamp, CdrError> {
     let sec = reader.u32()?.cast_signed();
     Ok(Stamp::from_sec_nanosec(sec, reader.u32()?))

@@ -1,12 +1,12 @@
-//! The texts of the types that we write, as `ros2msg` schemas of a bag hold them.
+//! Definitions of the types that we write, as `ros2msg` schemas of bags.
 
 use std::collections::BTreeSet;
 
 use super::definition::{BaseType, MessageDefinition};
 use super::texts::standard_text;
 
-/// The whole schema of one of our types, or of a standard one that we use: its text, then that of each dependency
-/// under a separator line, as rosbag2 writes it. `None` for any other type.
+/// Schema of one of our types, or of a standard type that we use: its text, then the text of each dependency after a
+/// separator line, as rosbag2 writes it. `None` for any other type.
 pub fn definition_text(type_name: &str) -> Option<String> {
     let type_name = super::canonical_type_name(type_name);
     let mut text = standard_text(&type_name)?.to_owned();

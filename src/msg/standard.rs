@@ -1,4 +1,4 @@
-//! The standard messages that we read and write. Each mirrors a text under `msg/standard`.
+//! Standard messages that we read and write. Each matches a definition under `msg/standard`.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,7 @@ impl From<Time> for Stamp {
     }
 }
 
-/// A span of time, which may be negative.
+/// A duration, which may be negative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Duration {
     /// Whole seconds, rounded down.
@@ -37,24 +37,24 @@ pub struct Duration {
 }
 
 impl Duration {
-    /// The span of `nanos`, saturating where an `int32` of seconds can't hold it.
+    /// The duration of `nanos`. Saturates if the seconds don't fit an `int32`.
     pub fn from_nanos(nanos: i64) -> Self {
         let (sec, nanosec) = Stamp(nanos).to_sec_nanosec();
         Duration { sec, nanosec }
     }
 
-    /// The span in nanoseconds.
+    /// The duration in nanoseconds.
     pub fn nanos(self) -> i64 {
         i64::from(self.sec) * NANOS_PER_SEC + i64::from(self.nanosec)
     }
 }
 
-/// What most messages begin with.
+/// Header at the beginning of most messages.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Header {
-    /// When the data was true.
+    /// Time of the data.
     pub stamp: Time,
-    /// The frame that it is given in.
+    /// Frame of the data.
     pub frame_id: String,
 }
 
@@ -124,7 +124,7 @@ pub struct Pose {
     pub orientation: Quaternion,
 }
 
-/// Poses in one frame, such as those of a hand's joints.
+/// Poses in one frame, such as the poses of a hand's joints.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct PoseArray {
     /// Time and frame.
@@ -169,7 +169,7 @@ pub struct Wrench {
     pub torque: Vector3,
 }
 
-/// A wrench with the frame and time that it belongs to.
+/// A wrench with its frame and time.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct WrenchStamped {
     /// Time and frame.
@@ -181,7 +181,7 @@ pub struct WrenchStamped {
 /// One dimension of a multi-array.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct MultiArrayDimension {
-    /// What the dimension is.
+    /// Meaning of the dimension.
     pub label: String,
     /// Elements along it.
     pub size: u32,
@@ -189,19 +189,19 @@ pub struct MultiArrayDimension {
     pub stride: u32,
 }
 
-/// How the values of a multi-array are to be taken.
+/// Dimensions of a multi-array.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct MultiArrayLayout {
     /// Dimensions, outermost first.
     pub dim: Vec<MultiArrayDimension>,
-    /// Values before the first one that counts.
+    /// Index of the first value.
     pub data_offset: u32,
 }
 
-/// Values without a stamp.
+/// Array of floats, without a stamp.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Float32MultiArray {
-    /// How to take them.
+    /// Dimensions.
     pub layout: MultiArrayLayout,
     /// The values.
     pub data: Vec<f32>,

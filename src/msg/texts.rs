@@ -1,4 +1,4 @@
-//! The `.msg` texts of the types that are known here without an installation.
+//! `.msg` texts of the types that need no installed package.
 
 /// Canonical name and text of every type that has a struct here, ours and the standard ones.
 pub(super) const TEXTS: [(&str, &str); 23] = [
@@ -27,7 +27,7 @@ pub(super) const TEXTS: [(&str, &str); 23] = [
     ("tf2_msgs/msg/TFMessage", include_str!("../../msg/standard/TFMessage.msg")),
 ];
 
-/// The `.msg` text of one of our types, or of a standard one that we use, by canonical name; dependencies left out.
+/// `.msg` text of one of our types or of a standard type that we use, by canonical name, without dependencies.
 pub fn standard_text(type_name: &str) -> Option<&'static str> {
     TEXTS.iter().find(|(name, _)| *name == type_name).map(|(_, text)| *text)
 }

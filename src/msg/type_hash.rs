@@ -1,20 +1,20 @@
-//! RIHS01 type hashes, by which ROS 2 from Jazzy on tells whether two sides mean the same type.
+//! RIHS01 type hashes. From Jazzy on, ROS 2 compares them to check that two sides use the same type.
 
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::definition::{Arity, BaseType, FieldType, MessageDefinition, Primitive, TypeTree};
 
-/// The hash of one of our types, or of a standard one that we use; `None` for any other type.
+/// Hash of one of our types, or of a standard type that we use. `None` for any other type.
 pub fn rihs01(type_name: &str) -> Option<String> {
     let text = super::definition_text(type_name)?;
     let tree = TypeTree::from_schema(type_name, &text).ok()?;
     Some(type_hash(&tree))
 }
 
-/// The hash of a type: `RIHS01_` and the SHA-256 of its description in hexadecimal.
+/// Hash of a type: `RIHS01_` and the SHA-256 of its description, in hexadecimal.
 ///
-/// Names and types of fields reach it; comments, constants and defaults don't.
+/// It depends on the names and types of the fields, not on comments, constants and defaults.
 /// # Source
 /// REP-2016, and the description that rosidl_generator_type_description writes.
 pub fn type_hash(tree: &TypeTree) -> String {
@@ -66,7 +66,7 @@ fn individual(definition: &MessageDefinition) -> IndividualType<'_> {
     IndividualType { type_name: &definition.type_name, fields }
 }
 
-/// Identifiers of `type_description_interfaces/msg/FieldType`.
+/// Description of a field type, with the type ids of `type_description_interfaces/msg/FieldType`.
 fn describe(ty: &FieldType) -> FieldDescription<'_> {
     let (element, string_capacity, nested_type_name) = match &ty.base {
         BaseType::Primitive(primitive) => (primitive_id(*primitive), 0, ""),
@@ -88,7 +88,7 @@ fn describe(ty: &FieldType) -> FieldDescription<'_> {
 fn primitive_id(primitive: Primitive) -> u8 {
     match primitive {
         Primitive::Int8 => 2,
-        // rosidl makes char an unsigned byte before it describes the type, so 13 (char) never occurs.
+        // rosidl turns char into uint8 before it describes the type, so 13 (char) never occurs.
         Primitive::UInt8 | Primitive::Char => 3,
         Primitive::Int16 => 4,
         Primitive::UInt16 => 5,
@@ -103,7 +103,7 @@ fn primitive_id(primitive: Primitive) -> u8 {
     }
 }
 
-/// JSON with a space after each comma and colon, which is how the hash is defined.
+/// JSON with a space after each comma and colon, because the hash is defined on this form.
 fn spaced_json(description: &TypeDescription<'_>) -> Vec<u8> {
     struct Spaced;
     impl serde_json::ser::Formatter for Spaced {

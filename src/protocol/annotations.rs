@@ -20,13 +20,13 @@ pub struct Annotation {
 }
 
 impl Annotation {
-    /// No task: between items, or in place of an annotation that no longer holds.
+    /// An annotation without a task: between items, or to end the one before.
     pub fn outside(from: Stamp) -> Self {
         Annotation { from, stage: 0, substage: String::new(), pose: String::new(), repetition: 0, zero_load: false }
     }
 }
 
-/// All annotations of a recording, in the order of their stamps. Of two with the same stamp, the later added one holds.
+/// All annotations of a recording, sorted by stamp. If two have the same stamp, the one added later counts.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Annotations(Vec<Annotation>);
 

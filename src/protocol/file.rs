@@ -1,4 +1,4 @@
-//! A protocol as a YAML file.
+//! Loads a protocol from a YAML file.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -18,7 +18,7 @@ const MAX_ITEMS: usize = 10_000;
 /// Maximum duration of one item, s.
 const MAX_SECONDS: f64 = 600.0;
 
-/// The reason why a protocol can't be loaded. Each text is one line.
+/// A protocol that can't be loaded. Each message is one line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum ProtocolError {
@@ -128,7 +128,7 @@ enum FingersFile {
 }
 
 impl Protocol {
-    /// A protocol from a file.
+    /// Loads a protocol from a file.
     ///
     /// # Errors
     /// [`ProtocolError`] when it can't be read, or its content is refused.
@@ -143,7 +143,7 @@ impl Protocol {
         Self::parse(&text).map_err(|error| ProtocolError::InFile { path: path.to_path_buf(), error: Box::new(error) })
     }
 
-    /// A protocol from the text of a file.
+    /// Parses the text of a protocol file.
     ///
     /// # Errors
     /// [`ProtocolError`] when it is not a protocol, or its content is refused.
@@ -215,7 +215,7 @@ fn refused(place: &str, reason: String) -> ProtocolError {
     ProtocolError::Refused { place: place.chars().filter(|letter| !letter.is_control()).collect(), reason }
 }
 
-/// A name that annotations, files and tables can carry.
+/// A name that is valid in annotations, files and tables.
 fn word(place: &str, name: &str) -> Result<Name, ProtocolError> {
     let fits = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '_';
     match !name.is_empty() && name.len() <= 64 && name.chars().all(fits) {

@@ -105,12 +105,12 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// A session of about this many minutes, or of the whole protocol.
+    /// Plans a session of about this many minutes, or of the whole protocol.
     ///
-    /// A shorter session has fewer repetitions of each substage, and below one repetition not every pose. Every
-    /// substage, every movement, and the order of substages stay, so it is never shorter than
-    /// [`shortest_s`](Self::shortest_s).
-    /// `order` names the random stream that orders poses: the same name gives the same plan.
+    /// A shorter session has fewer repetitions of each substage, and below one repetition it has not every pose. It
+    /// keeps every substage, every movement and the order of the substages, so it is never shorter than
+    /// [`shortest_s`](Self::shortest_s). `order` names the random stream that orders the poses: the same name gives the
+    /// same plan.
     pub fn new(protocol: &Protocol, minutes: Option<f64>, order: &str) -> Plan {
         let of_share = |share: f64| Plan::of_share(protocol, share, &mut Noise::named(order));
         let Some(minutes) = minutes else { return of_share(1.0) };
@@ -145,7 +145,7 @@ impl Plan {
         3 * self.trials.iter().filter(|trial| matches!(trial.action, Action::Taps(_))).count()
     }
 
-    /// Presses in the session, those of stage 3 included.
+    /// Presses in the session, with those of stage 3.
     pub fn n_presses(&self) -> usize {
         let is_press = |trial: &&Trial| {
             matches!(trial.action, Action::Press(_) | Action::PressThrough(_) | Action::PressSequence { .. })
@@ -200,7 +200,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Adds the fraction of all repetitions of `actions`, in another random order each repetition.
+    /// Adds a share of all repetitions of `actions`, in a new random order for each repetition.
     fn add_each(&mut self, substage: &Substage, mut actions: Vec<Action>) {
         let mut left = self.share_of(substage, actions.len());
         for repetition in 0..substage.repetitions {
@@ -212,7 +212,7 @@ impl Builder<'_> {
         }
     }
 
-    /// One press per repetition, through all poses, in a different order each time.
+    /// Adds one press per repetition, through all poses, in a different order each time.
     fn add_transitions(&mut self, substage: &Substage, poses: &[Name]) {
         let mut left = self.share_of(substage, poses.len());
         for repetition in 0..substage.repetitions {
@@ -232,7 +232,7 @@ impl Builder<'_> {
         self.trials.push(Trial { stage, substage, repetition, duration_s, action });
     }
 
-    /// Number of items of a substage to do; `n_actions` of them make a repetition.
+    /// Number of items of a substage in this session. `n_actions` items make a repetition.
     fn share_of(&self, substage: &Substage, n_actions: usize) -> usize {
         let full = usize::from(substage.repetitions) * n_actions;
         ((full as f64 * self.share).round() as usize).clamp((substage.at_least as usize).min(full), full)

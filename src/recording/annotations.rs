@@ -1,4 +1,4 @@
-//! Annotations as messages, and the stretches of a recording that they mark.
+//! Decodes annotations, and finds the spans of a recording that they mark.
 
 use crate::bag::printable;
 use crate::eval::{StageSpan, ZeroLoad};
@@ -32,7 +32,7 @@ impl From<Annotation> for Stage {
     }
 }
 
-/// The stretches of each stage, up to `end`, for [`Split::cuts`](crate::eval::Split::cuts).
+/// The spans of each stage, up to `end`, for [`Split::cuts`](crate::eval::Split::cuts).
 pub fn stage_spans(annotations: &Annotations, end: Stamp) -> Vec<StageSpan<'static>> {
     const STAGES: [&str; 4] = ["outside", "1", "2", "3"];
     let stage = |annotation: &Annotation| STAGES.get(usize::from(annotation.stage)).copied().unwrap_or("other");
@@ -40,9 +40,9 @@ pub fn stage_spans(annotations: &Annotations, end: Stamp) -> Vec<StageSpan<'stat
     spans.map(|(annotation, to)| StageSpan { from: annotation.from, to, stage: stage(annotation) }).collect()
 }
 
-/// The stretches without load; the last one ends at `end` if nothing else ends it.
+/// The spans without load. The last one ends at `end` if nothing ends it before.
 ///
-/// Neighbours stay apart, so that drift within a long zero-load stage is followed annotation by annotation.
+/// Adjacent spans are not merged, so that the tare follows a drift within a long zero-load stage.
 pub fn zero_load(annotations: &Annotations, end: Stamp) -> Vec<ZeroLoad> {
     let stretches = annotations.spans(end).filter(|(annotation, to)| annotation.zero_load && *to > annotation.from);
     stretches.map(|(annotation, to)| ZeroLoad { from: annotation.from, to }).collect()

@@ -1,4 +1,4 @@
-//! The estimates of one region over time: made by a model, or read out of a bag.
+//! Estimates of one region over time, from a model or from a bag.
 
 use std::collections::BTreeMap;
 
@@ -15,30 +15,30 @@ const ROUNDING: f64 = 1e-9;
 /// `[frames]` each.
 #[derive(Debug, Default, Clone)]
 pub struct EstimateTrack {
-    /// Of the frame.
+    /// Stamp of the frame.
     pub stamp: Vec<Stamp>,
-    /// Normal force; `None` where there is no estimate, and the flags say why.
+    /// Normal force. `None` if there is no estimate; the flags give the reason.
     pub force: Vec<Option<Newton>>,
     /// Tangential force, x y z in the frame of the patch; `None` where the model gives the normal force alone.
     pub tangential: Vec<Option<[Newton; 3]>>,
     /// Force of the tactile branch alone.
     pub base: Vec<Option<Newton>>,
-    /// Probability that something touches the region, where the model gives it.
+    /// Probability that something touches the region, if the model gives it.
     pub touch: Vec<Option<f64>>,
-    /// Whether the force, or the probability of touch, was at or above its threshold in this frame alone.
+    /// True if the force, or the probability of touch, was at or above its threshold in this frame alone.
     pub contact_raw: Vec<bool>,
-    /// Whether there is contact.
+    /// True if there is contact.
     pub contact: Vec<bool>,
     /// Age of the oldest joint angle of the frame, ns.
     pub pose_age_ns: Vec<Option<i64>>,
-    /// What to know before trusting it.
+    /// Flags that limit the trust in the estimate.
     pub flags: Vec<Flags>,
-    /// Whether contact was decided on the probability of touch.
+    /// True if contact was decided on the probability of touch.
     pub by_touch: bool,
 }
 
 impl EstimateTrack {
-    /// Takes an estimate of the core.
+    /// Adds an estimate of the core.
     pub fn handle_estimate(&mut self, stamp: Stamp, estimate: &Estimate) {
         self.stamp.push(stamp);
         self.force.push(estimate.force);
@@ -100,8 +100,8 @@ impl EstimateTrack {
             .artifact()
     }
 
-    /// The same with forces times a gain, and the contact that they tell. Contact that was decided on the probability of
-    /// touch stays.
+    /// The track with forces times a gain, and the contact that follows from them. Contact that was decided on the
+    /// probability of touch is unchanged.
     pub fn with_gain(&self, gain: &ForceGain, thresholds: ContactThresholds) -> EstimateTrack {
         let times = |forces: &[Option<Newton>]| -> Vec<Option<Newton>> {
             forces.iter().map(|force| force.map(|force| Newton(gain.gain * force.0))).collect()
@@ -119,7 +119,7 @@ impl EstimateTrack {
         EstimateTrack { contact_raw, contact, ..scaled }
     }
 
-    /// The base force as if it were all there is, with the contact that it alone would tell.
+    /// The track with the base force as its force, and the contact that follows from it.
     pub fn base_alone(&self, thresholds: ContactThresholds) -> EstimateTrack {
         let (contact_raw, contact) = contacts(&self.stamp, &self.base, thresholds);
         EstimateTrack {
@@ -137,7 +137,7 @@ impl EstimateTrack {
     }
 }
 
-/// Contact of each frame alone, and with hysteresis and debounce, by forces.
+/// Contact by forces: of each frame alone, and with hysteresis and debounce.
 fn contacts(stamps: &[Stamp], forces: &[Option<Newton>], thresholds: ContactThresholds) -> (Vec<bool>, Vec<bool>) {
     let mut detector = ContactDetector::new(thresholds, None);
     let contacts = stamps.iter().zip(forces).map(|(stamp, force)| detector.handle_estimate(*stamp, *force, None));

@@ -1,4 +1,4 @@
-//! Touches of a known force in a recording: what a load cell measured, or what a person says, beside the estimates.
+//! Touches of known force in a recording, measured by a load cell or given by a person, with their estimates.
 
 use std::ops::Range;
 
@@ -6,33 +6,34 @@ use super::EstimateTrack;
 use crate::fusion::KnownTouch;
 use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
 
-/// Forces below which a touch is too light to tell a gain, gF: noise and artifact are no longer small beside it.
+/// Forces below this are too small for a gain, gF, because noise and artifact are not small compared with them.
 const LIGHTEST_GF: f64 = 30.0;
 
-/// A touch counts where its force is at least this share of its peak: what is on the way there may be late on one side.
+/// A touch is measured while its force is at least this share of its peak. On the rise and fall, one of the two forces
+/// may lag.
 const HELD: f64 = 0.7;
 
-/// How long a touch must be held, ns: 0.1 s, less a frame of 100 Hz.
+/// Minimum time that a touch must be held, ns: 0.1 s, minus one frame at 100 Hz.
 const HELD_NS: i64 = 90_000_000;
 
-/// Frames that a touch must be held for whose time a person tells.
+/// Minimum number of frames in a touch whose times a person gives.
 const HELD_FRAMES: usize = 10;
 
-/// A touch of a known force, and when it was.
+/// A touch of known force, with its times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedTouch {
-    /// Force and estimate, means over the frames in which it was held.
+    /// Force and estimate, averaged over the frames in which it was held.
     pub touch: KnownTouch,
-    /// First frame above the lightest force that counts.
+    /// First frame above the smallest force that counts.
     pub from: Stamp,
     /// Last frame above it.
     pub to: Stamp,
 }
 
-/// The touches of a load cell that are strong and long enough to tell a gain, in order of time.
+/// Touches measured by a load cell that are strong and long enough for a gain, in order of time.
 ///
 /// # Shapes
-/// `truth`: `[frames]`, tared, of the frames of `track`.
+/// `truth`: `[frames]`, tared, for the frames of `track`.
 pub fn known_touches(track: &EstimateTrack, truth: &[Option<GramForce>]) -> Vec<TimedTouch> {
     let force = |idx: usize| truth.get(idx).copied().flatten().map_or(f64::NAN, |force| force.0);
     let touch = |Held { frames, held }: Held| {
@@ -45,8 +46,8 @@ pub fn known_touches(track: &EstimateTrack, truth: &[Option<GramForce>]) -> Vec<
     held_touches(&track.stamp, &force).filter_map(touch).collect()
 }
 
-/// When the first `n` touches that are strong and long enough to tell a gain are over, by the readings of a load cell alone;
-/// `None` where there are fewer.
+/// End of the first `n` touches that are strong and long enough for a gain, from the readings of a load cell alone.
+/// `None` if there are fewer.
 pub fn end_of_touches(readings: impl Iterator<Item = (Stamp, GramForce)>, n: usize) -> Option<Stamp> {
     let (stamps, forces): (Vec<Stamp>, Vec<f64>) = readings.map(|(stamp, force)| (stamp, force.0)).unzip();
     let last = n.checked_sub(1)?;
@@ -55,9 +56,9 @@ pub fn end_of_touches(readings: impl Iterator<Item = (Stamp, GramForce)>, n: usi
 
 /// A touch that was held.
 struct Held {
-    /// Above the lightest force that counts.
+    /// Frames above the smallest force that counts.
     frames: Range<usize>,
-    /// Near its peak.
+    /// Frames near its peak.
     held: Vec<usize>,
 }
 
@@ -83,18 +84,18 @@ fn held_touches(stamps: &[Stamp], force: &impl Fn(usize) -> f64) -> impl Iterato
     })
 }
 
-/// A touch whose force a person knows: of a kitchen scale, or of a weight that was laid on.
+/// A touch whose force a person knows, from a kitchen scale or a weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToldTouch {
     /// The force, N.
     pub force: Newton,
-    /// From when on it was held, s after the first frame.
+    /// Start of the touch, s after the first frame.
     pub from_s: f64,
-    /// Until when.
+    /// End of the touch, s after the first frame.
     pub to_s: f64,
 }
 
-/// What the estimates were while a touch was held that a person knows; `None` where fewer than ten frames have one.
+/// The estimates during a touch that a person gives. `None` if fewer than ten frames have one.
 pub fn told_touch(track: &EstimateTrack, told: &ToldTouch) -> Option<TimedTouch> {
     let first = *track.stamp.first()?;
     let after = |seconds: f64| first.offset((seconds * NANOS_PER_SEC as f64) as i64);
@@ -110,7 +111,7 @@ pub fn told_touch(track: &EstimateTrack, told: &ToldTouch) -> Option<TimedTouch>
 mod tests {
     use super::*;
 
-    /// Frames of 10 ms, with estimates of 0.8 times the truth.
+    /// Frames at 100 Hz, with estimates of 0.8 times the truth.
     fn track(truth_gf: &[f64]) -> (EstimateTrack, Vec<Option<GramForce>>) {
         let mut track = EstimateTrack::default();
         for (k, force) in truth_gf.iter().enumerate() {
@@ -124,9 +125,9 @@ mod tests {
     fn touches_count_where_they_are_held_and_strong_enough() {
         let mut truth = vec![0.0; 100];
         truth[10..30].fill(100.0);
-        truth[30..40].fill(40.0); // on the way down: below 0.7 of the peak
+        truth[30..40].fill(40.0); // fall: below 0.7 of the peak
         truth[50..56].fill(200.0); // a tap
-        truth[60..90].fill(20.0); // light
+        truth[60..90].fill(20.0); // too weak
         let (estimates, truth) = track(&truth);
         let touches = known_touches(&estimates, &truth);
         assert_eq!(touches.len(), 1);

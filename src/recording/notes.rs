@@ -1,25 +1,25 @@
-//! What the recorder noted about a session as a whole.
+//! Notes of the recorder about the whole session.
 
 use crate::bag::{BagMetadata, printable};
 
-/// Name of the notes within a bag that say who wore which glove.
+/// Name of the bag metadata with these notes.
 pub const SESSION_NOTES: &str = "tactile_pose_fusion.session";
 
-/// Who wore which glove, where the recorder noted it.
+/// Notes on the glove and its wearer, as far as the recorder wrote them.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Notes {
     /// The glove.
     pub glove: Option<String>,
-    /// Who wore it.
+    /// The person who wore it.
     pub user: Option<String>,
-    /// Which donning by this user.
+    /// Donning by this person.
     pub donning: Option<String>,
-    /// Whether it is no recording but made by a simulator.
+    /// True if the data are simulated, not recorded.
     pub synthetic: bool,
 }
 
 impl Notes {
-    /// Takes the notes of a bag, if they are ours.
+    /// Reads the metadata of a bag, if they are ours.
     pub fn handle(&mut self, metadata: &BagMetadata<'_>) {
         if metadata.name != SESSION_NOTES {
             return;

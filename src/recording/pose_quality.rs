@@ -1,4 +1,4 @@
-//! Joint angles made worse on purpose, to see how good a hand tracker must be for the pose correction to help.
+//! Degrades joint angles on purpose, to see how good a hand tracker must be for the pose correction to help.
 
 use std::collections::BTreeMap;
 
@@ -8,25 +8,26 @@ use crate::fusion::{JointSample, JointSource};
 use crate::random::Noise;
 use crate::units::{NANOS_PER_SEC, Stamp};
 
-/// How much worse joint angles are made. The default leaves them as they are.
+/// Degradation of joint angles. The default changes nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct PoseQuality {
     /// Standard deviation of white Gaussian noise that is added to every angle, degrees.
     pub noise_deg: f64,
-    /// Standard deviation of an error that each joint keeps for the whole session, degrees: a tracker's calibration.
+    /// Standard deviation of an error that is constant for each joint over the whole session, degrees. It models the
+    /// calibration of a tracker.
     pub bias_deg: f64,
-    /// How much older angles are than their stamps say, ms.
+    /// Delay of the angles relative to their stamps, ms.
     pub delay_ms: f64,
-    /// Share of the joint messages that are lost, each by chance.
+    /// Share of the joint messages that are lost at random.
     pub dropout: f64,
-    /// Joint messages a second that are kept of those recorded, at times as uneven as a camera's; `None` keeps all.
+    /// Joint messages per second that are kept, at times as uneven as a camera's. `None` keeps all.
     pub rate_hz: Option<f64>,
 }
 
-/// How far a kept message may lie from its regular time, in periods: 15 ms at 30 Hz.
+/// Maximum distance of a kept message from its regular time, in periods: 15 ms at 30 Hz.
 const UNEVEN: f64 = 0.45;
 
-/// Pose quality that can't be meant.
+/// A pose quality that is out of range.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("{what} is {got}, expected {expected}")]
 pub struct PoseQualityError {
@@ -35,24 +36,23 @@ pub struct PoseQualityError {
     expected: &'static str,
 }
 
-/// Makes joint samples worse, the same way for the same name.
+/// Degrades joint samples, always in the same way for the same name.
 #[derive(Debug)]
 pub struct PoseDegrader {
     quality: PoseQuality,
-    /// `[joint sources]`: radians per unit.
+    /// `[joint sources]`: radians per unit of the source.
     scales: Vec<f64>,
     name: String,
     noise: Noise,
-    /// By joint, degrees; drawn when it is first seen.
+    /// By joint, degrees. Drawn at the joint's first sample.
     biases: BTreeMap<String, f64>,
-    /// `[joint sources]`: where a rate is asked for, the period that the next kept message is of, and the earliest stamp that
-    /// it may have.
+    /// `[joint sources]`, if a rate is given: index of the period of the next kept message, and its earliest stamp.
     next: Vec<Option<(i64, Stamp)>>,
     positions: Vec<f64>,
 }
 
 impl PoseQuality {
-    /// Refuses what can't be meant.
+    /// Refuses values that are out of range.
     ///
     /// # Errors
     /// [`PoseQualityError`].
@@ -78,7 +78,7 @@ impl PoseQuality {
 }
 
 impl PoseDegrader {
-    /// For the joints of these sources. Sessions of different names get different noise.
+    /// A degrader for the joints of these sources. Sessions with different names get different noise.
     pub fn new(quality: PoseQuality, sources: &[JointSource], name: &str) -> Self {
         PoseDegrader {
             quality,
@@ -91,7 +91,7 @@ impl PoseDegrader {
         }
     }
 
-    /// Whether a message is one of those that are kept at this rate.
+    /// True if a message is kept at this rate.
     fn is_kept(&mut self, source: usize, stamp: Stamp, rate_hz: f64) -> bool {
         let period_ns = NANOS_PER_SEC as f64 / rate_hz;
         let Some(next) = self.next.get_mut(source) else { return true };
@@ -105,7 +105,7 @@ impl PoseDegrader {
         true
     }
 
-    /// The sample as it reaches the core; `None` when it is lost.
+    /// The degraded sample. `None` if it is lost.
     pub fn handle<'a>(&'a mut self, sample: JointSample<'a>) -> Option<JointSample<'a>> {
         let PoseQuality { noise_deg, bias_deg, delay_ms, dropout, rate_hz } = self.quality;
         if rate_hz.is_some_and(|rate_hz| !self.is_kept(sample.source.0, sample.stamp, rate_hz)) {
@@ -133,7 +133,7 @@ impl PoseDegrader {
             };
             self.positions.push(position + (white + kept) * per_degree);
         }
-        // A message with fewer positions than names stays as malformed as it was.
+        // A message with fewer positions than names stays malformed.
         Some(JointSample { positions: &self.positions, ..sample })
     }
 }

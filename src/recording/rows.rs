@@ -1,4 +1,4 @@
-//! Model input frame by frame, taken from the windows that the fusion core asks a model to run.
+//! Model input frame by frame, from the windows that the fusion core passes to a model.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -10,24 +10,24 @@ use crate::fusion::{
 };
 use crate::units::Stamp;
 
-/// The model input of one region, one row a model frame.
+/// Model input of one region, one row per model frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Rows {
     /// `[n]`
     pub stamp: Vec<Stamp>,
-    /// `[n, T]` row-major, baseline subtracted.
+    /// `[n, T]` row-major, with the baseline subtracted.
     pub tactile: Vec<f32>,
     /// `[n, P]` row-major, rad.
     pub pose: Vec<f32>,
-    /// `[n]`: changes wherever frames are missing, or could not be used.
+    /// `[n]`: index that changes where frames are missing or unusable.
     pub stretch: Vec<u32>,
 }
 
-/// A stand-in for a model that keeps the windows it is asked to run.
+/// Takes the place of a model and records the windows that it gets.
 ///
 /// # Invariant
-/// Rows are cut from exactly the windows that a model of the same shape would be given, missing frames interpolated as
-/// for it.
+/// Rows come from exactly the windows that a model with the same shape gets, with missing frames interpolated in the
+/// same way.
 #[derive(Debug)]
 pub struct RowCollector {
     window: usize,
@@ -66,11 +66,11 @@ impl Regressor for Tap {
 }
 
 impl RowCollector {
-    /// A collector for the only region of a configuration, and the core that feeds it, which still needs its baseline. With
-    /// an artifact the taxels of rows are without it, and rows have no pose.
+    /// A collector for the only region of a configuration, and the core that feeds it. The core still needs its
+    /// baseline. With an artifact, the rows have corrected taxels and no pose.
     ///
     /// # Errors
-    /// [`SetupError`] when the region doesn't fit its sources.
+    /// [`SetupError`] if the region doesn't fit its sources.
     pub fn new(
         mut cfg: FusionConfig,
         window: usize,
@@ -116,7 +116,7 @@ impl RowCollector {
         Ok((collector, fusion))
     }
 
-    /// Takes a frame of the core.
+    /// Processes a frame of the core.
     pub fn handle_tick(&mut self, tick: &Tick) {
         let Some(estimate) = tick.estimates.first() else { return };
         if self.epoch != Some(tick.epoch) {
@@ -146,7 +146,7 @@ impl RowCollector {
         }
     }
 
-    /// Stamp of a frame; between the ones around it where it was missing.
+    /// Stamp of a frame. If the frame was missing, its stamp is interpolated.
     fn stamp_of(&self, number: i64) -> Option<Stamp> {
         let after = self.recent.partition_point(|(known, _)| *known < number);
         let &(next, to) = self.recent.get(after)?;
@@ -155,7 +155,7 @@ impl RowCollector {
         Some(from.offset((to.nanos_since(from) as f64 * share).round() as i64))
     }
 
-    /// The rows so far.
+    /// Returns the rows.
     pub fn finish(self) -> Rows {
         self.rows
     }

@@ -1,38 +1,38 @@
-//! Taxels and joint angles as they were sent, for those who want them beside estimates.
+//! Taxels and joint angles as sent, for outputs that show them beside the estimates.
 
 use std::collections::BTreeMap;
 
 use crate::fusion::{Event, FusionConfig, JointSample, JointSource, TactileBlock, TactileSource};
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
-/// Most joints that are kept; two hands and two arms have fewer.
+/// Maximum number of joints that are kept. Two hands and two arms have fewer.
 const MAX_JOINTS: usize = 256;
 
-/// The readings of one tactile source.
+/// Readings of one tactile source.
 #[derive(Debug, Clone, Default)]
 pub struct TactileTrack {
-    /// `[n]`, rising.
+    /// `[n]`, strictly rising.
     pub stamp: Vec<Stamp>,
-    /// `[n, taxels of the source]`, row-major, raw as the sensor sent them.
+    /// `[n, taxels of the source]`, row-major, as sent by the sensor.
     pub values: Vec<f32>,
-    /// Rows that came late or twice.
+    /// Number of rows that were late or duplicate.
     pub late: u64,
-    /// Messages whose length doesn't fit the source.
+    /// Number of messages whose length doesn't fit the source.
     pub wrong_length: u64,
 }
 
-/// The angles of one joint.
+/// Angles of one joint.
 #[derive(Debug, Clone, Default)]
 pub struct JointTrack {
-    /// `[n]`, rising.
+    /// `[n]`, strictly rising.
     pub stamp: Vec<Stamp>,
     /// `[n]`, rad, finite.
     pub angle: Vec<f64>,
-    /// Angles that came late or twice, or were not finite.
+    /// Number of angles that were late, duplicate or not finite.
     pub unused: u64,
 }
 
-/// Why samples are no single run of time, or too much.
+/// Samples whose stamps jump back, or with too many joints.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SampleError {
@@ -44,14 +44,14 @@ pub enum SampleError {
     TooManyJoints { source_name: String },
 }
 
-/// What the sensors of a recording sent.
+/// Samples of all sensors of a recording.
 #[derive(Debug, Clone)]
 pub struct Samples {
     /// `[tactile sources]`.
     pub tactile: Vec<TactileTrack>,
-    /// By name, of all joints that were sent, whether a region uses them or not.
+    /// All joints that were sent, by name, also those that no region uses.
     pub joints: BTreeMap<String, JointTrack>,
-    /// Names of the joints in the order in which they were first sent.
+    /// Names of the joints, in the order in which they were first sent.
     pub joint_names: Vec<String>,
     tactile_sources: Vec<TactileSource>,
     joint_sources: Vec<JointSource>,
@@ -59,7 +59,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// None yet, of the sources of a configuration.
+    /// No samples yet, for the sources of a configuration.
     pub fn new(cfg: &FusionConfig) -> Self {
         Samples {
             tactile: vec![TactileTrack::default(); cfg.tactile_sources.len()],
@@ -71,10 +71,10 @@ impl Samples {
         }
     }
 
-    /// Takes a message.
+    /// Adds a message.
     ///
     /// # Errors
-    /// [`SampleError`] when time jumps back, or there are too many joints.
+    /// [`SampleError`] if time jumps back, or if there are too many joints.
     pub fn handle_event(&mut self, event: &Event<'_>) -> Result<(), SampleError> {
         match event {
             Event::Tactile(block) => self.handle_taxels(block),
@@ -127,33 +127,33 @@ impl Samples {
 }
 
 impl TactileTrack {
-    /// Samples a second, by the median step from one to the next; `None` of fewer than two.
+    /// Samples per second, from the median step between them. `None` for fewer than two samples.
     pub fn rate_hz(&self) -> Option<f64> {
         rate_hz(&self.stamp)
     }
 }
 
 impl JointTrack {
-    /// The newest angle at or before a stamp, if it isn't older than `max_age_ns`.
+    /// The newest angle at or before a stamp, if it is not older than `max_age_ns`.
     pub fn at(&self, stamp: Stamp, max_age_ns: i64) -> Option<f64> {
         newest_at(&self.stamp, stamp, max_age_ns).map(|idx| self.angle[idx])
     }
 }
 
-/// Stamps a second, by the median step from one to the next; `None` of fewer than two.
+/// Stamps per second, from the median step between them. `None` for fewer than two stamps.
 pub fn rate_hz(stamps: &[Stamp]) -> Option<f64> {
     let mut steps: Vec<i64> = stamps.windows(2).map(|pair| pair[1].nanos_since(pair[0])).collect();
     let middle = steps.len() / 2;
     (!steps.is_empty()).then(|| NANOS_PER_SEC as f64 / (*steps.select_nth_unstable(middle).1).max(1) as f64)
 }
 
-/// Index of the newest stamp at or before `stamp`, if it isn't older than `max_age_ns`.
+/// Index of the newest stamp at or before `stamp`, if it is not older than `max_age_ns`.
 pub fn newest_at(stamps: &[Stamp], stamp: Stamp, max_age_ns: i64) -> Option<usize> {
     let idx = stamps.partition_point(|known| *known <= stamp).checked_sub(1)?;
     (stamp.nanos_since(stamps[idx]) <= max_age_ns).then_some(idx)
 }
 
-/// Whether a stamp goes on from the newest one.
+/// True if a stamp is later than the newest one. An error if it jumps back in time.
 fn is_newer(stamp: Stamp, newest: Option<&Stamp>, time_jump_ns: i64, name: &str) -> Result<bool, SampleError> {
     let Some(newest) = newest else { return Ok(true) };
     let back_ns = newest.nanos_since(stamp);

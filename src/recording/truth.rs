@@ -1,4 +1,4 @@
-//! The true force over time: kept as it was measured, then tared and read at the stamps of frames.
+//! The true force over time: stored as measured, then tared and interpolated at the stamps of frames.
 
 use std::time::Duration;
 
@@ -8,18 +8,18 @@ use crate::fusion::{ForceUnit, split};
 use crate::msg::binding::ForceReading;
 use crate::units::{GramForce, Newton, Stamp, nanos};
 
-/// What became of the readings of a force sensor.
+/// Counts of a force sensor's readings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TruthCounters {
-    /// Readings that are used.
+    /// Readings in use.
     pub used: u64,
-    /// Readings dropped for being older than the one before.
+    /// Readings that were dropped because they are not newer than the one before.
     pub late: u64,
-    /// Of those that are used, readings that are NaN or infinite.
+    /// Readings in use that are NaN or infinite.
     pub non_finite: u64,
 }
 
-/// The readings of one force sensor.
+/// Readings of one force sensor.
 #[derive(Debug, Clone)]
 pub struct TruthTrack {
     source: TruthSource,
@@ -64,7 +64,7 @@ impl TruthTrack {
         self.forces.push(force.0);
     }
 
-    /// What became of the readings.
+    /// Counts of the readings.
     pub fn counters(&self) -> TruthCounters {
         self.counters
     }
@@ -74,7 +74,7 @@ impl TruthTrack {
         &self.source.name
     }
 
-    /// The readings that are used, untared.
+    /// The readings in use, before taring.
     pub fn readings(&self) -> impl Iterator<Item = (Stamp, GramForce)> {
         self.stamps.iter().copied().zip(self.forces.iter().map(|force| GramForce(*force)))
     }
@@ -84,10 +84,10 @@ impl TruthTrack {
         Some((*self.stamps.first()?, *self.stamps.last()?))
     }
 
-    /// The tare over time, from the stretches without load.
+    /// The tare over time, from the spans without load.
     ///
     /// # Errors
-    /// [`TruthError`] when stretches overlap, or none holds a reading.
+    /// [`TruthError`] if spans overlap, or if none has a reading.
     pub fn tare(&self, zero_load: &[ZeroLoad]) -> Result<TareCurve, TruthError> {
         let mut builder = TareBuilder::new(zero_load)?;
         self.readings().for_each(|(stamp, force)| builder.handle_force(stamp, force));
@@ -148,25 +148,26 @@ impl TruthTrack {
     }
 }
 
-/// Tared forces beyond which no hand presses, gF: 300 N.
+/// A hand can't press with more tared force than this, gF: 300 N.
 const MOST_PRESSED_GF: f64 = 30_000.0;
-/// Tared forces within which nobody presses all the time, gF: 0.3 N.
+/// A recording with presses has more tared force than this, gF: 0.3 N.
 const LEAST_PRESSED_GF: f64 = 30.0;
-/// Drift and noise of a load cell, gF, by its unit in the parameters: in gF or mN a cell that sends N seems to have little.
+/// Drift and noise that a load cell may have without a doubt, gF, by the unit in the parameters. For gF and mN they are
+/// small, because a cell that sends N then seems to have little noise.
 const DRIFT_GF: [(ForceUnit, f64); 4] = [
     (ForceUnit::Newton, 15.0),
     (ForceUnit::KilogramForce, 15.0),
     (ForceUnit::GramForce, 0.5),
     (ForceUnit::Millinewton, 0.05),
 ];
-/// Share of readings at either end that may be anything.
+/// Share of readings at either end of the range that is ignored.
 const OUTLIERS: f64 = 0.002;
-/// Fewer readings are no recording.
+/// Minimum number of readings for these checks.
 const FEW: usize = 100;
 
 impl TruthTrack {
-    /// What of the readings nobody can mean: a press that is negative, a unit in which no hand presses so much or so
-    /// little. Each text is one line that names the parameter.
+    /// Doubts about the readings: negative presses, or a unit in which no hand presses so strongly or so weakly. Each
+    /// is one line that names the parameter.
     pub fn doubts(&self, tare: &TareCurve) -> Vec<String> {
         let tared = self.readings().map(|(stamp, force)| tare.tared(stamp, force).0);
         let mut forces: Vec<f64> = tared.filter(|force| force.is_finite()).collect();
@@ -204,7 +205,7 @@ impl TruthTrack {
     }
 }
 
-/// The tared true force at each stamp; `None` where none was measured close enough, NaN where what was measured is.
+/// The tared true force at each stamp. `None` if no reading is close enough, NaN if the reading is NaN.
 pub fn aligned(track: &TruthTrack, tare: &TareCurve, stamps: &[Stamp], max_gap: Duration) -> Vec<Option<GramForce>> {
     stamps.iter().map(|stamp| track.at(*stamp, max_gap).map(|force| tare.tared(*stamp, force))).collect()
 }

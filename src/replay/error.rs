@@ -1,4 +1,4 @@
-//! Why a recording is not replayed.
+//! Errors of a replay.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use crate::model::ModelError;
 use crate::observer::Cancelled;
 use crate::zero::ZeroError;
 
-/// Why a recording is not replayed to its end. Each text is one line.
+/// A recording that can't be replayed to its end. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum ReplayError {

@@ -1,4 +1,4 @@
-//! Runs the stages of a replay: in turn, or each on a thread of its own with bounded queues between them.
+//! Runs the stages of a replay, in turn or on threads of their own with bounded queues between them.
 
 use std::num::NonZero;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -8,18 +8,18 @@ use super::error::ReplayError;
 use super::stages::{Core, Fused, Read, Reading, Writing};
 use crate::bag::BagError;
 
-/// Parts of the input that wait for the core: what comes in while the models are at work on thousands of frames.
+/// Queue of portions for the core: enough for the time in which the models process thousands of frames.
 const QUEUED: usize = 64;
 
-/// Parts that wait to be written.
+/// Queue of portions to be written.
 const QUEUED_FUSED: usize = 4;
 
-/// Bytes of messages that are read and not yet done with, however large the messages are; one that is larger waits until
-/// it is alone.
+/// Limit on the bytes of messages that were read and are still in work. A message that is larger waits until it is
+/// alone.
 const BYTES_IN_FLIGHT: usize = 24 << 20;
 
-/// Reads, fuses and writes to the end, and gives back the stages that know what came of it. With more than one job the
-/// stages overlap; what is written is the same.
+/// Runs all stages to the end and returns those that know the result. With more than one job the stages overlap. The
+/// output is the same.
 pub(super) fn run(
     mut reading: Reading,
     core: &mut Core<'_>,
@@ -51,10 +51,10 @@ fn overlapped(
         let reading = scope.spawn(|| read(reading, to_core, &in_flight));
         let writing = scope.spawn(|| write(writing, from_core));
         let fused = fuse(core, from_reading, to_writing, progress);
-        // A thread ends when the other end of its queue is gone, and by now it is.
+        // A thread ends when the other end of its queue is dropped, which has happened by now.
         let reading = reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         let writing = writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        // What could not be written came before what could not be fused.
+        // The writing stage handles earlier portions than the core, so its error comes first.
         let writing = writing?;
         fused?;
         Ok((reading, writing))
@@ -87,7 +87,7 @@ fn fuse<'f>(
         let (Read { portion, bytes_read }, held) = sent?;
         progress(bytes_read);
         if to_writing.send((core.take(portion)?, Some(held))).is_err() {
-            return Ok(()); // whoever writes says why
+            return Ok(()); // the writing stage reports why
         }
     }
     let _ = to_writing.send((core.end()?, None));
@@ -101,21 +101,21 @@ fn write(mut writing: Writing, from_core: Receiver<(Fused, Option<Held<'_>>)>) -
     Ok(writing)
 }
 
-/// Counts the bytes that are on their way.
+/// Counts the bytes in work.
 #[derive(Default)]
 struct InFlight {
     bytes: Mutex<usize>,
     fewer: Condvar,
 }
 
-/// Bytes on their way, until it is dropped.
+/// Bytes in work, until it is dropped.
 struct Held<'f> {
     of: &'f InFlight,
     bytes: usize,
 }
 
 impl InFlight {
-    /// Waits until there is room for so many.
+    /// Waits until there is room for this number of bytes.
     fn hold(&self, bytes: usize) -> Held<'_> {
         let held = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
         let full = |held: &mut usize| *held > 0 && held.saturating_add(bytes) > BYTES_IN_FLIGHT;

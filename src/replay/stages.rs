@@ -1,7 +1,7 @@
-//! The stages of a replay: reading, the core, writing.
+//! Stages of a replay: reading, core, writing.
 //!
-//! Each takes what the one before it gives in the order in which it was given, so it makes no difference to what is
-//! written whether they run in turn or side by side.
+//! Each stage handles the output of the stage before in its order. The result is therefore the same whether the stages
+//! run in turn or on threads of their own.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -18,55 +18,56 @@ use crate::observer::{Observer, check};
 use crate::units::Stamp;
 use crate::zero::LoadCheck;
 
-/// Bytes of messages at which a portion is closed: a few hundred frames.
+/// Size of messages at which a portion is complete, bytes: a few hundred frames.
 const PORTION_BYTES: usize = 256 << 10;
 
-/// Records at which it is closed, should they be empty.
+/// Number of records at which a portion is complete, if the records are small.
 const PORTION_RECORDS: usize = 4096;
 
-/// Bytes of the bags behind which it is closed even with nothing in it, so that progress is seen and interrupts are heard.
+/// Length of the bags after which a portion is complete even if it is empty, so that progress is shown and interrupts
+/// are handled.
 const PORTION_SPAN: u64 = 4 << 20;
 
-/// Takes the records out of bags that the other stages need.
+/// Reads the records that the other stages need.
 pub(super) struct Reading {
     pub(super) reader: BagReader,
-    /// `None` for everything.
+    /// Topics to read. `None` reads everything.
     topics: Option<BTreeSet<String>>,
     /// By channel id.
     wanted: BTreeMap<usize, bool>,
     busy: Duration,
 }
 
-/// A part of the input, and how much of all bags lies before its end.
+/// A portion of the input, and the number of bytes of all bags up to its end.
 pub(super) struct Read {
     pub(super) portion: Portion,
     pub(super) bytes_read: u64,
 }
 
-/// Fuses.
+/// Fusion stage.
 pub(super) struct Core<'c> {
     cfg: &'c Config,
     pub(super) fusion: Fusion,
     pub(super) inputs: Inputs,
-    /// What is left to check about the baseline.
+    /// Checks on the baseline that are not finished yet.
     check: Option<LoadCheck>,
-    /// First and last stamp of a frame.
+    /// Stamps of the first and the last frame.
     pub(super) span: Option<(Stamp, Stamp)>,
     busy: Duration,
-    /// What of that is inference.
+    /// Part of `busy` that the models took.
     inference: InferenceTime,
     observer: &'c dyn Observer,
 }
 
-/// A part of the input with what came of it.
+/// A portion of the input with its results.
 #[derive(Default)]
 pub(super) struct Fused {
     portion: Portion,
-    /// Each with the number of records that were handled before it was there.
+    /// Each with the number of records that were handled before it.
     ticks: Vec<(usize, Tick)>,
 }
 
-/// Writes estimates, and all that the input holds where that is asked for.
+/// Writes estimates and, if asked for, a copy of the input.
 pub(super) struct Writing {
     pub(super) writer: BagWriter,
     pub(super) estimates: EstimateWriter,
@@ -74,24 +75,24 @@ pub(super) struct Writing {
     pub(super) busy: Duration,
 }
 
-/// Seconds that each stage was at work; side by side they may add up to more than went by.
+/// Working time of each stage, s. If the stages run in parallel, the sum may exceed the elapsed time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct BusySeconds {
-    /// Reading, unpacking.
+    /// Reading and decompression.
     read: f64,
-    /// Decoding, aligning, windows, contacts.
+    /// Decoding, alignment, windows, contacts.
     fuse: f64,
-    /// The models, by the clock: with more jobs it is shorter.
+    /// Models, in elapsed time: with more jobs it is shorter.
     infer: f64,
-    /// Encoding, hashing, packing, writing.
+    /// Encoding, hashing, compression, writing.
     write: f64,
 }
 
-/// Time spent in models.
+/// Time in the models.
 #[derive(Debug, Clone, Default)]
 pub(super) struct InferenceTime(Arc<AtomicU64>);
 
-/// A model whose time is taken.
+/// A model whose time is measured.
 #[derive(Debug)]
 struct Timed {
     model: Box<dyn Regressor>,
@@ -99,7 +100,7 @@ struct Timed {
 }
 
 impl InferenceTime {
-    /// A model whose time is counted here.
+    /// Measures the time of a model.
     pub(super) fn of(&self, model: Box<dyn Regressor>) -> Box<dyn Regressor> {
         Box::new(Timed { model, time: self.clone() })
     }
@@ -122,7 +123,7 @@ impl Regressor for Timed {
     }
 }
 
-/// How long each stage was at work.
+/// Working time of each stage.
 pub(super) fn busy_seconds(reading: &Reading, core: &Core<'_>, writing: &Writing) -> BusySeconds {
     let infer = core.inference.get();
     BusySeconds {
@@ -134,12 +135,12 @@ pub(super) fn busy_seconds(reading: &Reading, core: &Core<'_>, writing: &Writing
 }
 
 impl Reading {
-    /// Reads what is on these topics, or everything.
+    /// Reads these topics, or everything.
     pub(super) fn new(reader: BagReader, topics: Option<BTreeSet<String>>) -> Self {
         Reading { reader, topics, wanted: BTreeMap::new(), busy: Duration::ZERO }
     }
 
-    /// The next part of the input; `None` at the end.
+    /// The next portion of the input. `None` at the end.
     pub(super) fn next(&mut self) -> Result<Option<Read>, BagError> {
         let began = Instant::now();
         let read = self.read();
@@ -174,14 +175,14 @@ impl Reading {
 }
 
 impl Fused {
-    /// What came of it.
+    /// The frames that resulted from it.
     pub(super) fn ticks(&self) -> impl Iterator<Item = &Tick> {
         self.ticks.iter().map(|(_, tick)| tick)
     }
 }
 
 impl<'c> Core<'c> {
-    /// A core before the first part of the input.
+    /// A core before the first portion of the input.
     pub(super) fn new(
         cfg: &'c Config,
         fusion: Fusion,
@@ -193,7 +194,7 @@ impl<'c> Core<'c> {
         Core { cfg, fusion, inputs, check, span: None, busy: Duration::ZERO, inference, observer }
     }
 
-    /// Takes a part of the input.
+    /// Handles a portion of the input.
     pub(super) fn take(&mut self, portion: Portion) -> Result<Fused, ReplayError> {
         let began = Instant::now();
         let mut ticks = Vec::new();
@@ -211,7 +212,7 @@ impl<'c> Core<'c> {
         Ok(Fused { portion, ticks })
     }
 
-    /// Takes the end of the input.
+    /// Handles the end of the input.
     pub(super) fn end(&mut self) -> Result<Fused, ReplayError> {
         let began = Instant::now();
         let mut ticks = Vec::new();
@@ -241,7 +242,7 @@ impl<'c> Core<'c> {
         Ok(())
     }
 
-    /// Refuses a run in which a tactile source gave nothing that could be used.
+    /// Refuses a run in which a tactile source had no usable data.
     fn check_used(&self) -> Result<(), ReplayError> {
         let counters = self.fusion.counters();
         let Some(idle) = counters.tactile.iter().position(|source| source.counts.used == 0) else { return Ok(()) };
@@ -252,8 +253,8 @@ impl<'c> Core<'c> {
 }
 
 impl Writing {
-    /// Writes a part of the input, where it is copied, and what came of it: as they would have stood had each record been
-    /// written before the next one was read.
+    /// Writes a portion, with the input if it is copied, and its results. The order is as if each record were written
+    /// before the next one is read.
     pub(super) fn write(&mut self, fused: &Fused) -> Result<(), BagError> {
         let began = Instant::now();
         let Writing { writer, estimates, pass_through, busy } = self;

@@ -1,4 +1,4 @@
-//! What a replay tells at its end: what came, what was made of it, and what was lost on the way.
+//! Summary at the end of a replay: inputs, outputs and losses.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Write};
@@ -11,14 +11,14 @@ use crate::fusion::{Counters, Fusion, TactileSourceIdx};
 use crate::model::{BackendInfo, ModelInfo};
 use crate::zero::ZeroFrom;
 
-/// A model that ran.
+/// A model that was used.
 #[derive(Debug, Clone, Serialize)]
 pub struct ModelSummary {
     name: String,
     file: String,
     sha256: String,
     backend: Option<BackendInfo>,
-    /// What else runs it, among others.
+    /// Notes on the model, such as why another runtime runs it.
     notes: Vec<String>,
 }
 
@@ -29,7 +29,7 @@ impl ModelSummary {
     }
 }
 
-/// What became of a recording.
+/// Result of a replay.
 #[derive(Debug)]
 pub struct Replayed {
     pub(super) inputs: Vec<String>,
@@ -49,7 +49,7 @@ pub struct Replayed {
 }
 
 impl Replayed {
-    /// It in numbers.
+    /// The result in numbers.
     pub fn summary(&self) -> Summary<'_> {
         Summary {
             inputs: &self.inputs,
@@ -67,45 +67,45 @@ impl Replayed {
         }
     }
 
-    /// What a person should know about it, a line each.
+    /// Warnings for the user, one line each.
     pub fn warnings(&self) -> Vec<String> {
         let warnings = warnings(&self.losses, &self.topics, &self.core);
         self.written.iter().cloned().chain(warnings).chain(self.doubts.iter().cloned()).collect()
     }
 
-    /// Whether everything in the input was read and understood.
+    /// True if everything in the input could be read and decoded.
     pub fn is_complete(&self) -> bool {
         self.losses.is_empty() && self.topics.values().all(|counters| counters.first_error.is_none())
     }
 }
 
-/// A replay in numbers. Its text is what `tpf replay` prints, its fields are those of `--json`.
+/// Numbers of a replay. `tpf replay` prints its text, and with `--json` its fields.
 #[derive(Debug, Serialize)]
 pub struct Summary<'a> {
-    /// Bags, as they were given.
+    /// Paths of the bags, as given.
     pub inputs: &'a [String],
-    /// The bag that was written.
+    /// Path of the bag that was written.
     pub output: &'a str,
-    /// Where the zero was from.
+    /// Source of the zero.
     pub baseline: &'a ZeroFrom,
     /// In the order of the configuration.
     pub models: &'a [ModelSummary],
     /// Stamps of the frames, last minus first.
     pub data_s: f64,
-    /// How long it took.
+    /// Elapsed time of the replay, s.
     pub wall_s: f64,
-    /// Cores that it might use.
+    /// Number of cores that it was allowed to use.
     pub jobs: usize,
-    /// What they were busy with.
+    /// Working time of each stage.
     pub busy_s: BusySeconds,
-    /// By topic: messages that were read, and that could not be.
+    /// Counts of messages that were read and that could not be read, by topic.
     pub topics: &'a BTreeMap<String, TopicCounters>,
-    /// By source and region.
+    /// Counts by source and region.
     #[serde(flatten)]
     pub counters: Counters<'a>,
-    /// SHA-256 of everything that was written of estimates.
+    /// SHA-256 of all estimates that were written.
     pub estimates_sha256: &'a str,
-    /// What was lost of the input.
+    /// Data of the input that were lost.
     pub losses: &'a [String],
 }
 
@@ -187,7 +187,7 @@ impl fmt::Display for Summary<'_> {
     }
 }
 
-/// What a person should know who only looks at stderr.
+/// Warnings for a user who sees only stderr.
 pub(super) fn warnings(losses: &[String], topics: &BTreeMap<String, TopicCounters>, fusion: &Fusion) -> Vec<String> {
     let mut warnings: Vec<String> = losses.iter().map(|loss| format!("input lost: {loss}")).collect();
     for (topic, counters) in topics {
@@ -219,15 +219,15 @@ pub(super) fn warnings(losses: &[String], topics: &BTreeMap<String, TopicCounter
     warnings
 }
 
-/// The counts that are not zero, as `, 3 gaps, 1 time jumps`.
+/// Counts that are not zero, as `, 3 gaps, 1 time jumps`.
 fn listed(counts: &[(&str, u64)]) -> String {
     counts.iter().filter(|(_, n)| *n > 0).fold(String::new(), |mut text, (what, n)| {
-        let _ = write!(text, ", {n} {what}"); // a String takes every write
+        let _ = write!(text, ", {n} {what}"); // writing to a String never fails
         text
     })
 }
 
-/// The drops that are not zero, as `; dropped 3 duplicate, 1 empty`.
+/// Drops that are not zero, as `; dropped 3 duplicate, 1 empty`.
 fn dropped(counts: &[(&str, u64)]) -> String {
     listed(counts).strip_prefix(", ").map(|drops| format!("; dropped {drops}")).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! The estimates of two recordings, frame by frame.
+//! Compares the estimates of two recordings, frame by frame.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,19 +11,19 @@ use crate::msg::{ContactArray, ContactState, Time, WireType, WrenchStamped, from
 use crate::observer::Observer;
 use crate::units::Stamp;
 
-/// What comparing two recordings gave.
+/// Result of a comparison of two recordings.
 #[derive(Debug)]
 pub struct Compared {
-    /// Where their estimates differ.
+    /// Differences between their estimates.
     pub diff: Diff,
-    /// What of the two could not be read, a line each.
+    /// Data of the two that could not be read, one line each.
     pub losses: Vec<String>,
 }
 
 /// Compares the estimates of two recordings, region by region and field by field.
 ///
 /// # Errors
-/// [`SessionError`] when one can't be read or holds no estimates.
+/// [`SessionError`] if one can't be read or has no estimates.
 pub fn compare(a: &Path, b: &Path, cfg: DiffConfig, observer: &dyn Observer) -> Result<Compared, SessionError> {
     let (mut a, mut b) = (Records::open(a, observer)?, Records::open(b, observer)?);
     let found = diff(&mut a, &mut b, cfg)?;
@@ -34,7 +34,7 @@ pub fn compare(a: &Path, b: &Path, cfg: DiffConfig, observer: &dyn Observer) -> 
     Ok(Compared { diff: found, losses })
 }
 
-/// The estimates of a bag, one a region and frame: what `ContactArray` says, with the wrench of the same stamp.
+/// Estimates of a bag, one per region and frame: the contents of `ContactArray`, with the wrench of the same stamp.
 struct Records {
     path: PathBuf,
     reader: BagReader,

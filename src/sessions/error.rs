@@ -1,4 +1,4 @@
-//! Why a session can't be read or estimated.
+//! Errors of sessions.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -8,7 +8,7 @@ use crate::fusion::SetupError;
 use crate::observer::Cancelled;
 use crate::recording::RecordingError;
 
-/// Why a session can't be read or estimated. Each text is one line.
+/// A session that can't be read or estimated. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SessionError {
@@ -27,12 +27,12 @@ pub enum SessionError {
 }
 
 impl SessionError {
-    /// What is wrong with a file or bag.
+    /// An error in a file or bag.
     pub(super) fn at(path: &Path, reason: &dyn Display) -> Self {
         SessionError::At { path: path.display().to_string(), reason: reason.to_string() }
     }
 
-    /// The same, with the bag where what it holds is at fault.
+    /// The error with the name of the bag, if the bag's content caused it.
     pub(crate) fn of_bag(self, bag: &Path) -> Self {
         match self {
             SessionError::Recording(error) => SessionError::at(bag, &error),

@@ -1,5 +1,5 @@
-//! Recordings without annotations: when nothing touches the glove is told by a person, or by the true force, and becomes
-//! annotations as the protocol would have written them.
+//! Makes annotations for recordings without any. The times at which nothing touches the glove come from a person or
+//! from the true force.
 
 mod force;
 
@@ -19,24 +19,24 @@ use crate::units::{NANOS_PER_SEC, Newton, Stamp, nanos};
 
 pub use force::MARGIN;
 
-/// A stretch without load that is longer than this becomes several annotations, so that the drift of a force sensor within
-/// it is followed. The protocol's own annotations are of a few seconds.
+/// A longer span without load becomes several annotations, so that the tare follows a drift of the force sensor within
+/// it. The protocol's annotations last a few seconds each.
 const LONGEST_NS: i64 = 10 * NANOS_PER_SEC;
 
-/// What tells when nothing touches the glove, in place of the annotations of a recording.
+/// Source for the times at which nothing touches the glove, instead of the annotations of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub enum InAir {
-    /// A person: all of it.
+    /// A person: the whole recording.
     All,
-    /// A person: from and up to, s from the first taxels of the recording; in order of time and apart from each other.
+    /// A person: start and end, s from the first taxels of the recording, in order of time and not overlapping.
     Spans(Vec<(f64, f64)>),
-    /// The true force: wherever every force sensor of the recording is below this, and has been and will be for
-    /// [`MARGIN`].
+    /// The true force: nothing touches while all force sensors of the recording are below this, and for [`MARGIN`]
+    /// before and after.
     Below(Newton),
 }
 
 impl InAir {
-    /// Spans in any order, which may touch and overlap.
+    /// From spans in any order, which may touch and overlap.
     pub fn of_spans(mut spans: Vec<(f64, f64)>) -> Self {
         spans.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut apart: Vec<(f64, f64)> = Vec::new();
@@ -53,7 +53,7 @@ impl InAir {
 impl FromStr for InAir {
     type Err = String;
 
-    /// `all`, or spans in seconds such as `5..35` or `0..10,60..75`.
+    /// Parses `all`, or spans in seconds such as `5..35` or `0..10,60..75`.
     fn from_str(text: &str) -> Result<Self, String> {
         if text == "all" {
             return Ok(InAir::All);
@@ -83,18 +83,18 @@ impl std::fmt::Display for InAir {
     }
 }
 
-/// What a recording without annotations is refused with, and what tells the same.
+/// The error for a recording without annotations, which names the alternatives.
 pub fn without_annotations(stage_topic: &str) -> String {
     format!(
         "no stage annotations on {stage_topic}, so that nothing says when the hand is in the air; give --in-air FROM..TO or --zero-load-below FORCE, or record that topic"
     )
 }
 
-/// The configuration for one recording: where `in_air` tells when nothing touches the glove, it has annotations made of
-/// that, in place of those on its stage topic. Annotations that the recording has keep their stages and poses.
+/// The configuration for one recording. With `in_air`, it contains annotations made from it, which replace those on the
+/// stage topic. Existing annotations keep their stages and poses.
 ///
 /// # Errors
-/// [`SessionError`] when the recording can't be read, is shorter than what was told, or has no true force that tells.
+/// [`SessionError`] if the recording can't be read, is shorter than the given spans, or lacks the true force.
 pub fn annotated(
     cfg: &Config,
     bags: &[PathBuf],
@@ -128,13 +128,13 @@ pub fn annotated(
     Ok(Config { told_stages: Some(told.into()), ..cfg.clone() })
 }
 
-/// What of a recording decides when nothing touches the glove.
+/// Data of a recording that show when nothing touches the glove.
 struct Seen {
     /// Stamps of the first and the last taxels.
     start: Stamp,
     end: Stamp,
     annotations: Annotations,
-    /// Of the force sensors whose topics it has; empty where the force tells nothing.
+    /// Force sensors in the recording. Empty if the force is not used.
     truth: Vec<TruthTrack>,
 }
 
@@ -193,7 +193,7 @@ impl Seen {
         Ok(Seen { start, end, annotations, truth: tracks })
     }
 
-    /// What to say of a recording that ends within what was told; one line where it ends before.
+    /// A note if the recording ends within the given spans. An error, on one line, if it ends before a span begins.
     fn check(&self, spans: &[(f64, f64)], bag: &str) -> Result<Vec<String>, String> {
         let length = self.end.nanos_since(self.start) as f64 / NANOS_PER_SEC as f64;
         if let Some((from, to)) = spans.iter().find(|(from, _)| *from >= length) {
@@ -209,10 +209,10 @@ impl Seen {
     }
 }
 
-/// The annotations of a recording in which `free` is without load, from its `begin` on.
+/// Annotations of a recording that is without load in the spans `free`, from `begin` on.
 ///
-/// A recording without annotations gets those of the protocol's first stage, which is in the air, and of its second, in
-/// which the hand is in the air and presses by turns, so that each is cut into training and test by itself.
+/// A recording without annotations gets two stages of the protocol: the time in the air becomes stage 1, the rest
+/// becomes stage 2. Each stage is divided into training and test separately.
 fn stages(known: &Annotations, free: &[ZeroLoad], begin: Stamp) -> Vec<Stage> {
     let mut bounds: Vec<Stamp> = known.all().iter().map(|annotation| annotation.from).chain([begin]).collect();
     for stretch in free {

@@ -1,4 +1,4 @@
-//! What a session says besides taxels and joint angles: the true force, tared, and what was asked for when.
+//! Labels of a session: the tared true force, and the annotations.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -17,21 +17,21 @@ use crate::recording::{
 };
 use crate::units::{GramForce, Stamp};
 
-/// Taxels that are read before a stretch that is scored: a window, and time for contact to settle.
+/// Time of taxels that is read before a scored span: a window, and time for contact to settle.
 const LEAD_NS: i64 = 2_000_000_000;
 
-/// Which force sensors a bag must have.
+/// Force sensors that a bag must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NeedsTruth {
-    /// Those of the parameters: one that was asked for by its topic.
+    /// All force sensors of the parameters: the user asked for one by its topic.
     All,
-    /// None: without one there are no scores, and the rest is told.
+    /// None. Without a force sensor there are no scores, only the other results.
     None,
-    /// None, and none that can't be tared for want of annotations.
+    /// None. A sensor that can't be tared, because annotations are missing, counts as missing.
     Tared,
 }
 
-/// A force sensor's readings and their zero.
+/// Readings of a force sensor, and their tare.
 #[derive(Debug, Clone)]
 struct Truth {
     track: TruthTrack,
@@ -40,26 +40,26 @@ struct Truth {
     axes: Option<AxisTares>,
 }
 
-/// Labels of a session, and where it is cut.
+/// Labels of a session, and its division into training and test parts.
 #[derive(Debug)]
 pub struct Labelled {
     notes: Notes,
     annotations: Annotations,
-    /// Annotations that were told beside the bag.
+    /// Annotations from outside of the bag.
     told: Option<Arc<[Stage]>>,
     cuts: Option<Cuts>,
-    /// `[force sensors]`; `None` where the bag lacks its topic.
+    /// `[force sensors]`; `None` if the bag lacks its topic.
     truth: Vec<Option<Truth>>,
     missing: Vec<String>,
-    /// `[force sensors]`: until when its known touches last, before anything is scored.
+    /// `[force sensors]`: end of its known touches. Frames before it are not scored.
     heads: Vec<Option<Stamp>>,
 }
 
 impl Labelled {
-    /// Reads truth and annotations; doubts about the truth are noted.
+    /// Reads true force and annotations. Doubts about the true force are noted.
     ///
     /// # Errors
-    /// [`SessionError`] when the bag can't be read, or lacks what is needed.
+    /// [`SessionError`] if the bag can't be read, or lacks required data.
     pub fn read(
         bag: &Path,
         cfg: &Config,
@@ -140,10 +140,11 @@ impl Labelled {
         Ok(Labelled { notes, annotations, told: cfg.told_stages.clone(), cuts, truth, missing, heads })
     }
 
-    /// The same where the first `n` touches of each force sensor are known to the glove's wearer: what follows them is scored.
+    /// The labels if the first `n` touches of each force sensor are used to fit force gains. Only the frames after them
+    /// are scored.
     ///
     /// # Errors
-    /// [`SessionError`] when a sensor has fewer touches that are strong and long enough to tell a gain.
+    /// [`SessionError`] if a sensor has fewer touches that are strong and long enough for a gain.
     pub fn with_known_touches(mut self, bag: &Path, n: usize) -> Result<Self, SessionError> {
         for (head, truth) in self.heads.iter_mut().zip(&self.truth) {
             let Some(Truth { track, tare, .. }) = truth else { continue };
@@ -159,10 +160,10 @@ impl Labelled {
         Ok(self)
     }
 
-    /// What the known touches of a force sensor tell of a region's forces.
+    /// The force gain of a region, from the known touches of a force sensor.
     ///
     /// # Errors
-    /// [`GainError`] when they tell none.
+    /// [`GainError`] if the touches give no gain.
     pub fn known_gain(
         &self,
         column: &EstimateTrack,
@@ -177,7 +178,7 @@ impl Labelled {
         ForceGain::fit(&touches.map(|touch| touch.touch).collect::<Vec<_>>()).map(Some)
     }
 
-    /// Whether a frame is scored whose window begins at `from`.
+    /// True if the frame at `stamp` is scored. Its window begins at `from`.
     fn is_scored(&self, from: Stamp, stamp: Stamp) -> bool {
         if self.heads.iter().flatten().any(|head| from <= *head) {
             return false;
@@ -186,21 +187,21 @@ impl Labelled {
         in_test(stamp) && in_test(from)
     }
 
-    /// Whether taxels at a stamp are needed for what is scored.
+    /// True if taxels at a stamp are needed for the scored spans.
     pub fn is_wanted(&self, stamp: Stamp, offset_ns: i64) -> bool {
         let Some(cuts) = &self.cuts else { return true };
         if self.heads.iter().flatten().any(|head| stamp.offset(-offset_ns.abs()) <= *head) {
             return true;
         }
         let reach = LEAD_NS + offset_ns.abs();
-        // Test parts are longer than the lead, or they hold no frame worth the name.
+        // Test parts are longer than the lead, or too short for a frame.
         [0, reach / 2, reach, -offset_ns.abs()]
             .iter()
             .any(|ahead| cuts.part_at(stamp.offset(*ahead)) == Some(Part::Test))
     }
 
-    /// Puts a region's estimates beside its truth, if it has one. A frame is left out where its window, so long, reaches out
-    /// of what is scored.
+    /// Pairs a region's estimates with its true force, if there is one. A frame is left out if its window (`window_ns`)
+    /// extends beyond the scored spans.
     pub fn frames(
         &self,
         column: &EstimateTrack,
@@ -293,22 +294,23 @@ impl Labelled {
         &self.notes
     }
 
-    /// What the protocol asked for.
+    /// Annotations of the protocol.
     pub fn annotations(&self) -> &Annotations {
         &self.annotations
     }
 
-    /// Annotations that were told beside the bag.
+    /// Annotations from outside of the bag.
     pub(super) fn told(&self) -> Option<Arc<[Stage]>> {
         self.told.clone()
     }
 
-    /// What it lacks, and what can't be said for want of it.
+    /// Missing data, and the results that are missing because of them.
     pub fn missing(&self) -> &[String] {
         &self.missing
     }
 
-    /// How well the tared truth keeps below the touch threshold where nothing touches, with warnings; `None` without truth.
+    /// How well the tared true force stays below the touch threshold where nothing touches, with warnings. `None`
+    /// without true force.
     pub fn zero_load_check(&self, bag: &Path, warnings: &mut Vec<String>) -> Option<ZeroLoadCheck> {
         let mut check = ZeroLoadCheck::default();
         let at_rest = |stamp| self.annotations.at(stamp).is_some_and(|annotation| annotation.zero_load);

@@ -1,4 +1,4 @@
-//! The estimates of a session: made by models on its inputs, or read out of it.
+//! Estimates of a session, computed by models or read from the bag.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -18,40 +18,40 @@ use crate::recording::{EstimateTrack, Labels, Listener, PoseDegrader, PoseQualit
 use crate::units::Stamp;
 use crate::zero::{self, Wanted, ZeroError, ZeroFrom};
 
-/// A model on its way through a session: its configuration, and what runs it.
+/// A model that runs over sessions, with its configuration.
 #[derive(Debug)]
 pub struct Core {
-    /// What the parameters say, with this model.
+    /// The configuration with this model.
     pub cfg: Config,
-    /// What is known of it.
+    /// Information about the models.
     pub infos: Vec<ModelInfo>,
-    /// What becomes of the joint angles before they reach it.
+    /// Degradation of the joint angles.
     pub quality: PoseQuality,
-    /// What runs it.
+    /// The models, ready to run.
     pub regressors: Vec<Box<dyn Regressor>>,
 }
 
-/// What models made of a session.
+/// Estimates of a session by models.
 #[derive(Debug)]
 pub struct Modelled {
     /// `[models][regions]`
     pub columns: Vec<Vec<EstimateTrack>>,
-    /// The models, for the next session.
+    /// The models, for use with the next session.
     pub cores: Vec<Core>,
-    /// `[models]`: what became of all that went in.
+    /// `[models]`: counters of the core.
     pub counters: Vec<serde_json::Value>,
-    /// Where its zero was from.
+    /// Source of the zero.
     pub zero: Option<ZeroFrom>,
-    /// Whether it can be relied on, or what is to be said where the parameters insist on it.
+    /// Result of the check of the zero. A note if the zero fails but the parameters insist on it.
     pub verdict: Result<Option<String>, ZeroError>,
-    /// What was lost of the bag.
+    /// Data of the bag that were lost.
     pub losses: Vec<String>,
 }
 
-/// Runs models over the stretches of a session that are scored; `done` grows by the bytes that were read.
+/// Runs models over the scored spans of a session. `done` is increased by the number of bytes read.
 ///
 /// # Errors
-/// [`SessionError`] when the bag or its zero can't be used.
+/// [`SessionError`] if the bag or its zero can't be used.
 pub fn run_models(
     bag: &Path,
     labelled: &Labelled,
@@ -60,7 +60,7 @@ pub fn run_models(
     done: &AtomicU64,
     observer: &dyn Observer,
 ) -> Result<Modelled, SessionError> {
-    // When nothing touches the glove is known of the session, not of the models.
+    // The times at which nothing touches the glove belong to the session, not to the models.
     cores.iter_mut().for_each(|core| core.cfg.told_stages = labelled.told());
     let Some(first) = cores.first() else {
         let (columns, counters, losses) = (Vec::new(), Vec::new(), Vec::new());
@@ -68,7 +68,7 @@ pub fn run_models(
     };
     let bags = [bag.to_path_buf()];
     let in_bag = |error: &dyn std::fmt::Display| SessionError::at(bag, error);
-    // The sources are the same for all.
+    // All models have the same sources.
     let Core { cfg, infos, .. } = first;
     let degrader = |core: &Core| PoseDegrader::new(core.quality, &core.cfg.fusion.joint_sources, &session_name(bag));
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
@@ -84,7 +84,7 @@ pub fn run_models(
     let mut follows = false;
     for (idx, core) in cores.into_iter().enumerate() {
         let mut fusion = Fusion::new(core.cfg.fusion.clone(), core.regressors)?;
-        // The baseline is that of the glove, the artifact that of the model.
+        // The baseline belongs to the glove, the artifact to the model.
         let tells_artifact = core.infos.iter().any(|info| info.contract.artifact.is_some());
         match tells_artifact && idx > 0 {
             true => {
@@ -100,7 +100,7 @@ pub fn run_models(
         kept.push((core.cfg, core.infos, core.quality));
     }
     let mut told = 0;
-    // Every model with joint angles as they were recorded judges the zero, by the frames that are scored.
+    // Every model with unchanged joint angles checks the zero, on the scored frames.
     let is_judge = |idx: &usize| kept[*idx].2 == PoseQuality::default();
     let judges = (0..kept.len()).filter(is_judge);
     let mut checks: Vec<_> = judges.filter_map(|idx| Some((idx, zero.check.clone()?))).collect();
@@ -114,7 +114,7 @@ pub fn run_models(
             }
         },
         on_other: &mut |_| Ok(()),
-        // What is followed depends on all that was worn before.
+        // Following the artifact needs all frames from the beginning.
         is_wanted: &|stamp| follows || labelled.is_wanted(stamp, offset_ns),
         pose: &mut pose,
         between: &mut |bytes| {
@@ -125,7 +125,7 @@ pub fn run_models(
     };
     let mut unused = Labels::new(&[]);
     read(&mut reader, &mut inputs, &mut unused, &mut fusions, listener).map_err(|stopped| stopped.of_bag(bag))?;
-    // A load shows to all of them; what only one reads is its own fault, which is what scores are for.
+    // All models would see a load. If only one does, the model is at fault, and its scores show it.
     let verdicts: Vec<_> = checks.iter().map(|(judge, check)| check.judge(&kept[*judge].0)).collect();
     let is_at_rest = verdicts.iter().any(|verdict| matches!(verdict, Ok(None)));
     let verdict = verdicts.into_iter().next_back().filter(|_| !is_at_rest).unwrap_or(Ok(None));
@@ -153,7 +153,7 @@ pub fn run_models(
 /// `[regions]`
 ///
 /// # Errors
-/// [`SessionError`] when the bag can't be read.
+/// [`SessionError`] if the bag can't be read.
 pub fn read_estimates(
     bag: &Path,
     cfg: &Config,
@@ -210,10 +210,10 @@ pub fn read_estimates(
     Ok((columns, losses))
 }
 
-/// All frames of a bag's first region by the estimates in it.
+/// All frames of a bag's first region, with the estimates in the bag.
 ///
 /// # Errors
-/// [`SessionError`] when the bag can't be read, or lacks truth or annotations.
+/// [`SessionError`] if the bag can't be read, or lacks true force or annotations.
 pub fn recorded(bag: &Path, cfg: &Config, observer: &dyn Observer) -> Result<ScoredFrames, SessionError> {
     let labelled = Labelled::read(bag, cfg, None, NeedsTruth::All, observer)?;
     let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
@@ -224,14 +224,14 @@ pub fn recorded(bag: &Path, cfg: &Config, observer: &dyn Observer) -> Result<Sco
     Ok(labelled.frames(&columns[0], truth_idx, 0, max_gap, region.contact, &Origin::default()))
 }
 
-/// Whether bags hold estimates of a node.
+/// True if bags have estimates of a node.
 pub fn hold_estimates(bags: &[PathBuf], topic: &str) -> bool {
     let holds = |bag: &PathBuf| {
         let mut reader = BagReader::open(std::slice::from_ref(bag)).ok()?;
         reader.scan(&[topic]).ok()?;
         Some(reader.channels().iter().any(|channel| channel.topic == topic))
     };
-    // Bags that can't be read say so when it is their turn.
+    // Errors of bags that can't be read are reported later, when the bag is processed.
     let mut known = bags.iter().filter_map(holds).peekable();
     known.peek().is_some() && known.all(|holds| holds)
 }

@@ -1,12 +1,12 @@
-//! Every N-th bag of a list: the share of one of several processes.
+//! Selects every N-th bag of a list, the share of one of several processes.
 
 use std::path::PathBuf;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// The share of one of several processes, counted from 0 as array jobs of Slurm and indexed jobs of Kubernetes are: the bags
-/// at `index`, `index + of`, `index + 2 of`, ... of a list.
+/// Share of one of several processes: the bags at `index`, `index + of`, `index + 2 of`, ... of a list. The index
+/// starts at 0, as in array jobs of Slurm and indexed jobs of Kubernetes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Shard {
@@ -14,7 +14,7 @@ pub struct Shard {
     of: usize,
 }
 
-/// Text that names no shard.
+/// Text that is not a shard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("expected I/N with 0 <= I < N, such as 0/12 for the first of 12 shards, got {0:?}")]
 pub struct ShardError(String);
@@ -50,35 +50,35 @@ impl std::fmt::Display for Shard {
 }
 
 impl Shard {
-    /// Everything in one.
+    /// The only shard: all bags.
     pub const WHOLE: Shard = Shard { index: 0, of: 1 };
 
-    /// Shard `index` of `of`; `None` where there is no such shard.
+    /// Shard `index` of `of`. `None` if `index` is too large.
     pub fn new(index: usize, of: usize) -> Option<Self> {
         (index < of).then_some(Shard { index, of })
     }
 
-    /// Which it is, from 0 on.
+    /// Index, from 0.
     pub fn index(self) -> usize {
         self.index
     }
 
-    /// How many there are.
+    /// Number of shards.
     pub fn of(self) -> usize {
         self.of
     }
 
-    /// Its bags of a list, in the order of the list; none where there are more shards than bags.
+    /// The bags of this shard, in the order of the list. Empty if there are more shards than bags.
     pub fn bags(self, all: &[PathBuf]) -> Vec<PathBuf> {
         all.iter().skip(self.index).step_by(self.of).cloned().collect()
     }
 
-    /// How many of `n` bags are its own.
+    /// Number of bags of this shard, out of `n`.
     pub fn n_of(self, n: usize) -> usize {
         n.saturating_sub(self.index).div_ceil(self.of)
     }
 
-    /// Where its `nth` bag stands in the list.
+    /// Position of its `nth` bag in the list.
     pub fn place(self, nth: usize) -> usize {
         self.index.saturating_add(nth.saturating_mul(self.of))
     }

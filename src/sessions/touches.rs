@@ -1,4 +1,4 @@
-//! What touches of a known force in a recording tell of the forces of its donning.
+//! Fits the force gains of a donning to touches of known force.
 
 use std::path::PathBuf;
 
@@ -15,32 +15,32 @@ use crate::recording::{
 use crate::units::{NANOS_PER_SEC, Stamp};
 use crate::zero::{Zero, ZeroFrom};
 
-/// Where the forces of touches are known from.
+/// Source of the known forces of touches.
 #[derive(Debug, Clone, PartialEq)]
 pub enum KnownForces {
     /// The force sensor of each region in the recording.
     Sensor,
-    /// A person, by the name of the region.
+    /// A person, by region name.
     Told(Vec<(String, ToldTouch)>),
 }
 
-/// What touches of a known force tell of one region.
+/// Known touches of one region, and the gain from them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionTouches {
     /// Index of the region.
     pub region: usize,
     /// The touches, in order of time.
     pub touches: Vec<TimedTouch>,
-    /// The gain that they ask for.
+    /// The fitted gain.
     pub gain: ForceGain,
 }
 
-/// Fits the force gain of each region that was touched with known forces.
+/// Fits the force gain of each region that was touched with known force.
 ///
-/// `core` has the zero of the recording, and no gain; it is used up.
+/// `core` must have the zero of the recording and no force gains. It is consumed.
 ///
 /// # Errors
-/// [`SessionError`] when the recording can't be read, lacks the forces, or its touches tell no gain.
+/// [`SessionError`] if the recording can't be read, lacks the forces, or if its touches give no gain.
 pub fn force_gains(
     bags: &[PathBuf],
     cfg: &Config,
@@ -92,7 +92,7 @@ pub fn force_gains(
     Ok(fitted)
 }
 
-/// `[regions]`: the touches that force sensors measured.
+/// `[regions]`: touches measured by force sensors.
 fn of_sensor(
     cfg: &Config,
     zero: &Zero,
@@ -121,7 +121,7 @@ fn of_sensor(
     tracks.iter().zip(&cfg.truth_of_region).map(of_region).collect()
 }
 
-/// `[regions]`: the touches that a person tells.
+/// `[regions]`: touches given by a person.
 fn of_told(
     cfg: &Config,
     told: &[(String, ToldTouch)],

@@ -1,4 +1,4 @@
-//! The artifacts of a donning, from the frames of its calibration.
+//! Fits the artifacts of a donning to the frames of its calibration.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,22 +10,22 @@ use crate::fusion::{
 };
 use crate::recording::{RowCollector, Rows};
 
-/// Frames that must follow one another: those between are interpolated where fewer are missing.
+/// Number of consecutive frames that are needed. If fewer are missing, they are interpolated.
 const WINDOW: usize = 16;
 
-/// An artifact model, and the frames a second that it was made for.
+/// An artifact model, and the frame rate that it was made for, Hz.
 pub type TimedArtifact = (Arc<ArtifactModel>, f64);
 
-/// What a calibration is long enough for.
+/// Time limits for the fit of an artifact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArtifactTimes {
-    /// Frames at zero load that are fitted at most: those of this time.
+    /// Maximum time of frames at zero load that are used for the fit.
     pub most: Duration,
-    /// Frames at zero load, with joint angles, that are needed at least, s.
+    /// Minimum time of frames at zero load with joint angles, s.
     pub least_s: f64,
 }
 
-/// Collects, region by region, what its artifact is fitted to.
+/// Collects, for each region, the frames to which its artifact is fitted.
 #[derive(Debug)]
 pub struct ArtifactCollector {
     times: ArtifactTimes,
@@ -45,13 +45,13 @@ struct Collecting {
 }
 
 impl ArtifactCollector {
-    /// A collector for the regions whose models tell artifacts.
+    /// A collector for the regions whose models have an artifact model.
     ///
     /// # Shapes
     /// `artifacts`: `[regions]`; `baselines` and `rest`: `[tactile sources]`.
     ///
     /// # Errors
-    /// [`SetupError`] when a region doesn't fit its sources, or a baseline its source.
+    /// [`SetupError`] if a region doesn't fit its sources, or a baseline its source.
     pub fn new(
         cfg: &FusionConfig,
         artifacts: &[Option<TimedArtifact>],
@@ -75,15 +75,15 @@ impl ArtifactCollector {
         Ok(ArtifactCollector { times, regions: regions.collect::<Result<_, SetupError>>()? })
     }
 
-    /// Whether more events are of use.
+    /// True if more events are needed.
     pub fn wants_more(&self) -> bool {
         self.regions.iter().flatten().any(|region| !region.is_done)
     }
 
-    /// Takes a sample.
+    /// Adds a sample.
     ///
     /// # Errors
-    /// [`FusionError`], which none of the cores in here gives.
+    /// [`FusionError`], which the cores in this collector never return.
     pub fn handle(&mut self, event: Event<'_>) -> Result<(), FusionError> {
         for region in self.regions.iter_mut().flatten().filter(|region| !region.is_done) {
             region.core.handle(event);
@@ -92,7 +92,7 @@ impl ArtifactCollector {
         Ok(())
     }
 
-    /// The artifacts, starting from those that were known before; none for regions whose models tell none.
+    /// The fitted artifacts, starting from the previous ones. `None` for regions whose models have no artifact model.
     ///
     /// # Shapes
     /// `before` and the result: `[regions]`.

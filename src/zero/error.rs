@@ -1,4 +1,4 @@
-//! Why there is no zero.
+//! Errors of the zero.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use crate::bag::{BagError, BaselineError, InputError};
 use crate::calibration::CalibrationFileError;
 use crate::fusion::CalibrationError;
 
-/// Why a zero is not used. Each text is one line.
+/// A zero that is not used. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum ZeroError {

@@ -1,4 +1,4 @@
-//! Whether a zero can be relied on, by the forces that the models read where it says that nothing is touched.
+//! Checks a zero by the forces that the models estimate while nothing should touch the glove.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use crate::bag::Rest;
 use crate::config::{CalibrationConfig, Config};
 use crate::fusion::{CalibrationLimits, Estimate, Flags, Tick, judge_loaded};
 
-/// When a calibration is refused.
+/// The limits at which a calibration is refused.
 pub fn limits(cfg: &CalibrationConfig) -> CalibrationLimits {
     CalibrationLimits {
         min_s: cfg.min_duration.as_secs_f64(),
@@ -16,13 +16,13 @@ pub fn limits(cfg: &CalibrationConfig) -> CalibrationLimits {
     }
 }
 
-/// Collects what the models make of the frames at rest, and judges the zero by it.
+/// Collects the models' forces in the frames at rest, and checks the zero by them.
 #[derive(Debug, Clone)]
 pub struct LoadCheck {
     from: ZeroFrom,
-    /// `[tactile sources]`: in order of time.
+    /// `[tactile sources]`: spans at rest, in order of time.
     rest: Vec<Vec<Rest>>,
-    /// `[tactile sources]`: whether its last stretch is over.
+    /// `[tactile sources]`: true if its last span at rest is over.
     over: Vec<bool>,
     limits: CalibrationLimits,
     regions: BTreeMap<usize, Tally>,
@@ -38,7 +38,7 @@ struct Tally {
 }
 
 impl LoadCheck {
-    /// A check of a zero by the frames of these stretches.
+    /// A check of a zero on the frames of these spans.
     ///
     /// # Shapes
     /// `rest`: `[tactile sources]`, each in order of time.
@@ -46,7 +46,7 @@ impl LoadCheck {
         LoadCheck { from, over: vec![false; rest.len()], rest, limits, regions: BTreeMap::new() }
     }
 
-    /// Takes the estimates of a frame; whether frames at rest are still to come.
+    /// Adds the estimates of a frame. True if more frames at rest may follow.
     pub fn takes(&mut self, tick: &Tick) -> bool {
         let source = tick.source.0;
         if !self.over[source] {
@@ -61,7 +61,7 @@ impl LoadCheck {
 
     fn handle(&mut self, estimate: &Estimate) {
         let tally = self.regions.entry(estimate.region).or_default();
-        // A window that isn't full yet says nothing of the zero.
+        // A window that is not full yet gives no information about the zero.
         if estimate.force.is_none() && estimate.flags.contains(Flags::WARMUP) {
             return;
         }
@@ -76,8 +76,8 @@ impl LoadCheck {
         }
     }
 
-    /// Refuses a zero that looks loaded, or that no estimate could be made with. Where `calibration.insist` is set it says
-    /// so instead.
+    /// Refuses a zero under load, or one for which there was no estimate. With `calibration.insist` it returns a note
+    /// instead.
     ///
     /// # Errors
     /// [`ZeroError::Loaded`], [`ZeroError::LoadedHere`], [`ZeroError::Unjudged`].
@@ -107,10 +107,10 @@ impl LoadCheck {
         })
     }
 
-    /// Refuses a calibration whose joint angles didn't reach the frames, so that the model never saw the movement.
+    /// Refuses a calibration in which most frames had no joint angles, because the model then did not see the movement.
     ///
     /// # Errors
-    /// [`ZeroError::WithoutPose`], where `calibration.insist` is not set.
+    /// [`ZeroError::WithoutPose`], unless `calibration.insist` is set.
     pub fn check_pose(&self, cfg: &Config) -> Result<Option<String>, ZeroError> {
         for (&region, tally) in &self.regions {
             let needs_pose = !cfg.fusion.regions[region].joints.is_empty();

@@ -1,21 +1,21 @@
-//! How far joints move while a zero is taken live.
+//! Measures how far the joints move during a live calibration.
 
 use std::collections::BTreeMap;
 
 use super::ZeroError;
 use crate::config::Config;
 
-/// Farther than this no joint of a hand goes, rad: a turn.
+/// No joint of a hand moves further than this, rad: one turn.
 const MAX_SPAN: f64 = std::f64::consts::TAU;
 
-/// The range that each joint went through.
+/// Range of motion of each joint.
 #[derive(Debug, Clone, Default)]
 pub struct Movement {
     spans: BTreeMap<String, (f64, f64)>,
 }
 
 impl Movement {
-    /// Takes joint angles, `scale` of which are rad. Those that are not finite are left out.
+    /// Adds joint angles, multiplied by `scale` to give rad. Those that are not finite are ignored.
     ///
     /// # Shapes
     /// `names`, `positions`: `[joints of the message]`.
@@ -31,12 +31,12 @@ impl Movement {
         }
     }
 
-    /// Each joint, and how far it went, rad; in order of name.
+    /// Names of the joints and their range of motion, rad, sorted by name.
     pub fn spans(&self) -> (Vec<String>, Vec<f64>) {
         self.spans.iter().map(|(name, (low, high))| (name.clone(), high - low)).unzip()
     }
 
-    /// Refuses joints that went farther than any does. It can be asked at any time while a calibration goes on.
+    /// Refuses joints that moved further than a joint can. It can be called at any time during a calibration.
     ///
     /// # Errors
     /// [`ZeroError::TooFar`].
@@ -53,7 +53,7 @@ impl Movement {
         Ok(())
     }
 
-    /// Refuses a hand that hardly moved, whose baseline would be that of one pose, and joints that moved too far.
+    /// Refuses a hand that hardly moved, whose baseline would be that of a single pose, and joints that moved too far.
     ///
     /// # Errors
     /// [`ZeroError::NoAngles`], [`ZeroError::Still`], [`ZeroError::TooFar`].

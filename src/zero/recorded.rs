@@ -1,4 +1,4 @@
-//! The zero of a recording: from a file, from its annotations, or from its first seconds.
+//! Finds the zero of a recording: in a file, from its annotations, or from its first seconds.
 
 use std::path::{Path, PathBuf};
 
@@ -11,34 +11,34 @@ use crate::config::Config;
 use crate::fusion::Event;
 use crate::recording::{PoseDegrader, input_topics};
 
-/// How much of the seconds that are asked for must be there: frames may be missing, but not the end of what was meant.
+/// Minimum share of the requested seconds with data. Some frames may be missing, but not a large part.
 const SHORTEST: f64 = 0.5;
 
-/// What a person asks for.
+/// Source of the zero that the user asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Wanted<'a> {
-    /// This calibration file.
+    /// A calibration file.
     File(&'a Path),
-    /// The first seconds.
+    /// The first seconds, s.
     First(f64),
-    /// Whatever there is: annotations, else the file of the parameters, else the first seconds.
+    /// The first that exists: annotations, the file of the parameters, the first seconds.
     Any,
 }
 
-/// Finds the zero of a recording: what is asked for, else annotations, else `calibration.file`, else the first
-/// `calibration.duration_s` seconds.
+/// Finds the zero of a recording: from the requested source, or else annotations, `calibration.file`, or the first
+/// `calibration.duration_s` seconds, in this order.
 ///
 /// # Errors
-/// [`ZeroError`] when the recording can't be read, what is at zero load in it is too short or has a dead taxel, or a file
-/// is refused.
+/// [`ZeroError`] if the recording can't be read, if its part at zero load is too short or has a dead taxel, or if a
+/// file is refused.
 pub fn find(wanted: Wanted<'_>, cfg: &Config, bags: &[PathBuf], models: &KnownModels) -> Result<Zero, ZeroError> {
     find_with(wanted, cfg, bags, models, None)
 }
 
-/// The same, with joint angles made worse on purpose.
+/// Like [`find`], with degraded joint angles.
 ///
 /// # Errors
-/// As [`find`].
+/// As for [`find`].
 pub fn find_with(
     wanted: Wanted<'_>,
     cfg: &Config,
@@ -74,7 +74,7 @@ pub fn find_with(
     }
 }
 
-/// The zero of a file; where the recording says when nothing touches the glove, the model must agree.
+/// The zero from a file. If the recording has times without load, the model must confirm the zero there.
 fn of_file(
     file: &Path,
     cfg: &Config,
@@ -115,7 +115,7 @@ fn from_bag(
     Ok(Zero { check, notes, ..Zero::new(from, donning) })
 }
 
-/// Finds the artifacts of the first seconds at rest, where models tell artifacts; what is to be said of it.
+/// Fits the artifacts to the first seconds at rest, for models with an artifact model. Returns a note, if there is one.
 fn fit_artifacts(
     donning: &mut Donning,
     cfg: &Config,

@@ -1,4 +1,4 @@
-//! What can be said of each key and value by itself.
+//! Checks each key and value on its own.
 
 use super::super::QOS_OVERRIDES;
 use super::super::error::ConfigError;
@@ -7,14 +7,14 @@ use super::super::param_file::ParamTree;
 use super::super::scalar::ParamValue;
 use super::super::text::{list, nearest, one_line};
 
-/// Where to look for what a key may be.
+/// Hint for an error about an unknown key.
 pub(super) const EXPLAINED: &str = "params/example.yaml explains those that there are";
 
-/// Refuses keys that are in no pattern, values of another type, and values out of range. Unknown keys of a section that
-/// is shared by nodes are those of others, and handed back, unless they are so near to one of ours that it was meant.
+/// Refuses unknown keys, values of the wrong type, and values out of range. Unknown keys in a section that several
+/// nodes share are assumed to be for other nodes, and returned, unless they are similar to one of our keys.
 pub(super) fn keys_and_values(tree: &ParamTree) -> Result<Vec<&str>, ConfigError> {
     let mut of_others = Vec::new();
-    // QoS overrides are named by topics, which the live node knows and checks.
+    // QoS overrides contain topic names. The live node knows the topics and checks them.
     for (key, param) in tree.iter().filter(|(key, _)| !key.starts_with(QOS_OVERRIDES)) {
         let origin = param.origin.to_string();
         let Some(known) = find(key) else {
@@ -45,9 +45,9 @@ pub(super) fn keys_and_values(tree: &ParamTree) -> Result<Vec<&str>, ConfigError
     Ok(of_others)
 }
 
-/// What someone who wrote an unknown key may have meant.
+/// The key that was probably meant by an unknown key.
 fn meant(key: &str) -> Option<String> {
-    // Patterns with the key's own names in them, so that only what is ours is compared.
+    // Our patterns with the names of the unknown key filled in, so that only our part of the key is compared.
     let tokens: Vec<&str> = key.split('.').collect();
     let candidates: Vec<String> = KEYS
         .iter()
@@ -61,9 +61,10 @@ fn meant(key: &str) -> Option<String> {
     nearest(key, candidates.iter().map(String::as_str)).map(str::to_owned)
 }
 
-/// Refuses keys for a source, model or region that the lists don't name, and those of `of_others` for one that they do.
+/// Refuses keys for a source, model or region that the lists don't name, and keys of `of_others` for one that they do
+/// name.
 ///
-/// Of each family of keys: its first token, where its names are listed, and the names.
+/// `families`: the first token of the keys, the parameter that lists the names, and the names.
 pub(super) fn names(
     tree: &ParamTree,
     of_others: &[&str],

@@ -1,19 +1,19 @@
-//! Parameters that sources of every kind have: stamps, paths of fields, times.
+//! Parameters of all kinds of sources: stamps, field paths, times.
 
 use super::super::error::ConfigError;
 use super::reader::Reader;
 use crate::msg::binding::{Since, StampFrom, StampUnit};
 use crate::msg::dynamic::check_condition;
 
-/// The value of a stamp that is the time of receipt.
+/// Value of a stamp parameter for the time of receipt.
 pub(super) const RECEIPT: &str = "receipt";
 
-/// A stamp whose default is the header's.
+/// Reads the source of a stamp. The default is the header's stamp.
 pub(super) fn stamp(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> Result<StampFrom, ConfigError> {
     stamp_or(reader, key, "header.stamp")
 }
 
-/// A stamp whose default is at another path.
+/// Reads the source of a stamp with another default path.
 pub(super) fn stamp_or(
     reader: &Reader<'_>,
     key: &impl Fn(&str) -> String,
@@ -51,7 +51,7 @@ pub(super) fn stamp_or(
     })
 }
 
-/// What a message must have to be for a source, as `side=Left`.
+/// Condition that selects the messages of a source, such as `side=Left`.
 pub(super) fn only(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> Result<Option<String>, ConfigError> {
     let key = key("only");
     let Some(text) = reader.non_empty(&key)? else { return Ok(None) };
@@ -61,7 +61,7 @@ pub(super) fn only(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> Result
     }
 }
 
-/// The path of a field: none where it is unset, none inside where it is set to be empty.
+/// A field path. `None` if it is not set, `Some(None)` if it is set to an empty string.
 pub(super) fn optional_field(reader: &Reader<'_>, key: &str) -> Result<Option<Option<String>>, ConfigError> {
     match reader.is_set(key) {
         false => Ok(None),
@@ -77,7 +77,7 @@ pub(super) fn field_or(reader: &Reader<'_>, key: &str, known: Option<&str>) -> R
     }
 }
 
-/// Milliseconds as nanoseconds; the table keeps them far below what an `i64` holds.
+/// Milliseconds to nanoseconds. The ranges in the table exclude an overflow.
 pub(super) fn millis_to_ns(ms: f64) -> i64 {
     (ms * 1e6).round() as i64
 }

@@ -1,4 +1,4 @@
-//! Joint angles that are computed from the points of a hand.
+//! Joint angles that are computed from the keypoints of a hand.
 
 use super::super::error::ConfigError;
 use super::fields::{field_or, millis_to_ns, only, optional_field, stamp_or};
@@ -8,12 +8,12 @@ use crate::hand::{JOINTS, Layout, NamedLayout, Side};
 use crate::msg::binding::{HandFields, JointFields, NamesFrom, Topic, hand_paths, hand_stamp};
 use crate::msg::dynamic::check_path;
 
-/// Whether a source sends points, and no angles.
+/// True if a source sends keypoints instead of angles.
 pub(super) fn is_hand(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> bool {
     reader.text(&key("hand.layout")).is_ok_and(|layout| !layout.is_empty()) || reader.is_set(&key("hand.points"))
 }
 
-/// A source of points.
+/// Reads a source of keypoints.
 pub(super) fn of_hand(
     reader: &Reader<'_>,
     name: &str,
@@ -84,7 +84,7 @@ pub(super) fn of_hand(
     Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
 }
 
-/// The names of the points, and where the keypoints are among them.
+/// Names of the points, and the positions of the keypoints among them.
 fn points(reader: &Reader<'_>, key: &impl Fn(&str) -> String) -> Result<(Vec<String>, Layout), ConfigError> {
     let (layout_key, points_key) = (key("hand.layout"), key("hand.points"));
     let named = match reader.text(&layout_key)?.as_str() {

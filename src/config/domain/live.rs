@@ -1,4 +1,4 @@
-//! What only the live node follows.
+//! Parameters of the live node only.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -7,26 +7,26 @@ use super::super::error::ConfigError;
 use super::reader::Reader;
 use crate::units::from_millis;
 
-/// What only the live node follows.
+/// Parameters of the live node only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveConfig {
-    /// Whether the node configures and activates itself.
+    /// True if the node configures and activates itself.
     pub autostart: bool,
-    /// Silence of a tactile source after which it is said to be stale.
+    /// Time without messages after which a tactile source counts as stale.
     pub tactile_timeout: Duration,
     /// Folder with message definitions.
     pub message_definitions: Option<PathBuf>,
-    /// Budget of the time from the stamp of the data to its published estimate.
+    /// Limit on the time from the stamp of the data to the published estimate.
     pub max_latency: Duration,
-    /// Budget of the deviation of the time between tactile messages.
+    /// Limit on the deviation of the time between tactile messages.
     pub max_jitter: Duration,
-    /// Least part of frames that must have a full estimate, 0 to 1.
+    /// Minimum share of frames with a full estimate, 0 to 1.
     pub min_estimates: f64,
-    /// How long a budget is passed before that is an error.
+    /// Time for which a limit must be violated before it is an error.
     pub sustained: Duration,
 }
 
-/// Reads it.
+/// Reads these parameters.
 pub(super) fn live(reader: &Reader<'_>) -> Result<LiveConfig, ConfigError> {
     Ok(LiveConfig {
         autostart: reader.bool("autostart")?,

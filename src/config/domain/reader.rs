@@ -1,4 +1,4 @@
-//! Typed access to parameters, with the defaults of the table.
+//! Typed access to parameters. Missing ones have the defaults of the table.
 
 use std::path::PathBuf;
 
@@ -11,14 +11,14 @@ use super::super::text::one_line;
 use super::folder;
 use crate::msg::dynamic::check_path;
 
-/// Reads a tree whose keys are known and whose values have their types and are in range.
+/// Reads a tree with known keys and with values of the right type and range.
 pub(super) struct Reader<'a> {
     pub(super) tree: &'a ParamTree,
     pub(super) node: &'a NodeName,
 }
 
 impl Reader<'_> {
-    /// The value that was set, or the default.
+    /// The value, or the default.
     pub(super) fn value(&self, key: &str) -> Option<ParamValue> {
         match self.tree.get(key) {
             Some(param) => Some(param.value.clone()),
@@ -39,7 +39,7 @@ impl Reader<'_> {
         ConfigError::Missing { files: self.tree.files().to_owned(), key: key.to_owned(), about: about.to_owned() }
     }
 
-    /// Refuses the value of a key. A problem that begins with the unit reads as `key = 5.0 N must ...`.
+    /// Error for the value of a key. If the problem begins with the unit, the message reads `key = 5.0 N must ...`.
     pub(super) fn refused(&self, key: &str, problem: impl Into<String>) -> ConfigError {
         let value = self.value(key).map_or_else(|| "unset".to_owned(), |value| value.to_string());
         let (origin, value) = match self.tree.get(key) {
@@ -49,7 +49,7 @@ impl Reader<'_> {
         ConfigError::Refused { origin, key: key.to_owned(), value, problem: problem.into() }
     }
 
-    /// Refuses `key` because of `other`, and points to where one of them was set.
+    /// Error for `key` in conflict with `other`. Its location is that of whichever was set.
     pub(super) fn refused_either(&self, key: &str, other: &str, problem: &str) -> ConfigError {
         let mut error = self.refused(key, problem);
         if let (ConfigError::Refused { origin, problem, .. }, None) = (&mut error, self.tree.get(key)) {
@@ -75,7 +75,7 @@ impl Reader<'_> {
         }
     }
 
-    /// An int that the table has bounded from below by 0.
+    /// A non-negative int. The table limits its range.
     pub(super) fn count(&self, key: &str) -> Result<usize, ConfigError> {
         usize::try_from(self.int(key)?).map_err(|_| self.refused(key, "must not be negative"))
     }
@@ -121,7 +121,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Texts of which none is empty or there twice.
+    /// Strings that are not empty and all different.
     pub(super) fn unique_texts(&self, key: &str) -> Result<Vec<String>, ConfigError> {
         let texts = self.texts(key)?;
         for (idx, text) in texts.iter().enumerate() {
@@ -135,7 +135,7 @@ impl Reader<'_> {
         Ok(texts)
     }
 
-    /// Names that make parts of keys and topics.
+    /// Names that are used as parts of keys and topics.
     pub(super) fn names(&self, key: &str) -> Result<Vec<String>, ConfigError> {
         let names = self.unique_texts(key)?;
         match names.iter().find(|name| !is_name(name)) {
@@ -148,14 +148,14 @@ impl Reader<'_> {
         if names.is_empty() { Err(self.refused(key, "must name at least one")) } else { Ok(()) }
     }
 
-    /// A topic as an absolute name.
+    /// Absolute name of a topic.
     pub(super) fn topic(&self, key: &str) -> Result<String, ConfigError> {
         let name = self.text(key)?;
         let refused = |reason: &str| self.refused(key, format!("is not a valid topic name: {reason}"));
         self.node.resolve(&name).map_err(|e| refused(e.reason()))
     }
 
-    /// A file, from the folder of the file that names it; none for an empty path.
+    /// Path of a file, relative to the folder of the parameter file. `None` for an empty path.
     pub(super) fn path(&self, key: &str) -> Result<Option<PathBuf>, ConfigError> {
         let Some(path) = self.non_empty(key)?.map(PathBuf::from) else { return Ok(None) };
         if path.to_string_lossy().contains('\0') {
@@ -167,7 +167,7 @@ impl Reader<'_> {
         }))
     }
 
-    /// The path of a message's field, as messages are read by: `header.stamp`, `layout.dim[0].size`, `sensors[].z`.
+    /// Field path in a message: `header.stamp`, `layout.dim[0].size`, `sensors[].z`.
     pub(super) fn field(&self, key: &str) -> Result<String, ConfigError> {
         let path = self.text(key)?;
         match check_path(&path) {
@@ -191,7 +191,7 @@ fn is_name(name: &str) -> bool {
 }
 
 impl Reader<'_> {
-    /// A name that makes a part of keys.
+    /// A name that is used as a part of keys.
     pub(super) fn name(&self, key: &str) -> Result<String, ConfigError> {
         let name = self.text(key)?;
         if is_name(&name) { Ok(name) } else { Err(self.refused(key, NAME_RULE)) }

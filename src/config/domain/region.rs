@@ -1,4 +1,4 @@
-//! Patches: which taxels and joints they have, where they sit, and when they touch.
+//! Regions: their taxels, joints, geometry and contact thresholds.
 
 use std::collections::BTreeSet;
 
@@ -13,10 +13,10 @@ use crate::fusion::{ContactBy, ContactThresholds, Patch, RegionConfig, TactileSo
 use crate::msg::binding::{JointFields, NamesFrom, Topic};
 use crate::units::Newton;
 
-/// How far from 1 the norm of a rotation may be, for the rounding of people who write quaternions with 3 decimals.
+/// Tolerance for the norm of a rotation, because people write quaternions with 3 decimals.
 const ROTATION_NORM_TOLERANCE: f64 = 1e-3;
 
-/// The models of all regions, each once, in the order in which regions name them.
+/// The models of all regions, each once, in the order in which regions first name them.
 pub(super) fn model_names(reader: &Reader<'_>, regions: &[String]) -> Result<Vec<String>, ConfigError> {
     let mut models = Vec::new();
     for region in regions {
@@ -36,7 +36,7 @@ pub(super) fn all(
     sources: &[TactileSource],
     joints: &[Topic<JointFields>],
 ) -> Result<Vec<RegionConfig>, ConfigError> {
-    contact(reader, None)?; // so that a bad pair is refused also where every region overrides it
+    contact(reader, None)?; // so that an invalid pair is refused even if every region overrides it
     let one = |name: &String| {
         let key = |tail: &str| format!("region.{name}.{tail}");
         let model = reader.text(&key("model"))?;
@@ -61,7 +61,8 @@ pub(super) fn all(
     names.iter().map(one).collect()
 }
 
-/// Which force sensor tells the true force of each region; none where nothing says and there isn't just one.
+/// Index of the force sensor for the true force of each region. `None` if no sensor is named and there isn't exactly
+/// one.
 pub(super) fn truths(
     reader: &Reader<'_>,
     regions: &[String],
@@ -143,7 +144,7 @@ fn region_joints(reader: &Reader<'_>, key: &str, topics: &[Topic<JointFields>]) 
     if !joints.is_empty() && topics.is_empty() {
         return Err(reader.refused(key, "needs a source of joint angles, but joint_sources is empty"));
     }
-    // Names are known beforehand only where the parameters give all of them.
+    // Names can be checked only if the parameters name the joints of all sources.
     let mut known = Vec::new();
     for topic in topics {
         match &topic.fields.names {
@@ -163,7 +164,7 @@ fn region_joints(reader: &Reader<'_>, key: &str, topics: &[Topic<JointFields>]) 
 
 fn normal(reader: &Reader<'_>, key: &str) -> Result<Unit<Vector3<f64>>, ConfigError> {
     let normal = Vector3::from(reader.doubles::<3>(key)?);
-    // Scaled first, so that the square of a length neither vanishes nor overflows.
+    // Scaled first, so that the squared length neither vanishes nor overflows.
     let largest = normal.amax();
     let scaled = if largest > 0.0 { normal / largest } else { normal };
     Unit::try_new(scaled, 0.5).ok_or_else(|| reader.refused(key, "must not be zero: it is a direction"))
@@ -182,7 +183,7 @@ fn mount(reader: &Reader<'_>, translation: &str, rotation: &str) -> Result<Isome
     Ok(Isometry3::from_parts(translation, UnitQuaternion::new_normalize(quaternion)))
 }
 
-/// Names by which the model knows the joints of a region; none where they are the same.
+/// The model's names for the joints of a region. Empty if they are the same.
 fn model_joints(reader: &Reader<'_>, key: &str, joints_key: &str) -> Result<Vec<String>, ConfigError> {
     let names = |key: &str| match reader.value(key) {
         Some(ParamValue::StrArray(names)) => names,
@@ -196,7 +197,7 @@ fn model_joints(reader: &Reader<'_>, key: &str, joints_key: &str) -> Result<Vec<
     Ok(known)
 }
 
-/// The thresholds of a region, or those that hold for all.
+/// The thresholds of a region, or the thresholds for all regions.
 fn contact(reader: &Reader<'_>, region: Option<&str>) -> Result<ContactThresholds, ConfigError> {
     let key = |tail: &str| match region {
         Some(region) if reader.is_set(&format!("region.{region}.contact.{tail}")) => {

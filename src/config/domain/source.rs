@@ -1,4 +1,4 @@
-//! Streams of taxels and of joint angles.
+//! Sources: streams of taxels, of joint angles and of the true force.
 
 use std::collections::BTreeMap;
 
@@ -15,10 +15,10 @@ use crate::msg::binding::{
 };
 use crate::msg::dynamic::check_path;
 
-/// Of each source the key of its type, its topic, and its type.
+/// Per source: the key of its type, its topic, and its type.
 pub(super) type Named<'a> = [(String, &'a str, &'a str)];
 
-/// Reads each source of a list.
+/// Reads all sources of a list.
 pub(super) fn all<S, T>(
     reader: &Reader<'_>,
     names: &[String],
@@ -27,7 +27,7 @@ pub(super) fn all<S, T>(
     names.iter().map(|name| one(reader, name)).collect()
 }
 
-/// A stream of taxels.
+/// Reads a stream of taxels.
 pub(super) fn tactile(reader: &Reader<'_>, name: &str) -> Result<(TactileSource, Topic<TaxelFields>), ConfigError> {
     let key = |tail: &str| format!("tactile.{name}.{tail}");
     let type_name = message_type(reader, &key("type"))?;
@@ -66,7 +66,7 @@ fn taxel_fields(
     }
     let row_period = row_period(reader, key, known.as_ref())?;
     let rows = said_rows.or_else(|| known.as_ref().map(|known| known.rows.clone())).unwrap_or(CountFrom::One);
-    // A layout most often says one row; a message of several that has no period is dropped and counted.
+    // With a layout there is usually one row. A message with several rows but no period is dropped and counted.
     if !matches!(rows, CountFrom::One | CountFrom::Layout(_)) && row_period == PeriodFrom::None {
         let about = format!("with {} there may be several rows, whose times are not known without it", key("rows"));
         return Err(reader.missing_because(&format!("{} or {}", key("row_period"), key("row_period_ms")), &about));
@@ -95,7 +95,7 @@ fn taxel_fields(
     Ok(TaxelFields { stamp: Some(stamp), values, no_reading, rows, cols, row_period, sequence, only })
 }
 
-/// The paths of the numbers: one, or several in turn.
+/// Paths of the readings: one, or several one after another.
 fn values(
     reader: &Reader<'_>,
     key: &impl Fn(&str) -> String,
@@ -128,7 +128,7 @@ fn row_period(
         if let Some(Some(path)) = period {
             return Err(reader.refused(&constant_key, format!("and {period_key} = \"{path}\" exclude each other")));
         }
-        // More than 0 in ms by the table's range, so at least 1 ns.
+        // The range in the table is above 0 ms. The result is at least 1 ns.
         return Ok(PeriodFrom::Constant(millis_to_ns(reader.double(&constant_key)?).max(1)));
     }
     Ok(match period {
@@ -138,7 +138,7 @@ fn row_period(
     })
 }
 
-/// A stream of joint angles.
+/// Reads a stream of joint angles.
 pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Topic<JointFields>), ConfigError> {
     let key = |tail: &str| format!("joint.{name}.{tail}");
     let type_name = message_type(reader, &key("type"))?;
@@ -185,7 +185,7 @@ pub(super) fn joint(reader: &Reader<'_>, name: &str) -> Result<(JointSource, Top
     Ok((source, Topic { name: reader.topic(&key("topic"))?, type_name, fields }))
 }
 
-/// A force sensor that tells the true force.
+/// Reads a force sensor that measures the true force.
 pub(super) fn truth(reader: &Reader<'_>, name: &str) -> Result<(TruthSource, Topic<TruthFields>), ConfigError> {
     let key = |tail: &str| format!("truth.{name}.{tail}");
     let type_name = message_type(reader, &key("type"))?;
@@ -257,7 +257,7 @@ pub(super) fn types<'t, F>(family: &str, names: &[String], topics: &'t [Topic<F>
     names.iter().zip(topics).map(of_source).collect()
 }
 
-/// Refuses sources that read one topic as two types.
+/// Refuses sources that read one topic as two different types.
 pub(super) fn one_type_a_topic(reader: &Reader<'_>, sources: &Named<'_>) -> Result<(), ConfigError> {
     let mut known: BTreeMap<&str, (&str, &str)> = BTreeMap::new();
     for (key, topic, type_name) in sources {
@@ -275,7 +275,7 @@ pub(super) fn one_type_a_topic(reader: &Reader<'_>, sources: &Named<'_>) -> Resu
     Ok(())
 }
 
-/// A count that was set, as a number or as the path of a field; none where it is empty or unset.
+/// A count, given as a number or as the path of a field. `None` if it is empty or not set.
 fn count(reader: &Reader<'_>, key: &str) -> Result<Option<CountFrom>, ConfigError> {
     if !reader.is_set(key) {
         return Ok(None);
@@ -287,7 +287,7 @@ fn count(reader: &Reader<'_>, key: &str) -> Result<Option<CountFrom>, ConfigErro
     }
 }
 
-/// A message type as ROS 2 writes it in full.
+/// Full name of a message type.
 fn message_type(reader: &Reader<'_>, key: &str) -> Result<String, ConfigError> {
     let type_name = reader.text(key)?;
     let is_word = |word: &str, first: fn(&char) -> bool| {

@@ -1,4 +1,4 @@
-//! The table itself.
+//! The table of all parameters.
 
 use super::{ParamDefault, ParamKey, ParamKind, ParamRange};
 
@@ -14,7 +14,7 @@ const CONTACT_FRAMES: ParamRange = Ints { min: 1, max: 1000 };
 const CONTACT_BY: ParamRange = OneOf(&["model", "force"]);
 const TOUCH_LEVEL: ParamRange = Closed { min: 0.001, max: 0.999 };
 
-/// Every parameter, in the order in which they are documented.
+/// All parameters, in the order of the documentation.
 pub static KEYS: &[ParamKey] = &[
     ParamKey::new("regions", Kind::StrArray, Required, "Names of the patches to estimate, each with one force"),
     ParamKey::new("tactile_sources", Kind::StrArray, Required, "Names of the streams of taxels"),
@@ -25,7 +25,7 @@ pub static KEYS: &[ParamKey] = &[
         EmptyArray,
         "Names of the force sensors that measure the true force, for training and evaluation",
     ),
-    // One stream of taxels.
+    // A stream of taxels.
     ParamKey::new("tactile.<source>.topic", Kind::Str, Required, "Topic of the taxels"),
     ParamKey::new(
         "tactile.<source>.type",
@@ -125,7 +125,7 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("tactile.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
         .range(OFFSET_MS)
         .unit("ms"),
-    // One stream of joint angles.
+    // A stream of joint angles.
     ParamKey::new("joint.<source>.topic", Kind::Str, Required, "Topic of the joint angles"),
     ParamKey::new(
         "joint.<source>.type",
@@ -187,7 +187,7 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("joint.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
         .range(OFFSET_MS)
         .unit("ms"),
-    // A stream of joint angles that are computed from the points of a hand.
+    // A stream of joint angles that are computed from the keypoints of a hand.
     ParamKey::new(
         "joint.<source>.hand.layout",
         Kind::Str,
@@ -216,7 +216,7 @@ pub static KEYS: &[ParamKey] = &[
         Str(""),
         "Path of whether each point is valid; \"\" where messages don't say",
     ),
-    // One force sensor that tells the true force.
+    // A force sensor that measures the true force.
     ParamKey::new("truth.<source>.topic", Kind::Str, Required, "Topic of the true force"),
     ParamKey::new(
         "truth.<source>.type",
@@ -276,7 +276,7 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("truth.<source>.stamp_offset_ms", Kind::Double, Double(0.0), "Added to every stamp of this source")
         .range(OFFSET_MS)
         .unit("ms"),
-    // One model; models are named by the regions.
+    // A model. Regions name it.
     ParamKey::new(
         "model.<name>.path",
         Kind::Str,
@@ -327,7 +327,7 @@ pub static KEYS: &[ParamKey] = &[
         Str("touch"),
         "Name of the output with the probability of touch, if there is one",
     ),
-    // One patch.
+    // A region.
     ParamKey::new(
         "region.<name>.model",
         Kind::Str,
@@ -520,7 +520,7 @@ pub static KEYS: &[ParamKey] = &[
     )
     .range(Closed { min: 0.0, max: 60_000.0 })
     .unit("ms"),
-    // Calibration and who wears what.
+    // Calibration, glove and user.
     ParamKey::new(
         "calibration.file",
         Kind::Str,
@@ -582,7 +582,7 @@ pub static KEYS: &[ParamKey] = &[
         Str("/stage"),
         "Topic of the annotations of a recording, tactile_pose_fusion/msg/Stage",
     ),
-    // What only the live node follows.
+    // Parameters of the live node only.
     ParamKey::new(
         "autostart",
         Kind::Bool,
@@ -629,7 +629,7 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("diagnostics.sustained_s", Kind::Double, Double(5.0), "A warning that lasts this long becomes an error")
         .range(Closed { min: 0.0, max: 3600.0 })
         .unit("s"),
-    // What every ROS 2 node has.
+    // Parameters of every ROS 2 node.
     ParamKey::new(
         "use_sim_time",
         Kind::Bool,

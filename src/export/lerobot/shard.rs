@@ -1,4 +1,4 @@
-//! Shards of a dataset, written by several processes, joined to the one that a single process writes.
+//! Joins the shards of a dataset, which several processes wrote, to the dataset that a single process writes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,14 +12,14 @@ use crate::columns::{Cells, TableReader};
 use crate::export::{Episode, ExportError, Failed, Feature};
 use crate::observer::{Observer, check};
 
-/// What became of the bags of shards that were joined.
+/// Result of joining shards.
 #[derive(Debug, Serialize)]
 pub struct Joined {
-    /// The dataset.
+    /// Path of the dataset.
     pub output: String,
-    /// Bags that are in it, in its order.
+    /// Bags in the dataset, in their order.
     pub bags: Vec<String>,
-    /// Bags that are not.
+    /// Bags that could not be exported.
     pub failed: Vec<Failed>,
 }
 
@@ -76,7 +76,7 @@ pub fn join(out: &Path, shards: &[PathBuf], observer: &dyn Observer) -> Result<J
     }
 }
 
-/// A shard that is read.
+/// A shard that is being read.
 struct Source {
     folder: PathBuf,
     notes: ShardNotes,
@@ -104,7 +104,7 @@ impl Source {
         Ok(Source { folder: folder.to_path_buf(), notes, names, table: None, n_files: 0, group: 0 })
     }
 
-    /// Refuses a shard that is not of the same export.
+    /// Refuses a shard of another export.
     fn refuse_mixture(&self, other: &Source) -> Result<(), ExportError> {
         let (a, b) = (&self.notes, &other.notes);
         let mixed = |what: &str, ours: String, theirs: String| {
@@ -125,7 +125,7 @@ impl Source {
         }
     }
 
-    /// The next of its episodes.
+    /// Reads its next episode.
     fn next_episode(&mut self, synthetic: bool) -> Result<Episode, ExportError> {
         let table = loop {
             match self.table.take().filter(|table| self.group < table.n_groups()) {

@@ -1,6 +1,6 @@
 //! The causal network of adaptive models: convolutions over time without padding.
 //!
-//! Everything it computes depends on frames alone, so each is computed once: a new frame costs one column of every layer.
+//! All its values depend on frames, not on windows, so each is computed once: a new frame costs one column per layer.
 
 use super::dense::{Decoder, repeat};
 use super::frames::Frames;
@@ -10,19 +10,19 @@ use crate::kernels::matrix::{Matrix, add_product};
 use crate::model::causal;
 use crate::model::paper::TAPS;
 
-/// The network, its weights laid out for products of many frames.
+/// The network. Its weights are laid out for matrix products over many frames.
 #[derive(Debug)]
 pub(super) struct Causal {
     n_taxels: usize,
     scales: [f32; 2],
-    /// Frames at the beginning of a window that no force depends on.
+    /// Frames at the beginning of a window that its force doesn't depend on.
     n_unseen: usize,
     layers: Vec<Layer>,
     force: Decoder,
     touch: Decoder,
 }
 
-/// A convolution, each tap a matrix `[inputs, outputs]`.
+/// Weights of a convolution. Each tap is a matrix `[inputs, outputs]`.
 #[derive(Debug)]
 struct Layer {
     taps: [Vec<f32>; TAPS],
@@ -32,19 +32,19 @@ struct Layer {
 }
 
 impl Layer {
-    /// Frames before one that its output depends on.
+    /// Number of earlier frames that an output depends on.
     fn reach(&self) -> usize {
         (TAPS - 1) * self.dilation
     }
 }
 
-/// What the layers read, of the frames that came last.
+/// Inputs of the layers, kept for the most recent frames.
 #[derive(Debug, Default)]
 pub(super) struct Known {
-    /// By layer: `[frames, lanes, inputs]`.
+    /// Per layer, `[frames, lanes, inputs]`.
     inputs: Vec<Frames>,
     n_lanes: usize,
-    /// Frames that are still to be left out.
+    /// Frames that are still to be skipped.
     n_unseen: usize,
 }
 
@@ -76,7 +76,8 @@ impl Causal {
         }
     }
 
-    /// Forgets all frames; those that follow are `n_frames`, each of so many lanes, and then one at a time.
+    /// Forgets all frames. The next call of `run` brings `n_frames` frames of `n_lanes` lanes, later calls one frame
+    /// each.
     pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
         known.inputs.resize_with(self.layers.len(), Frames::default);
         (known.n_lanes, known.n_unseen) = (n_lanes, self.n_unseen);
@@ -88,7 +89,7 @@ impl Causal {
         }
     }
 
-    /// Takes in new frames, and runs the first `n` windows of those that are known.
+    /// Adds new frames and runs the first `n` windows.
     ///
     /// # Shapes
     /// `tactile`: `[frames, lanes, taxels]`.
@@ -105,7 +106,8 @@ impl Causal {
         let mut n_new = n_new;
         let mut rest = rest.iter_mut();
         for layer in &self.layers {
-            // While no frame has given way there is something for every one that has enough before it, later for the newest.
+            // Until the first frame is replaced, there is an output for every frame with enough frames before it; later
+            // for the newest one.
             let n_out = n_new.min(input.len() - layer.reach());
             let from = input.len() - layer.reach() - n_out;
             match rest.next() {
@@ -124,7 +126,7 @@ impl Causal {
         out.touch.iter_mut().for_each(|odds| *odds = sigmoid(*odds));
     }
 
-    /// Taxels scaled, and squashed beside them: `[rows, taxels]` to `[rows, 2 taxels]`.
+    /// Scaled taxels, and squashed ones beside them: `[rows, taxels]` to `[rows, 2 taxels]`.
     fn both(&self, tactile: &[f32], out: &mut [f32]) {
         let ([coarse, fine], width) = (self.scales, self.n_taxels);
         vectorized(|| {
@@ -141,7 +143,7 @@ impl Causal {
 }
 
 impl Layer {
-    /// From frames of its input to `[frames, lanes, outputs]`; `from` is the first one's oldest tap.
+    /// Computes `[frames, lanes, outputs]`. `from` is the frame of the first output's oldest tap.
     fn run(&self, input: &Frames, from: usize, n_lanes: usize, out: &mut [f32]) {
         let n_out = self.bias.len();
         let n_in = input.width() / n_lanes;

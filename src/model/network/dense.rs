@@ -4,7 +4,7 @@ use super::{rectified, sized};
 use crate::kernels::matrix::{Matrix, add_product};
 use crate::model::paper;
 
-/// A linear map.
+/// Weights of a linear map.
 #[derive(Debug)]
 pub(super) struct Dense {
     /// `[inputs, outputs]`
@@ -12,7 +12,7 @@ pub(super) struct Dense {
     bias: Vec<f32>,
 }
 
-/// Two linear maps with a ReLU between, the second to one number.
+/// Two linear maps with a ReLU between them. The second one has one output.
 #[derive(Debug)]
 pub(super) struct Decoder {
     hidden: Dense,
@@ -21,24 +21,24 @@ pub(super) struct Decoder {
 }
 
 impl Dense {
-    /// From a weight `[outputs, inputs]`.
+    /// From weights `[outputs, inputs]`.
     pub(super) fn of_rows(weight: &[f32], bias: &[f32]) -> Self {
         let n_in = weight.len() / bias.len();
         let weight = Matrix::new(weight, bias.len(), n_in).transposed().to_rows();
         Dense { weight, bias: bias.to_vec() }
     }
 
-    /// From a weight `[inputs, outputs]`.
+    /// From weights `[inputs, outputs]`.
     pub(super) fn of_columns(weight: &[f32], bias: &[f32]) -> Self {
         Dense { weight: weight.to_vec(), bias: bias.to_vec() }
     }
 
-    /// Outputs of a row.
+    /// Number of outputs.
     pub(super) fn width(&self) -> usize {
         self.bias.len()
     }
 
-    /// `[N, inputs]` to `[N, outputs]`.
+    /// Maps `[N, inputs]` to `[N, outputs]`.
     pub(super) fn run(&self, rows: &[f32], out: &mut [f32]) {
         let (n_in, n_out) = (self.weight.len() / self.bias.len(), self.bias.len());
         repeat(&self.bias, out);
@@ -54,7 +54,7 @@ impl Decoder {
         Decoder { hidden: Dense::of_rows(&hidden.weight, &hidden.bias), weight: last.weight.clone(), bias }
     }
 
-    /// `[N, inputs]` to `[N]`; `hidden` is what lies between.
+    /// Maps `[N, inputs]` to `[N]`. `hidden` is a buffer for the intermediate layer.
     pub(super) fn run(&self, rows: &[f32], n: usize, hidden: &mut Vec<f32>, out: &mut Vec<f32>) {
         let hidden = sized(hidden, n * self.weight.len());
         self.hidden.run(rows, hidden);
@@ -66,7 +66,7 @@ impl Decoder {
     }
 }
 
-/// Fills rows with the same numbers.
+/// Fills each row of `rows` with `row`.
 pub(super) fn repeat(row: &[f32], rows: &mut [f32]) {
     rows.chunks_exact_mut(row.len()).for_each(|place| place.copy_from_slice(row));
 }

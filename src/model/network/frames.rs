@@ -1,26 +1,26 @@
-//! Numbers by frame, of which the oldest give way to new ones.
+//! Ring buffer of values per frame. New frames replace the oldest ones.
 
-/// What a run of frames gave, as many numbers each.
+/// Values of consecutive frames, the same number for each frame.
 #[derive(Debug, Default)]
 pub(super) struct Frames {
     values: Vec<f32>,
-    /// Numbers of a frame.
+    /// Values per frame.
     width: usize,
-    /// Frames that there is room for.
+    /// Capacity, frames.
     room: usize,
-    /// Place of the oldest frame.
+    /// Position of the oldest frame.
     oldest: usize,
     len: usize,
 }
 
 impl Frames {
-    /// Forgets all frames and makes room for others.
+    /// Forgets all frames and sets width and capacity.
     pub(super) fn reset(&mut self, width: usize, room: usize) {
         self.values.resize(width * room, 0.0);
         (self.width, self.room, self.oldest, self.len) = (width, room, 0, 0);
     }
 
-    /// Numbers of a frame.
+    /// Values per frame.
     pub(super) fn width(&self) -> usize {
         self.width
     }
@@ -29,7 +29,7 @@ impl Frames {
         self.len
     }
 
-    /// The place of `n` new frames: as many as there is room for at the begin, one at a time from then on.
+    /// Adds `n` frames and returns their values to write to: up to the capacity at first, then one frame at a time.
     pub(super) fn push(&mut self, n: usize) -> &mut [f32] {
         let place = (self.oldest + self.len) % self.room;
         let n_gone = (self.len + n).saturating_sub(self.room);
@@ -38,8 +38,8 @@ impl Frames {
         &mut self.values[place * self.width..(place + n) * self.width]
     }
 
-    /// The first `n` numbers from a frame on, counted from the oldest: those of this frame, or, while none has given way,
-    /// of any number of frames.
+    /// `n` values from frame `frame` on, counted from the oldest. They may span several frames only until the first
+    /// frame is replaced.
     pub(super) fn from(&self, frame: usize, n: usize) -> &[f32] {
         let place = (self.oldest + frame) % self.room;
         &self.values[place * self.width..][..n]

@@ -1,27 +1,27 @@
-//! Windows that share nothing, each usually that of an earlier call moved on by a frame.
+//! Windows that share no frames with each other. Usually each continues a window of an earlier call by one frame.
 
 use super::{Known, Network, Scratch};
 use crate::fusion::{Forces, SharedWindows};
 
-/// Windows whose frames are kept, a third of a MiB each: those of a few hands.
+/// Maximum number of windows that are kept: enough for a few hands. Each takes a third of a MiB.
 pub(in crate::model) const MOST: usize = 32;
 
-/// What is kept of windows from call to call.
+/// State of windows that is kept from call to call.
 ///
 /// # Invariant
-/// What is kept changes no force: it is used only where the frames that it was made of are those that came, bit by bit
-/// (`model_lanes`).
+/// Kept state changes no force. It is used only if the frames that it was computed from have the same bits as those of
+/// the call (`model_lanes`).
 #[derive(Debug, Default)]
 pub(in crate::model) struct Lanes {
-    /// The one that was used last comes first: regions of several tactile sources come in turn.
+    /// The most recently used group comes first, because regions of several tactile sources alternate.
     groups: Vec<Group>,
     scratch: Scratch,
-    /// New frames, lanes side by side.
+    /// New frames, lanes interleaved.
     tactile: Vec<f32>,
     pose: Vec<f32>,
 }
 
-/// Windows that come together.
+/// Windows that come in the same call.
 #[derive(Debug, Default)]
 struct Group {
     n: usize,
@@ -55,7 +55,7 @@ impl Lanes {
         one_below_the_other(windows.pose, windows.starts, window, network.n_joints, &mut group.pose);
     }
 
-    /// Begins a group of so many windows, in the place of those that were not used for longest where there is no other.
+    /// Begins a group of `n` windows. If there is no room, it replaces the groups that were not used for longest.
     fn begin(&mut self, network: &Network, n: usize) {
         let mut freed = None;
         while self.groups.iter().map(|group| group.n).sum::<usize>() + n > MOST {
@@ -69,7 +69,7 @@ impl Lanes {
 }
 
 impl Group {
-    /// True if these windows are the group's, each moved on by a frame.
+    /// True if these windows are the group's windows, each moved on by one frame.
     fn goes_on(&self, network: &Network, windows: SharedWindows<'_>) -> bool {
         let Network { window, n_taxels, n_joints, .. } = *network;
         let moved_on = |kept: &[f32], frames: &[f32], width: usize| {
@@ -83,12 +83,12 @@ impl Group {
     }
 }
 
-/// True if two slices hold the same, where equal numbers may be different zeros and what is not a number equals nothing.
+/// True if two slices have the same bits. Unlike `==`, this distinguishes 0 from -0 and finds NaN equal to itself.
 fn same_bits(a: &[f32], b: &[f32]) -> bool {
     bytemuck::cast_slice::<f32, u32>(a) == bytemuck::cast_slice::<f32, u32>(b)
 }
 
-/// The last `n_new` frames of every window: `[n_new, N, width]`.
+/// The last `n_new` frames of every window, as `[n_new, N, width]`.
 fn newest_side_by_side(
     frames: &[f32],
     starts: &[usize],
@@ -103,7 +103,7 @@ fn newest_side_by_side(
     }
 }
 
-/// Every window whole: `[N, window, width]`.
+/// All frames of every window, as `[N, window, width]`.
 fn one_below_the_other(frames: &[f32], starts: &[usize], window: usize, width: usize, out: &mut Vec<f32>) {
     out.clear();
     starts.iter().for_each(|start| out.extend_from_slice(&frames[start * width..][..window * width]));

@@ -1,4 +1,4 @@
-//! The pose branch: angles encoded a frame, then two layers of a bidirectional LSTM over each window.
+//! Pose branch: encodes the joint angles once per frame, then runs two layers of a bidirectional LSTM over each window.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use crate::kernels::matrix::{Matrix, add_product};
 use crate::kernels::nonlinear::{self, gelu, next_cell};
 use crate::model::paper::{self, Cells};
 
-/// The branch, gates in ONNX's order: input, output, forget, cell.
+/// Weights of the pose branch. Gates are in ONNX's order: input, output, forget, cell.
 #[derive(Debug)]
 pub(super) struct Pose {
     norm_gain: Vec<f32>,
@@ -19,45 +19,46 @@ pub(super) struct Pose {
     norm_epsilon: f32,
     embedding: Dense,
     hidden: usize,
-    /// Of the first layer, forward and backward: from an encoded frame to gates.
+    /// First layer, forward and backward: encoded frame to gates.
     projections: [Dense; 2],
-    /// `[H, 4 H]` each: from the state before to gates.
+    /// First layer, `[H, 4 H]` each: previous state to gates.
     recurrent: [Vec<f32>; 2],
-    /// `[3 H, 4 H]`, forward: from both states of the layer below and the state before to gates.
+    /// Second layer, forward, `[3 H, 4 H]`: both states of the first layer and the previous state to gates.
     forward: Vec<f32>,
     forward_bias: Vec<f32>,
-    /// From both states of the layer below to gates; the last frame is the first one, so there is no state before.
+    /// Second layer, backward: both states of the first layer to gates. Only its first step is needed, at the last
+    /// frame, so there is no previous state.
     backward: Dense,
 }
 
-/// What depends on frames alone: gates of the first layer as far as its inputs make them, forward and backward.
+/// Values per frame: the contribution of the input to the gates of the first layer, forward and backward.
 #[derive(Debug, Default)]
 pub(super) struct Known {
     projected: [Frames; 2],
 }
 
-/// What is computed anew for every window, and what comes out.
+/// Buffers for values per window, and the output.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     angles: Vec<f32>,
     encoded: Vec<f32>,
     recurrences: Recurrences,
-    /// `[N, 2 H]`: what comes out.
+    /// Output, `[N, 2 H]`.
     pub(super) last: Vec<f32>,
 }
 
-/// What the recurrences of a block of windows need.
+/// Buffers for the recurrences of a block of windows.
 #[derive(Debug, Default)]
 struct Recurrences {
     gates: Vec<f32>,
     cells: [Vec<f32>; 2],
-    /// `[window, n, H]`: the backward direction of the first layer.
+    /// `[window, n, H]`: states of the first layer, backward.
     back: Vec<f32>,
-    /// `[n, 3 H]`: both directions of the first layer at a frame, and the second one's state at the frame before.
+    /// `[n, 3 H]`: both states of the first layer at a frame, and the state of the second layer at the previous frame.
     states: Vec<f32>,
-    /// `[n, 2 H]`: both directions of the first layer at the last frame.
+    /// `[n, 2 H]`: both states of the first layer at the last frame.
     lower: Vec<f32>,
-    /// `[n, H]`: the backward direction of the second layer at the last frame.
+    /// `[n, H]`: state of the second layer, backward, at the last frame.
     last_back: Vec<f32>,
 }
 
@@ -81,13 +82,12 @@ impl Pose {
         }
     }
 
-    /// Forgets all frames; those that follow are `n_frames` at a time, each of so many lanes.
+    /// Forgets all frames. The next call of `run` brings `n_frames` frames of `n_lanes` lanes.
     pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
         known.projected.iter_mut().for_each(|projected| projected.reset(n_lanes * 4 * self.hidden, n_frames));
     }
 
-    /// Takes in new frames `[frames, lanes, joints]`, and runs the first `n` windows of those that are known, `block` of
-    /// them at a time.
+    /// Adds new frames `[frames, lanes, joints]` and runs the first `n` windows, `block` of them at a time.
     pub(super) fn run(
         &self,
         known: &mut Known,
@@ -111,7 +111,7 @@ impl Pose {
         }
     }
 
-    /// `[rows, joints]` to `[rows, F]`.
+    /// Encodes angles `[rows, joints]` to `[rows, F]`.
     fn encode(&self, pose: &[f32], rows: &mut Vec<f32>, encoded: &mut Vec<f32>) {
         let width = self.norm_gain.len();
         rows.clear();
@@ -132,7 +132,7 @@ impl Pose {
         vectorized(|| encoded.iter_mut().for_each(|value| *value = gelu(*value)));
     }
 
-    /// The last states of some windows.
+    /// Computes the last states of some windows.
     fn block(
         &self,
         known: &Known,
@@ -203,17 +203,18 @@ impl Pose {
     }
 }
 
-/// What some windows have at one of their frames, a row each.
+/// One row per window, at frame `frame` of each.
 fn of_windows<'f>(frames: &'f Frames, frame: usize, windows: &Range<usize>, width: usize) -> &'f [f32] {
     &frames.from(frame, windows.end * width)[windows.start * width..]
 }
 
-/// One step of an LSTM: cells one step on, and the new states to the begin of each `stride` of `states`.
+/// Runs one step of an LSTM: updates `cells`, and writes each new state to the start of a `stride` of `states`.
 fn advance(hidden: usize, gates: &[f32], cells: &mut [f32], states: &mut [f32], stride: usize) {
     AutoArch::new().dispatch(Step { hidden, gates, cells, states, stride });
 }
 
-/// A closure would not be compiled with the machine's vector instructions: it is too large to be inlined by itself.
+/// A struct, because a closure this large is not inlined and is then compiled without the machine's vector
+/// instructions.
 struct Step<'a> {
     hidden: usize,
     gates: &'a [f32],

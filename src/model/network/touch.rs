@@ -1,4 +1,4 @@
-//! The tactile branch: four convolutions over time and the maximum over each window.
+//! Tactile branch: four convolutions over time, then the maximum over each window.
 
 use super::dense::repeat;
 use super::frames::Frames;
@@ -6,7 +6,7 @@ use super::{rectified, sized, vectorized};
 use crate::kernels::matrix::{Matrix, add_product};
 use crate::model::paper::{self, DILATIONS, TAPS};
 
-/// The convolutions, each tap a matrix `[inputs, outputs]`.
+/// Weights of the convolutions. Each tap is a matrix `[inputs, outputs]`.
 #[derive(Debug)]
 pub(super) struct Touch {
     layers: Vec<Convolution>,
@@ -19,27 +19,27 @@ struct Convolution {
     dilation: usize,
 }
 
-/// What depends on frames alone.
+/// Values per frame, kept for the most recent frames.
 #[derive(Debug, Default)]
 pub(super) struct Known {
-    /// Of every layer by tap, for the frames that no padding reaches.
+    /// Per layer and tap: products for the frames that no padding reaches.
     products: [[Frames; TAPS]; DILATIONS.len()],
-    /// What the last layer gives, where no padding reaches.
+    /// Output of the last layer where no padding reaches.
     interior: Frames,
 }
 
-/// What is computed anew for every window, and what comes out.
+/// Buffers for values per window, and the output.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    /// New frames, and what the layer makes of them.
+    /// New frames, and the layer's outputs for them.
     rows: Vec<f32>,
-    /// The frames at both ends of every window that its padding reaches, the first ones and the last ones: `[frames, N, C]`.
+    /// Frames at both ends of every window that its padding reaches, start and end: `[frames, N, C]`.
     edges: [Vec<f32>; 2],
-    /// Those of the layer above.
+    /// Those of the next layer.
     next_edges: [Vec<f32>; 2],
-    /// Of both ends: by the middle tap, and by the one that looks back at frames that the padding had reached.
+    /// Per end: products of the middle tap, and of the tap that reads frames that the padding had reached.
     edge_products: [[Vec<f32>; 2]; 2],
-    /// `[N, C]`: what comes out.
+    /// Output, `[N, C]`.
     pub(super) highest: Vec<f32>,
 }
 
@@ -56,7 +56,7 @@ impl Touch {
         Touch { layers: layers.collect() }
     }
 
-    /// Forgets all frames; those that follow are `n_frames` at a time, each of so many lanes.
+    /// Forgets all frames. The next call of `run` brings `n_frames` frames of `n_lanes` lanes.
     pub(super) fn begin(&self, known: &mut Known, n_lanes: usize, n_frames: usize) {
         let (mut lead, mut width) = (0, 0);
         for (layer, products) in self.layers.iter().zip(&mut known.products) {
@@ -67,7 +67,7 @@ impl Touch {
         known.interior.reset(width, n_frames - 2 * lead);
     }
 
-    /// Takes in new frames `[frames, lanes, taxels]`, and runs the first `n` windows of those that are known.
+    /// Adds new frames `[frames, lanes, taxels]` and runs the first `n` windows.
     pub(super) fn run(&self, known: &mut Known, new: &[f32], window: usize, n: usize, scratch: &mut Scratch) {
         scratch.rows.clear();
         scratch.rows.extend_from_slice(new);
@@ -91,7 +91,7 @@ impl Touch {
 }
 
 impl Convolution {
-    /// Takes in new frames of the layer below.
+    /// Adds new frames of the layer below.
     fn take_in(&self, products: &mut [Frames; TAPS], rows: &[f32]) {
         for (product, tap) in products.iter_mut().zip(&self.taps) {
             let n_frames = rows.len() / self.n_in() * self.bias.len() / product.width();
@@ -99,7 +99,7 @@ impl Convolution {
         }
     }
 
-    /// What the frames that came last add to the layer's interior.
+    /// Output of the layer's interior for the newest frames.
     fn newest_interior(&self, products: &[Frames; TAPS], rows: &mut Vec<f32>) {
         let [first, ..] = products;
         let n_new = rows.len() / self.n_in() * self.bias.len() / first.width();
@@ -113,13 +113,13 @@ impl Convolution {
         rectify(sums);
     }
 
-    /// The frames at both ends of `n` windows that this layer's padding reaches, from those that the padding of the layers
-    /// below had reached, `lead` at each end.
+    /// Computes the frames at both ends of `n` windows that this layer's padding reaches. Its input has `lead` such
+    /// frames at each end, from the padding of the layers below.
     fn edges(&self, products: &[Frames; TAPS], lead: usize, window: usize, n: usize, scratch: &mut Scratch) {
         let Scratch { edges, next_edges, edge_products, .. } = scratch;
         let (block, dilation) = (n * self.bias.len(), self.dilation);
-        // At the begin of a window only the middle and the first tap ever look back at frames that the padding had
-        // reached, at its end the middle and the last.
+        // At the start of a window, only the middle and the first tap read frames that the padding had reached; at its
+        // end, the middle and the last tap.
         for ((edge, of_edge), other) in edges.iter().zip(edge_products.iter_mut()).zip([0, 2]) {
             for (product, tap) in of_edge.iter_mut().zip([1, other]) {
                 self.product(edge, &self.taps[tap], sized(product, lead * block));
@@ -171,7 +171,7 @@ fn rectify(values: &mut [f32]) {
     vectorized(|| values.iter_mut().for_each(|value| *value = rectified(*value)));
 }
 
-/// The larger of each pair; what is not a number stays so, on either side.
+/// Elementwise maximum. NaN on either side stays NaN.
 fn raise(highest: &mut [f32], values: &[f32]) {
     let of = |(highest, value): (&mut f32, &f32)| {
         *highest = if *value > *highest || value.is_nan() { *value } else { *highest };

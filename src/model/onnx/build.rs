@@ -1,4 +1,4 @@
-//! Short ways to write the messages down.
+//! Short constructors of ONNX messages.
 
 use super::{
     AttributeProto, DimensionProto, DimensionValue, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
@@ -6,7 +6,8 @@ use super::{
 };
 
 impl ModelProto {
-    /// A model of one graph over the standard operators of `opset`, at IR version 8, which loads everywhere.
+    /// A model with one graph over version `opset` of the standard operators, at IR version 8, which every runtime
+    /// loads.
     pub fn with_graph(graph: GraphProto, opset: i64) -> Self {
         ModelProto {
             ir_version: 8,
@@ -25,7 +26,7 @@ impl ModelProto {
 }
 
 impl NodeProto {
-    /// A node of a standard operator, named after its first output.
+    /// A node with a standard operator, named after its first output.
     pub fn standard(op_type: &str, inputs: &[&str], outputs: &[&str], attributes: Vec<AttributeProto>) -> Self {
         NodeProto {
             input: inputs.iter().map(ToString::to_string).collect(),
@@ -39,34 +40,34 @@ impl NodeProto {
 }
 
 impl AttributeProto {
-    /// A number.
+    /// A float attribute.
     pub fn float(name: &str, value: f32) -> Self {
         AttributeProto { name: name.to_string(), f: Some(value), r#type: 1, ..Default::default() }
     }
 
-    /// An integer.
+    /// An integer attribute.
     pub fn int(name: &str, value: i64) -> Self {
         AttributeProto { name: name.to_string(), i: Some(value), r#type: 2, ..Default::default() }
     }
 
-    /// Text.
+    /// A string attribute.
     pub fn string(name: &str, value: &str) -> Self {
         AttributeProto { name: name.to_string(), s: Some(value.as_bytes().to_vec()), r#type: 3, ..Default::default() }
     }
 
-    /// A tensor.
+    /// A tensor attribute.
     pub fn tensor(name: &str, value: TensorProto) -> Self {
         AttributeProto { name: name.to_string(), t: Some(value), r#type: 4, ..Default::default() }
     }
 
-    /// Integers.
+    /// An integer list attribute.
     pub fn ints(name: &str, values: &[i64]) -> Self {
         AttributeProto { name: name.to_string(), ints: values.to_vec(), r#type: 7, ..Default::default() }
     }
 }
 
 impl TensorProto {
-    /// A float32 tensor, row-major. The caller sees to it that `values` fill `dims`.
+    /// A float32 tensor, row-major. The caller guarantees that the number of `values` fits `dims`.
     pub fn float32(name: &str, dims: &[i64], values: &[f32]) -> Self {
         TensorProto {
             dims: dims.to_vec(),
@@ -77,7 +78,7 @@ impl TensorProto {
         }
     }
 
-    /// An int64 tensor, row-major. The caller sees to it that `values` fill `dims`.
+    /// An int64 tensor, row-major. The caller guarantees that the number of `values` fits `dims`.
     pub fn int64(name: &str, dims: &[i64], values: &[i64]) -> Self {
         TensorProto {
             dims: dims.to_vec(),
@@ -90,13 +91,13 @@ impl TensorProto {
 }
 
 impl ValueInfoProto {
-    /// A tensor that the graph takes or gives.
+    /// An input or output of a graph.
     pub fn tensor(name: &str, elem_type: i32, dims: Vec<DimensionProto>) -> Self {
         let tensor_type = TensorTypeProto { elem_type, shape: Some(TensorShapeProto { dim: dims }) };
         ValueInfoProto { name: name.to_string(), r#type: Some(TypeProto { tensor_type: Some(tensor_type) }) }
     }
 
-    /// A float32 tensor that the graph takes or gives.
+    /// A float32 input or output of a graph.
     pub fn float32(name: &str, dims: Vec<DimensionProto>) -> Self {
         Self::tensor(name, data_type::FLOAT, dims)
     }

@@ -1,8 +1,8 @@
-//! A graph that grows node by node.
+//! Builds a graph node by node.
 
 use super::{AttributeProto, NodeProto, TensorProto};
 
-/// Nodes and weights so far. Methods that add a node return the name of what it makes.
+/// Nodes and weights so far. Methods that add a node return the name of its output.
 #[derive(Debug, Default)]
 pub struct Graph {
     /// The nodes, in an order in which they can be run.
@@ -12,74 +12,74 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Any node with one output.
+    /// Adds a node with one output.
     pub fn node(&mut self, op: &str, inputs: &[&str], output: &str, attributes: Vec<AttributeProto>) -> String {
         self.nodes.push(NodeProto::standard(op, inputs, &[output], attributes));
         output.to_string()
     }
 
-    /// Float weights, row-major.
+    /// Adds float weights, row-major.
     pub fn weights(&mut self, name: &str, dims: &[i64], values: &[f32]) -> String {
         self.weights.push(TensorProto::float32(name, dims, values));
         name.to_string()
     }
 
-    /// A list of integers.
+    /// Adds a list of integers.
     pub fn integers(&mut self, name: &str, values: &[i64]) -> String {
         self.weights.push(TensorProto::int64(name, &[values.len() as i64], values));
         name.to_string()
     }
 
-    /// One number.
+    /// Adds a float scalar.
     pub fn scalar(&mut self, name: &str, value: f32) -> String {
         self.weights(name, &[], &[value])
     }
 
-    /// A transpose.
+    /// Adds a transpose.
     pub fn transpose(&mut self, x: &str, output: &str, order: &[i64]) -> String {
         self.node("Transpose", &[x], output, vec![AttributeProto::ints("perm", order)])
     }
 
-    /// Tensors one after the other along an axis.
+    /// Adds a concatenation along an axis.
     pub fn concat(&mut self, output: &str, inputs: &[&str], axis: i64) -> String {
         self.node("Concat", inputs, output, vec![AttributeProto::int("axis", axis)])
     }
 
-    /// An axis of length one more.
+    /// Adds an axis of length one.
     pub fn unsqueeze(&mut self, x: &str, output: &str, axis: i64) -> String {
         let axes = self.integers(&format!("{output}.axes"), &[axis]);
         self.node("Unsqueeze", &[x, &axes], output, vec![])
     }
 
-    /// An axis of length one less.
+    /// Removes an axis of length one.
     pub fn squeeze(&mut self, x: &str, output: &str, axis: i64) -> String {
         let axes = self.integers(&format!("{output}.axes"), &[axis]);
         self.node("Squeeze", &[x, &axes], output, vec![])
     }
 
-    /// Everything behind the first axis in one.
+    /// Merges all axes after the first one.
     pub fn flatten(&mut self, x: &str, output: &str) -> String {
         self.node("Flatten", &[x], output, vec![AttributeProto::int("axis", 1)])
     }
 
-    /// Another shape; 0 keeps a length.
+    /// Adds a reshape. A 0 in `shape` keeps that size.
     pub fn reshape(&mut self, x: &str, output: &str, shape: &[i64]) -> String {
         let shape = self.integers(&format!("{output}.shape"), shape);
         self.node("Reshape", &[x, &shape], output, vec![])
     }
 
-    /// `x` times the transpose of `weight`, plus `bias`.
+    /// Adds `x` times the transpose of `weight`, plus `bias`.
     pub fn gemm(&mut self, x: &str, weight: &str, bias: &str, output: &str) -> String {
         self.node("Gemm", &[x, weight, bias], output, vec![AttributeProto::int("transB", 1)])
     }
 
-    /// A normalization over the last axis.
+    /// Adds a layer normalization over the last axis.
     pub fn layer_norm(&mut self, x: &str, gain: &str, shift: &str, epsilon: f32, output: &str) -> String {
         let attributes = vec![AttributeProto::int("axis", -1), AttributeProto::float("epsilon", epsilon)];
         self.node("LayerNormalization", &[x, gain, shift], output, attributes)
     }
 
-    /// x / 2 * (1 + erf(x / sqrt 2)).
+    /// Adds a GELU: x / 2 * (1 + erf(x / sqrt 2)).
     pub fn gelu(&mut self, x: &str, output: &str) -> String {
         let [root, one, half] = [("root", std::f32::consts::FRAC_1_SQRT_2), ("one", 1.0), ("half", 0.5)]
             .map(|(what, value)| self.scalar(&format!("{output}.{what}"), value));

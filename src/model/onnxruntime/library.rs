@@ -1,8 +1,8 @@
-//! Finding the shared library of ONNX Runtime, and loading it once in a process.
+//! Finds the shared library of ONNX Runtime, and loads it once per process.
 //!
-//! The order: `ORT_DYLIB_PATH`; beside the executable, and in `onnxruntime/` and `lib/` there and `../onnxruntime`; in
-//! `onnxruntime/` of a cargo `target` folder that the executable lies in; the system's loader. What the environment
-//! variable names is taken or refused, never replaced by another one.
+//! Search order: `ORT_DYLIB_PATH`; the folder of the executable, its `onnxruntime/` and `lib/`, and `../onnxruntime`;
+//! `onnxruntime/` in the cargo `target` folder of the executable; the system's loader. If the environment variable is
+//! set, only that library is tried, and no other replaces it.
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 use std::ffi::OsString;
@@ -15,21 +15,21 @@ use ort::environment::Environment;
 
 use super::super::error::one_line;
 
-/// The environment variable that names the library.
+/// Environment variable with the path of the library.
 const ENV: &str = "ORT_DYLIB_PATH";
 
-/// The library as it was loaded.
+/// A loaded library.
 #[derive(Debug)]
 pub(super) struct Library {
-    /// Kept for the life of the process: ort can't make a second one.
+    /// Kept until the process ends, because ort can't create a second environment.
     pub(super) environment: Environment,
-    /// The file, where it can be told.
+    /// Path of the library, if it is known.
     pub(super) path: PathBuf,
-    /// Its version; `unknown` if it can't be read.
+    /// Its version, or `unknown`.
     pub(super) version: String,
 }
 
-/// The library of this process, looked for at the first call.
+/// The library of this process. The first call searches for it.
 pub(super) fn loaded() -> Result<&'static Library, String> {
     static LIBRARY: OnceLock<Result<Library, String>> = OnceLock::new();
     LIBRARY.get_or_init(|| find(std::env::var_os(ENV), std::env::current_exe().ok())).as_ref().map_err(Clone::clone)
@@ -52,7 +52,8 @@ fn find(named: Option<OsString>, executable: Option<PathBuf>) -> Result<Library,
     for name in system_names() {
         match load(Path::new(&name)) {
             Ok(library) => return Ok(library),
-            // A name that the loader doesn't know is no news; one that it knows and that fails is.
+            // A name that the loader doesn't find is normal. A library that it finds but can't load is an error to
+            // report.
             Err(said) if said.contains("cannot open shared object") || said.contains("no such file") => {}
             Err(said) => failed.push(said),
         }
@@ -63,7 +64,7 @@ fn find(named: Option<OsString>, executable: Option<PathBuf>) -> Result<Library,
     }
 }
 
-/// Folders around an executable in which the library may lie.
+/// Folders near an executable that may contain the library.
 fn folders(executable: &Path) -> Vec<PathBuf> {
     let mut folders = Vec::new();
     if let Some(beside) = executable.parent() {
@@ -75,7 +76,7 @@ fn folders(executable: &Path) -> Vec<PathBuf> {
     folders
 }
 
-/// The libraries in a folder, the plain name first and newer versions before older ones as far as names tell.
+/// Libraries in a folder: the plain name first, then newer versions before older ones, by file name.
 fn libraries_in(folder: &Path) -> Vec<PathBuf> {
     let stem = format!("{DLL_PREFIX}onnxruntime.");
     let plain = format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}");
@@ -92,12 +93,12 @@ fn libraries_in(folder: &Path) -> Vec<PathBuf> {
 
 fn system_names() -> Vec<String> {
     let plain = format!("{DLL_PREFIX}onnxruntime{DLL_SUFFIX}");
-    // Debian and ROS packages install the versioned name; the plain one comes with the development package.
+    // Debian and ROS packages install the versioned name. The plain name comes with the development package.
     if cfg!(target_os = "linux") { vec![format!("{plain}.1"), plain] } else { vec![plain] }
 }
 
 fn load(path: &Path) -> Result<Library, String> {
-    // The library writes to stderr on its own; everything that matters comes back as an error as well.
+    // Silenced, because the library writes to stderr, and all that matters is also returned as an error.
     let silent: ort::logging::LoggerFunction = Arc::new(|_, _, _, _, _| {});
     let builder = ort::init_from(path).map_err(|e| in_full(&e))?;
     let environment = builder
@@ -112,7 +113,7 @@ fn load(path: &Path) -> Result<Library, String> {
     Ok(Library { environment, path, version })
 }
 
-/// An error with what lies beneath it; of a library that doesn't load, the loader's own words.
+/// The error with its cause. If a library doesn't load, this is the message of the loader.
 fn in_full(error: &ort::LoadDynamicError) -> String {
     let ort::LoadDynamicError::Dlopen { error: refused, .. } = error else { return error.to_string() };
     match std::error::Error::source(refused) {
@@ -121,7 +122,7 @@ fn in_full(error: &ort::LoadDynamicError) -> String {
     }
 }
 
-/// The file that the system's loader took, on Linux.
+/// Path of the file that the system's loader has mapped (Linux).
 fn mapped() -> Option<PathBuf> {
     let maps = fs::read_to_string("/proc/self/maps").ok()?;
     let plain = format!("/{DLL_PREFIX}onnxruntime{DLL_SUFFIX}");
@@ -129,9 +130,9 @@ fn mapped() -> Option<PathBuf> {
     line.find('/').map(|start| PathBuf::from(&line[start..]))
 }
 
-/// The version of a library: from the name of the file behind it, else from the version that its symbols carry.
+/// Version of a library: from the name of the file behind its links, or else from its symbol version.
 ///
-/// ONNX Runtime tells its version through a C function, which would take unsafe code to call.
+/// ONNX Runtime gives its version through a C function, but calling it needs unsafe code.
 fn version_of(path: &Path) -> Option<String> {
     let file = fs::canonicalize(path).ok()?;
     let name = file.file_name()?.to_str()?;
@@ -144,7 +145,7 @@ fn version_of(path: &Path) -> Option<String> {
     version_in_symbols(BufReader::with_capacity(1 << 20, File::open(&file).ok()?))
 }
 
-/// `VERS_1.31.1`, the version node that ONNX Runtime's linker script gives its symbols.
+/// Version in `VERS_1.31.1`, the symbol version that ONNX Runtime's linker script sets.
 fn version_in_symbols(mut library: impl Read) -> Option<String> {
     const MARK: &[u8] = b"VERS_";
     const LONGEST: usize = 24;
@@ -164,7 +165,7 @@ fn version_in_symbols(mut library: impl Read) -> Option<String> {
         if n == 0 {
             return None;
         }
-        // What a mark on the border of two blocks needs stays.
+        // Keep enough bytes to find a mark that lies across two blocks.
         let drop = kept.len().saturating_sub(MARK.len() + LONGEST);
         kept.drain(..drop);
     }

@@ -1,4 +1,4 @@
-//! Settings of a node, each read once.
+//! Attributes of a node. Each is read once.
 
 use std::collections::BTreeMap;
 
@@ -13,33 +13,34 @@ mod kind {
     pub(super) const INTS: i32 = 7;
 }
 
-/// The settings that were not read yet: one that is left at the end is one that nobody accounted for.
+/// Attributes that have not been read yet. One that is left at the end was not accounted for, and rules the network
+/// out.
 pub(in crate::model) struct Attributes<'g>(BTreeMap<&'g str, &'g AttributeProto>);
 
 impl<'g> Attributes<'g> {
-    /// The settings of a node; `None` where one is there twice.
+    /// Attributes of a node. `None` if a name occurs twice.
     pub(in crate::model) fn of(node: &'g NodeProto) -> Option<Self> {
         let by_name: BTreeMap<_, _> =
             node.attribute.iter().map(|attribute| (attribute.name.as_str(), attribute)).collect();
         (by_name.len() == node.attribute.len()).then_some(Attributes(by_name))
     }
 
-    /// True if every setting was read.
+    /// True if every attribute was read.
     pub(in crate::model) fn all_read(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// A setting: `None` where it isn't there, `Some(None)` where it is of another type.
+    /// Takes an attribute. `None` if it is absent, `Some(None)` if it has another type.
     fn take(&mut self, name: &str, kind: i32) -> Option<Option<&'g AttributeProto>> {
         self.0.remove(name).map(|attribute| (attribute.r#type == kind).then_some(attribute))
     }
 
-    /// An integer; some writers leave a 0 away.
+    /// An integer attribute. A missing value counts as 0, because some writers omit zeros.
     pub(in crate::model) fn int(&mut self, name: &str, default: i64) -> Option<i64> {
         self.take(name, kind::INT).map_or(Some(default), |found| Some(found?.i.unwrap_or(0)))
     }
 
-    /// True if an integer is what it must be, or is left to a default of that value.
+    /// True if an integer attribute, or its default, has the expected value.
     pub(in crate::model) fn is(&mut self, name: &str, expected: i64) -> bool {
         self.int(name, expected) == Some(expected)
     }
@@ -48,7 +49,7 @@ impl<'g> Attributes<'g> {
         self.take(name, kind::FLOAT).map_or(Some(default), |found| Some(found?.f.unwrap_or(0.0)))
     }
 
-    /// True if a text is what it must be, or is left to a default of that value.
+    /// True if a string attribute, or its default, has the expected value.
     pub(in crate::model) fn says(&mut self, name: &str, expected: &str) -> bool {
         let said = self.text(name, expected);
         said.is_some_and(|said| said == expected.as_bytes())
@@ -62,7 +63,7 @@ impl<'g> Attributes<'g> {
         found.map_or(Some(default.as_bytes()), |found| Some(found?.s.as_deref().unwrap_or_default()))
     }
 
-    /// Integers; `None` where they are of another type, `Some(None)` where they are not there.
+    /// An integer list. `None` if the attribute has another type, `Some(None)` if it is absent.
     pub(in crate::model) fn ints(&mut self, name: &str) -> Option<Option<&'g [i64]>> {
         match self.take(name, kind::INTS) {
             None => Some(None),
@@ -70,7 +71,7 @@ impl<'g> Attributes<'g> {
         }
     }
 
-    /// True if integers are what they must be, or are left to a default of that value.
+    /// True if an integer list has the expected value, or is absent because that is its default.
     pub(in crate::model) fn are(&mut self, name: &str, expected: &[i64]) -> bool {
         self.ints(name).is_some_and(|found| found.is_none_or(|found| found == expected))
     }

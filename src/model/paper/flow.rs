@@ -1,39 +1,39 @@
-//! What a tensor of a graph is to the network, and which of its axes is which.
+//! Meaning of a tensor and of its axes in the paper's network.
 
 use crate::model::onnx::TensorProto;
 
-/// The longest list of sizes or axes that is followed; the network's own have up to four.
+/// Longest list of sizes or axes that is followed. The network needs at most four.
 const MAX_RANK: usize = 8;
 
-/// A tensor of the graph, understood.
+/// Value of a tensor of the graph.
 #[derive(Debug, Clone)]
 pub(super) enum Value<'g> {
     /// Weights, or any other float constant.
     Weights(&'g TensorProto),
-    /// Whole numbers: constants, and sizes of tensors.
+    /// Integers: constants, and sizes of tensors.
     Sizes(Sizes),
-    /// Zeros of this shape: the state that an LSTM starts from.
+    /// Zeros of this shape: the initial state of an LSTM.
     Zeros(Vec<Size>),
-    /// What the inputs have become.
+    /// A tensor that depends on the inputs.
     Flow(Flow),
 }
 
-/// The length of an axis.
+/// Length of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Size {
-    /// As many windows as come at once.
+    /// The number of windows, which is not fixed.
     Windows,
     Known(i64),
 }
 
-/// A list of whole numbers, or a single one.
+/// A list of integers, or a single integer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::model) struct Sizes {
     pub(super) is_scalar: bool,
     values: Vec<Size>,
 }
 
-/// What the inputs have become.
+/// A tensor that depends on the inputs: its stage and its axes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Flow {
     pub(super) what: What,
@@ -43,27 +43,27 @@ pub(super) struct Flow {
 /// An axis of a tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Axis {
-    /// Of length one, and of no meaning.
+    /// Axis of length one without meaning.
     One,
     Windows,
     Frames(usize),
-    /// Taxels, joints, or what the network makes of them.
+    /// Taxels, joints, or features of the network.
     Features(usize),
-    /// Forward and backward.
+    /// Directions of the LSTM: forward, backward.
     Directions,
-    /// The state of one direction.
+    /// State of one direction.
     Hidden(usize),
 }
 
-/// A stage of the network.
+/// Stage of the network that a tensor is the output of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum What {
     Tactile,
-    /// Behind a convolution, by its index.
+    /// Output of the convolution with this index.
     Convolved(usize),
-    /// Behind that one's ReLU.
+    /// Output of the ReLU after that convolution.
     Rectified(usize),
-    /// What the tactile branch gives.
+    /// Output of the tactile branch.
     Touch,
     Pose,
     Sine,
@@ -71,39 +71,39 @@ pub(super) enum What {
     /// Sines, then cosines.
     Encoded,
     Normed,
-    /// Times the embedding's weight.
+    /// Product with the weight of the embedding.
     Multiplied,
-    /// Plus its bias.
+    /// Sum with the bias of the embedding.
     Embedded,
     Gelu(Gelu),
-    /// Behind the GELU.
+    /// Output of the GELU.
     Activated,
     /// States of the first LSTM layer.
     Lower,
-    /// Those at the last frame.
+    /// State of the first LSTM layer at the last frame.
     LowerLast,
     /// States of the second LSTM layer.
     Upper,
-    /// The last state of its forward direction.
+    /// Last state of its forward direction.
     UpperForward,
-    /// The first state of its backward direction, which is that of the last frame.
+    /// First state of its backward direction, which belongs to the last frame.
     UpperBackward,
-    /// What the pose branch gives.
+    /// Output of the pose branch.
     Posed,
-    /// Touch times pose.
+    /// Product of touch and pose.
     Product,
-    /// What a decoder reads.
+    /// Input of a decoder.
     Fused(Side),
-    /// Behind a decoder's first layer.
+    /// Output of a decoder's first layer.
     Hidden(Side),
     HiddenRectified(Side),
-    /// Behind its second one.
+    /// Output of a decoder's second layer.
     Force(Side),
-    /// The force of touch minus the residual.
+    /// Base force minus residual.
     Difference,
 }
 
-/// A step within x / 2 * (1 + erf(x / sqrt 2)).
+/// Intermediate result of x / 2 * (1 + erf(x / sqrt 2)).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Gelu {
     /// x / sqrt 2
@@ -119,7 +119,7 @@ pub(super) enum Gelu {
     Gated,
 }
 
-/// What a decoder reads.
+/// Input of a decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::model::paper) enum Side {
     Touch,
@@ -153,7 +153,7 @@ impl Sizes {
         Sizes { is_scalar: true, values: vec![value] }
     }
 
-    /// The values of an int64 tensor.
+    /// Values of an int64 tensor.
     pub(in crate::model) fn of(tensor: &TensorProto) -> Option<Self> {
         if tensor.dims.len() > 1 {
             return None;
@@ -174,7 +174,7 @@ impl Sizes {
         &self.values
     }
 
-    /// All of them, where they are known.
+    /// The values, if all are known.
     pub(in crate::model) fn constants(&self) -> Option<Vec<i64>> {
         let constant = |size: &Size| match size {
             Size::Known(value) => Some(*value),
@@ -183,7 +183,7 @@ impl Sizes {
         self.values.iter().map(constant).collect()
     }
 
-    /// The product of each pair.
+    /// Elementwise product.
     pub(super) fn times(&self, other: &Sizes) -> Option<Sizes> {
         let product = |pair: (&Size, &Size)| match pair {
             (Size::Known(a), Size::Known(b)) => a.checked_mul(*b).map(Size::Known),
@@ -212,7 +212,7 @@ impl Flow {
         self.axes.iter().map(|axis| axis.size()).collect()
     }
 
-    /// The place of an axis that may be counted from the end.
+    /// Position of an axis. A negative index counts from the end.
     pub(super) fn at(&self, axis: i64) -> Option<usize> {
         place(axis, self.axes.len())
     }
@@ -248,7 +248,8 @@ impl Flow {
         (rank <= MAX_RANK).then_some(self)
     }
 
-    /// Another shape: axes of length one come and go, and both directions of a state become one axis.
+    /// Reshapes the tensor. Axes of length one may appear and disappear, and both directions of a state may become one
+    /// axis.
     pub(super) fn reshaped(self, target: &[Size], zero_keeps: bool) -> Option<Self> {
         let mut rest = self.axes.as_slice();
         let mut axes = Vec::new();
@@ -273,7 +274,7 @@ impl Flow {
         only_ones.then_some(Flow { what: self.what, axes })
     }
 
-    /// A shape with every length in it: 0 keeps one, -1 stands for what is left.
+    /// The target shape with all sizes known: 0 keeps a size, -1 stands for the remaining one.
     fn resolved(&self, target: &[Size], zero_keeps: bool) -> Option<Vec<Size>> {
         let mut sizes = Vec::new();
         let mut open = None;
@@ -299,7 +300,7 @@ impl Flow {
     }
 }
 
-/// How often the windows are among sizes, and the product of the others.
+/// How often the number of windows occurs among the sizes, and the product of the others.
 fn count(sizes: &[Size]) -> Option<(usize, i64)> {
     sizes.iter().try_fold((0, 1i64), |(windows, numbers), size| match size {
         Size::Windows => Some((windows + 1, numbers)),
@@ -307,14 +308,14 @@ fn count(sizes: &[Size]) -> Option<(usize, i64)> {
     })
 }
 
-/// The place of an axis that may be counted from the end.
+/// Position of an axis. A negative index counts from the end.
 pub(super) fn place(axis: i64, rank: usize) -> Option<usize> {
     let rank = i64::try_from(rank).ok()?;
     let axis = if axis < 0 { axis.checked_add(rank)? } else { axis };
     usize::try_from(axis).ok().filter(|_| axis < rank)
 }
 
-/// Places of axes, rising; `None` where one is there twice.
+/// Positions of axes in rising order. `None` if one occurs twice.
 fn places(axes: &[i64], rank: usize) -> Option<Vec<usize>> {
     let mut places = axes.iter().map(|axis| place(*axis, rank)).collect::<Option<Vec<_>>>()?;
     places.sort_unstable();
@@ -353,7 +354,7 @@ mod tests {
             assert_eq!(reshaped(&states, target, true), None, "{target:?}");
         }
         assert_eq!(reshaped(&states, &[0, 0, 8], false), None);
-        // The same lengths in another order would be other numbers.
+        // The same lengths in another order would reorder the values.
         assert_eq!(reshaped(&[Windows, Frames(20), Features(8)], &[-1, 8, 20], true), None);
         assert_eq!(reshaped(&[Frames(20), Directions, Windows, Hidden(4)], &[20, -1, 8], true), None);
     }

@@ -1,4 +1,4 @@
-//! From the inputs of a graph to its outputs, node by node.
+//! Follows a graph node by node, from its inputs to its outputs.
 
 mod layers;
 mod shapes;
@@ -14,10 +14,10 @@ use crate::model::contract::Terms;
 use crate::model::error::one_line;
 use crate::model::onnx::{GraphProto, NodeProto, TensorProto, data_type};
 
-/// The most nodes that are followed; PyTorch's exporters write the network in less than 100.
+/// Maximum number of nodes that are followed. PyTorch's exporters write the network with fewer than 100.
 const MAX_NODES: usize = 1024;
 
-/// True if a domain is that of the standard operators.
+/// True if a domain is the one of the standard operators.
 pub(in crate::model) fn is_standard(domain: &str) -> bool {
     ["", "ai.onnx"].contains(&domain)
 }
@@ -30,7 +30,7 @@ pub(super) struct Walk<'g> {
     pub(super) found: Found,
 }
 
-/// The weights on the way, each layer's found once.
+/// Weights found so far. Each layer must be found exactly once.
 #[derive(Default)]
 pub(super) struct Found {
     pub(super) convolutions: [Option<Dense>; DILATIONS.len()],
@@ -38,18 +38,18 @@ pub(super) struct Found {
     pub(super) decoders: BTreeMap<Side, [Option<Dense>; 2]>,
 }
 
-/// The weights of the pose branch.
+/// Weights of the pose branch found so far.
 #[derive(Default)]
 pub(super) struct FoundPose {
     norm: Option<(Vec<f32>, Vec<f32>, f32)>,
     weight: Option<(Vec<usize>, Vec<f32>)>,
     bias: Option<Vec<f32>>,
-    /// By layer, then forward and backward.
+    /// Indexed by layer, then by direction: forward, backward.
     lstm: [[Option<Cells>; 2]; 2],
 }
 
 impl FoundPose {
-    /// The branch, if all of it was found and it is as wide as the tactile branch.
+    /// The pose branch, if it is complete and as wide as the tactile branch.
     pub(super) fn whole(self, n_features: usize) -> Option<Pose> {
         let ((norm_gain, norm_shift, norm_epsilon), (dims, weight), bias) = (self.norm?, self.weight?, self.bias?);
         let [[a, b], [c, d]] = self.lstm;
@@ -70,7 +70,7 @@ impl<'g> Walk<'g> {
     /// Follows every node that an output depends on.
     ///
     /// # Errors
-    /// The first node that is not understood, or what else is in the way.
+    /// The first node that is not understood, or another reason why this is not the network.
     pub(super) fn through(graph: &'g GraphProto, terms: &'g Terms) -> Result<Self, String> {
         let contract = &terms.contract;
         let window = contract.window;
@@ -102,7 +102,7 @@ impl<'g> Walk<'g> {
         Ok(walk)
     }
 
-    /// What an output is, if it is one number a window.
+    /// Stage of an output, if it has one number per window.
     pub(super) fn force(&self, name: &str) -> Option<What> {
         let flow = self.flow(name)?;
         matches!(flow.axes.as_slice(), [Axis::Windows] | [Axis::Windows, Axis::One]).then_some(flow.what)
@@ -129,24 +129,24 @@ impl<'g> Walk<'g> {
         }
     }
 
-    /// Constant whole numbers.
+    /// Integer constants.
     fn numbers(&self, name: &str) -> Option<Vec<i64>> {
         self.sizes(name)?.constants()
     }
 
-    /// Shape and values of a float constant that holds something, all of it finite.
+    /// Shape and values of a float constant that is not empty and is finite.
     fn weights(&self, name: &str) -> Option<(Vec<usize>, Vec<f32>)> {
         let Value::Weights(tensor) = self.value(name)? else { return None };
         floats(tensor)
     }
 
-    /// Weights of a known shape.
+    /// Weights, if they have this shape.
     fn shaped(&self, name: &str, shape: &[usize]) -> Option<Vec<f32>> {
         let (dims, values) = self.weights(name)?;
         (dims == shape).then_some(values)
     }
 
-    /// A single number that changes no tensor's rank.
+    /// A single number that doesn't increase the rank of a tensor that it is combined with.
     fn number(&self, name: &str, rank: usize) -> Option<f32> {
         let (dims, values) = self.weights(name)?;
         (dims.len() <= rank && values.len() == 1).then(|| values[0])
@@ -184,7 +184,7 @@ impl<'g> Walk<'g> {
         self.give(node, 0, value)
     }
 
-    /// Operators that take what the inputs have become, and give the next stage of it.
+    /// Operators that take a stage of the network to the next one.
     fn forward(&mut self, op: &str, names: &[&str], given: &mut Attributes<'g>) -> Option<Flow> {
         let flow = |name: &str| self.flow(name);
         match (op, names) {
@@ -219,7 +219,7 @@ impl<'g> Walk<'g> {
         }
     }
 
-    /// Names what a node gives; a name that is there already would stand for two things.
+    /// Stores the value of an output. `None` if the name is taken, because it would then mean two tensors.
     fn give(&mut self, node: &'g NodeProto, output: usize, value: Value<'g>) -> Option<()> {
         match node.output.get(output).map(String::as_str) {
             None | Some("") => Some(()),
@@ -229,7 +229,7 @@ impl<'g> Walk<'g> {
     }
 }
 
-/// The nodes that an output depends on, in the graph's order; `None` where there are too many.
+/// The nodes that an output depends on, in the graph's order. `None` if there are too many.
 pub(in crate::model) fn needed(graph: &GraphProto) -> Option<Vec<&NodeProto>> {
     let mut wanted: BTreeSet<&str> = graph.output.iter().map(|output| output.name.as_str()).collect();
     let mut nodes = Vec::new();
@@ -246,7 +246,7 @@ pub(in crate::model) fn needed(graph: &GraphProto) -> Option<Vec<&NodeProto>> {
     Some(nodes)
 }
 
-/// Shape and values of a float tensor that holds something, all of it finite.
+/// Shape and values of a float tensor that is not empty and is finite.
 pub(in crate::model) fn floats(tensor: &TensorProto) -> Option<(Vec<usize>, Vec<f32>)> {
     (tensor.data_type == data_type::FLOAT).then_some(())?;
     let dims = tensor.dims.iter().map(|dim| usize::try_from(*dim).ok()).collect::<Option<Vec<_>>>()?;
@@ -254,11 +254,11 @@ pub(in crate::model) fn floats(tensor: &TensorProto) -> Option<(Vec<usize>, Vec<
         Some(raw) => raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
         None => tensor.float_data.clone(),
     };
-    // `weights::check` has seen to it that values fill their shape.
+    // `weights::check` guarantees that the number of values fits the shape.
     (!values.is_empty() && values.iter().all(|value| value.is_finite())).then_some((dims, values))
 }
 
-/// A tensor of a type that is followed.
+/// The value of a constant, if its type is supported.
 fn constant(tensor: &TensorProto) -> Option<Value<'_>> {
     match tensor.data_type {
         data_type::FLOAT => Some(Value::Weights(tensor)),

@@ -1,8 +1,9 @@
-//! A device's own clock on the clock of whoever receives its messages.
+//! Maps a device's own clock to the clock of the receiver.
 //!
-//! A message arrives later than it was stamped, by a delay that varies and is never negative. Receipt minus stamp is
-//! therefore the offset of the clocks plus a delay, and its lower envelope follows the offset and its drift. The envelope is
-//! the edge of the lower convex hull over the mean of the points: the line below all points that is closest to them.
+//! A message arrives later than its stamp, by a delay that varies and is never negative. Receipt minus stamp is
+//! therefore the offset of the clocks plus a delay, and its lower envelope follows the offset and its drift. The
+//! envelope is the edge of the lower convex hull below the mean of the points: the line below all points that is
+//! closest to them.
 //!
 //! # Source
 //! S. Moon, P. Skelly, D. Towsley: Estimation and removal of clock skew from network delay measurements, INFOCOM 1999.
@@ -11,38 +12,39 @@ use std::collections::VecDeque;
 
 use crate::units::{NANOS_PER_SEC, Stamp};
 
-/// The least offset of each such stretch of device time is kept.
+/// Length of a bin of device time. Only the smallest offset of each bin is kept.
 const BIN_NS: i128 = NANOS_PER_SEC as i128;
 
-/// Stretches that are kept: the offset of quartz clocks is a line over half a minute.
+/// Number of bins that are kept. Over half a minute, the offset of quartz clocks is a straight line.
 const BINS: usize = 32;
 
-/// From this span of points on their slope is drift; before, it is that of a few delays.
+/// Minimum time span of the points for an estimate of drift. Over a shorter span, the slope comes from a few delays.
 const SPAN_FOR_DRIFT_NS: f64 = 3e9;
 
-/// Largest drift that is believed, a part of time. Quartz clocks drift by less than 200e-6, the internal oscillators of
+/// Largest drift that is accepted, as a fraction. Quartz clocks drift by less than 200e-6, the internal oscillators of
 /// microcontrollers by 0.01.
 const MAX_DRIFT: f64 = 0.02;
 
-/// How fast the offset may grow, a part of device time: more than drift, and no step.
+/// How fast the applied offset may grow, as a fraction of device time: faster than drift, but without steps.
 const GROWTH: f64 = 0.025;
 
-/// How fast it may shrink, a part of device time: stamps keep their order.
+/// How fast the applied offset may shrink, as a fraction of device time: slow enough that stamps keep their order.
 const SHRINKAGE: f64 = 0.5;
 
-/// Beyond this a clock that disagrees with the receipts has been set or started anew, ns.
+/// A clock that differs from the receipts by more than this was set or restarted, ns.
 const RESTART_NS: i128 = NANOS_PER_SEC as i128;
 
-/// Shortest time in which a counter may wrap, ns: stamps are told apart from receipts to within [`RESTART_NS`].
+/// Shortest time in which a counter may wrap, ns, because a stamp can only be matched with its receipt to within
+/// [`RESTART_NS`].
 pub(super) const LEAST_SPAN_NS: i128 = 4 * NANOS_PER_SEC as i128;
 
-/// Far beyond every clock and far below where sums overflow, ns.
+/// Larger than any time of a clock, and small enough that sums don't overflow, ns.
 const MOST_NS: i128 = 1 << 96;
 
-/// Follows a device's clock.
+/// State of the mapping of a device's clock.
 #[derive(Debug, Clone)]
 pub(super) struct DeviceClock {
-    /// After this time the device's counter begins at 0 again, ns; never where it doesn't wrap.
+    /// Time after which the device's counter starts again at 0, ns. `None` if it never wraps.
     span_ns: Option<i128>,
     following: Option<Following>,
     restarts: u64,
@@ -50,18 +52,18 @@ pub(super) struct DeviceClock {
 
 #[derive(Debug, Clone)]
 struct Following {
-    /// The newest stamp as it was sent, ns.
+    /// Latest stamp as sent, ns.
     raw: i128,
     /// The same without wraps, ns.
     device: i128,
-    /// What is added to device time now, ns.
+    /// Offset that is added to device time now, ns.
     offset: i128,
-    /// Of each stretch the device time and the offset of its least offset, oldest first.
+    /// Device time and offset of the smallest offset of each bin, oldest first.
     least: VecDeque<[i128; 2]>,
     envelope: Line,
 }
 
-/// An offset at a device time, and how it grows.
+/// A line: an offset at a device time, and its growth.
 #[derive(Debug, Clone, Copy)]
 struct Line {
     device: i128,
@@ -76,17 +78,18 @@ impl Line {
 }
 
 impl DeviceClock {
-    /// A clock whose counter wraps after `span_ns`, if it does.
+    /// A clock whose counter wraps after `span_ns`, if given.
     pub(super) fn new(span_ns: Option<i128>) -> Self {
         DeviceClock { span_ns, following: None, restarts: 0 }
     }
 
-    /// How often the clock was set or started anew.
+    /// Number of times that the clock was set or restarted.
     pub(super) fn restarts(&self) -> u64 {
         self.restarts
     }
 
-    /// When a message was stamped that says `raw` ns and arrived at `received`, on the clock of receipts; never after it.
+    /// Stamp, on the receiver's clock, of a message with the device time `raw` that was received at `received`. Never
+    /// later than `received`.
     pub(super) fn stamp(&mut self, raw: i128, received: Stamp) -> Stamp {
         let raw = raw.clamp(-MOST_NS, MOST_NS);
         let at = i128::from(received.0);
@@ -115,7 +118,8 @@ impl Following {
         Following { raw, device: raw, offset, least: VecDeque::from([[raw, offset]]), envelope }
     }
 
-    /// From the newest stamp to this one, ns; negative for one that was overtaken, none where the clock was set.
+    /// Time from the latest stamp to this one, ns. Negative if a later message overtook it. `None` if the clock was
+    /// set.
     fn step(&self, raw: i128, at: i128, span_ns: Option<i128>) -> Option<i128> {
         let ahead = |step: i128| self.device + step + self.envelope.at(self.device + step) - at;
         let step = raw - self.raw;
@@ -125,18 +129,18 @@ impl Following {
         let forward = step.rem_euclid(span);
         let too_far = ahead(forward) - RESTART_NS;
         if too_far <= 0 {
-            return Some(forward + span * (-too_far).div_euclid(span)); // wraps that nobody heard of included
+            return Some(forward + span * (-too_far).div_euclid(span)); // also wraps during which no message came
         }
         let back = forward - span;
         (back >= -RESTART_NS).then_some(back)
     }
 
-    /// Device time `step` after the newest one before, which is the newest one now if `step` is positive.
+    /// Device time at `step` after the previous stamp. If `step` is positive, the latest stamp is already this one.
     fn device_at(&self, step: i128) -> i128 {
         self.device + step.min(0)
     }
 
-    /// Takes a message; false if the clock disagrees with its receipts for longer than a delay can last.
+    /// Processes a message. False if the clock differs from its receipts for longer than a delay can last.
     fn handle(&mut self, raw: i128, step: i128, at: i128) -> bool {
         if step < 0 {
             return true;
@@ -153,7 +157,7 @@ impl Following {
         true
     }
 
-    /// Keeps an offset where it is the least of its stretch.
+    /// Keeps an offset if it is the smallest of its bin.
     fn keep(&mut self, device: i128, offset: i128) {
         let bin = |device: i128| device.div_euclid(BIN_NS);
         let n_before = self.least.len();
@@ -177,7 +181,7 @@ impl Following {
     }
 }
 
-/// The line below all points that is closest to them on average; level where they span too little time.
+/// The line below all points that is closest to them on average. It is level if the points span too little time.
 fn envelope(points: &VecDeque<[i128; 2]>) -> Line {
     let Some(&[device, offset]) = points.back() else { return Line { device: 0, offset: 0, drift: 0.0 } };
     let relative = |point: &[i128; 2]| [(point[0] - device) as f64, (point[1] - offset) as f64];
@@ -187,7 +191,7 @@ fn envelope(points: &VecDeque<[i128; 2]>) -> Line {
     Line { device, offset: offset + lowest as i128, drift }
 }
 
-/// Slope of the edge of the lower convex hull over the mean of the points, which are in the order of x.
+/// Slope of the edge of the lower convex hull below the mean of the points, which are sorted by x.
 fn slope(points: &[[f64; 2]]) -> f64 {
     let [Some(first), Some(last)] = [points.first(), points.last()] else { return 0.0 };
     if last[0] - first[0] < SPAN_FOR_DRIFT_NS {
@@ -214,7 +218,7 @@ mod tests {
     const MS: i128 = 1_000_000;
     const S: i128 = 1_000 * MS;
 
-    /// Delays as a network has them: most of them short, a few long. Deterministic.
+    /// Delays as in a network: most are short, a few are long. Deterministic.
     struct Delays(u64);
 
     impl Delays {
@@ -225,9 +229,10 @@ mod tests {
         }
     }
 
-    /// What a clock says of messages at `hz` for `seconds`: how far each stamp is after the true one, ns.
+    /// Errors of the stamps of messages at `hz` for `seconds`: mapped stamp minus true time, ns.
     ///
-    /// `device` tells device time by true time, both ns; every message takes 1 ms and a delay of `jitter_ms` on average.
+    /// `device` maps true time to device time, both in ns. Every message takes 1 ms plus an average delay of
+    /// `jitter_ms`.
     fn errors(
         clock: &mut DeviceClock,
         hz: i128,
@@ -260,7 +265,8 @@ mod tests {
             let mut clock = DeviceClock::new(None);
             let device = |true_ns: i128| 77 * S + true_ns + (drift * true_ns as f64) as i128;
             let errors = errors(&mut clock, 100, 300, 2.0, device);
-            // The least delay of 1 ms can't be told from an offset; the rest is what a hundred delays a second leave.
+            // The smallest delay of 1 ms can't be separated from an offset. The rest is the uncertainty of a hundred
+            // delays per second.
             assert_within(&errors[1_000..], 0.0, 2.0);
             let steps: Vec<i128> = errors[1_000..].windows(2).map(|pair| pair[1] - pair[0]).collect();
             assert_within(&steps, -0.3, 0.3); // receipts deviate by tens of ms

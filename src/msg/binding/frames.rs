@@ -5,13 +5,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::hand::Point;
 
-/// Frames that are remembered; two hands on a robot have some hundred.
+/// Maximum number of frames that are stored. Two hands on a robot have about a hundred.
 const MAX_FRAMES: usize = 1024;
 
-/// Longest chain of frames that is followed, so that one that bites its tail ends.
+/// Longest chain of frames that is followed, so that a cycle ends.
 const MAX_CHAIN: usize = 64;
 
-/// Rounds after which a frame that was not heard of again is not there any more.
+/// Number of rounds after which a frame that was not sent again is forgotten.
 const MAX_ROUNDS: u64 = 10;
 
 /// The frames of one joint source, whichever of its topics tell them.
@@ -31,7 +31,7 @@ pub(super) struct Frames {
     round: u64,
 }
 
-/// A frame in its parent.
+/// A frame's transform in its parent.
 #[derive(Debug, Clone)]
 struct Link {
     parent: String,
@@ -68,13 +68,13 @@ impl Frames {
         }
     }
 
-    /// All frames of the hand have been told once more.
+    /// Marks that all frames of the hand were sent once more.
     pub(super) fn end_round(&mut self) {
         self.round += 1;
     }
 
-    /// The origin of a frame in the frame above all of its parents, and that frame; none where a transform on the way is not
-    /// one, or was not sent for a while.
+    /// Origin of a frame in the root of its chain of parents, and the name of that root. `None` if a transform on the
+    /// way is invalid or outdated.
     pub(super) fn origin<'a>(&'a self, frame: &'a str) -> Option<(Point, &'a str)> {
         let (mut point, mut at) = ([0.0; 3], frame);
         for _ in 0..MAX_CHAIN {
@@ -90,7 +90,7 @@ impl Frames {
     }
 }
 
-/// A point turned by a quaternion of any length but 0.
+/// Rotates a point by a quaternion of any length other than 0.
 fn turned(point: Point, [x, y, z, w]: [f64; 4]) -> Option<Point> {
     let square = x * x + y * y + z * z + w * w;
     if !(square.is_finite() && square > 1e-6) {

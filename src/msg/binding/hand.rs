@@ -1,4 +1,4 @@
-//! Messages that hold the keypoints of a hand, as positions, poses or transforms.
+//! Decodes messages with the keypoints of a hand, as positions, poses or transforms.
 
 use super::frames::FrameStore;
 use super::{BindingError, SampleError, plan};
@@ -6,20 +6,20 @@ use crate::hand::{self, Layout, Point, Side};
 use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs, ReadError};
 
-/// How the keypoints of a hand stand in a message.
+/// How a message holds the keypoints of a hand.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HandFields {
-    /// Where the keypoints stand among [`points`](Self::points).
+    /// Positions of the keypoints within [`points`](Self::points).
     pub layout: Layout,
-    /// Which hand it is.
+    /// Left or right hand.
     pub side: Side,
-    /// Names of the points, or just as many where they are told by their order.
+    /// Names of the points. If the order identifies the points, only the number of names counts.
     pub points: Vec<String>,
-    /// Paths of the points' names, whose texts are joined by `_`; none where points are told by their order.
+    /// Paths of the points' names, whose strings are joined by `_`. Empty if the order identifies the points.
     pub names: Vec<String>,
-    /// Path of whether each point is valid, for messages that say it.
+    /// Path of the flags that say whether each point is valid, if the messages have them.
     pub valid: Option<String>,
-    /// Index of the first point of this hand, where a message holds more.
+    /// Index of the first point of this hand, if a message has the points of more.
     pub first: usize,
     /// Names of the angles, in the order of [`hand::JOINTS`].
     pub joints: Vec<String>,
@@ -28,15 +28,16 @@ pub struct HandFields {
 /// Messages of transforms.
 pub(super) const TF: &str = "tf2_msgs/msg/TFMessage";
 
-/// Where the stamp of a hand is whose points are told by name, in types that are known here; none where it is in the header.
+/// Path of the stamp, for types that we know and whose points are identified by name. `None` if the stamp is in the
+/// header.
 ///
-/// A message of transforms may hold some of the hand's: it is complete with the last of its points.
+/// A message of transforms may have only some of the hand's points. The hand is complete with the last point.
 pub fn hand_stamp(type_name: &str, points: &[String]) -> Option<String> {
     let last = points.last().filter(|_| canonical_type_name(type_name) == TF)?;
     Some(format!("transforms[child_frame_id={last}].header.stamp"))
 }
 
-/// Where types that are known here hold the positions of points, and their names.
+/// Paths of the points' positions and names, for types that we know.
 pub fn hand_paths(type_name: &str) -> Option<(&'static str, &'static [&'static str])> {
     match canonical_type_name(type_name).as_str() {
         "geometry_msgs/msg/PoseArray" => Some(("poses[].position", &[])),
@@ -48,11 +49,11 @@ pub fn hand_paths(type_name: &str) -> Option<(&'static str, &'static [&'static s
     }
 }
 
-/// Fields of a message type, compiled: from one message after another to angles.
+/// Compiled [`HandFields`]. Computes angles from each message.
 #[derive(Debug, Clone)]
 pub(super) struct HandPlan {
     type_name: String,
-    positions: Vec<FieldPlan>,    // one: x, y, z of each point in turn; three: each by itself
+    positions: Vec<FieldPlan>, // one path: x, y, z of each point in turn; three: one path per axis
     orientations: Vec<FieldPlan>, // none, or x, y, z, w
     valid: Option<FieldPlan>,
     names: Vec<FieldPlan>,
@@ -65,7 +66,7 @@ pub(super) struct HandPlan {
 
 const VALID: usize = 7;
 
-/// Points that are frames, each told in its parent.
+/// Points that are `/tf` frames. Each is given in its parent.
 #[derive(Debug, Clone)]
 struct Transforms {
     parents: FieldPlan,
@@ -90,7 +91,7 @@ impl HandPlan {
             Ok(flat) => vec![flat],
             Err(error) => axes(path, &["x", "y", "z"]).map_err(|_| error)?,
         };
-        // A pose says by its orientation, too, that it is not known.
+        // The orientation of a pose can also mark the pose as unknown.
         let stamped = path.strip_suffix(".transform.translation");
         let turned = path.strip_suffix(".position").map(|pose| format!("{pose}.orientation"));
         let turned = turned.or_else(|| stamped.map(|stamped| format!("{stamped}.transform.rotation")));
@@ -120,7 +121,7 @@ impl HandPlan {
         })
     }
 
-    /// Replaces `angles` by those of the hand in a message, rad; NaN where its points are missing.
+    /// Replaces `angles` by the angles of the hand in a message, rad. NaN for an angle whose points are missing.
     pub(super) fn decode(&mut self, cdr: &[u8], angles: &mut Vec<f64>) -> Result<(), SampleError> {
         angles.clear();
         let n_points = self.read(cdr)?;
@@ -191,7 +192,7 @@ impl HandPlan {
         Ok(())
     }
 
-    /// Reads all columns; how many points there are.
+    /// Reads all columns and returns the number of points.
     fn read(&mut self, cdr: &[u8]) -> Result<usize, SampleError> {
         self.columns.iter_mut().for_each(Vec::clear);
         let columns: Result<(), ReadError> = self
@@ -227,7 +228,8 @@ impl HandPlan {
         Ok(n_points)
     }
 
-    /// Where the layout has an element of the message. Of points with one name the first that is known counts.
+    /// Index in the layout of an element of the message. If several points have the same name, the first valid one
+    /// counts.
     fn slot_of(&self, element: usize) -> Option<usize> {
         if self.names.is_empty() {
             return Some(element - self.fields.first).filter(|slot| *slot < self.points.len());
@@ -245,7 +247,7 @@ impl HandPlan {
         self.points[slot][0].is_nan().then_some(slot)
     }
 
-    /// Whether the orientation beside a position is one: neither NaN nor all zeros.
+    /// True if the orientation of an element is valid: neither NaN nor all zeros.
     fn is_turned(&self, element: usize) -> bool {
         self.orientations.is_empty() || {
             let norm: f64 = self.columns[3..VALID].iter().map(|axis| axis[element] * axis[element]).sum();
@@ -254,13 +256,13 @@ impl HandPlan {
     }
 }
 
-/// A point's name without what OpenXR's own constants have around it: `XR_HAND_JOINT_INDEX_TIP_EXT` is `INDEX_TIP`.
+/// Name of a point without prefix and suffix of OpenXR's constants: `XR_HAND_JOINT_INDEX_TIP_EXT` gives `INDEX_TIP`.
 fn bare(name: &str) -> &str {
     let from = strip_prefix(name, "XR_HAND_JOINT_").unwrap_or(name);
     from.strip_suffix("_EXT").or_else(|| from.strip_suffix("_ext")).unwrap_or(from)
 }
 
-/// As `str::strip_prefix`, without regard to ASCII case.
+/// Like `str::strip_prefix`, ignoring ASCII case.
 fn strip_prefix<'a>(text: &'a str, prefix: &str) -> Option<&'a str> {
     let (start, rest) = text.split_at_checked(prefix.len())?;
     start.eq_ignore_ascii_case(prefix).then_some(rest)

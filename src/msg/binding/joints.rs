@@ -1,4 +1,4 @@
-//! Messages that hold joint angles.
+//! Decodes messages with joint angles.
 
 use super::frames::FrameStore;
 use super::hand::{HandFields, HandPlan};
@@ -8,32 +8,32 @@ use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs};
 use crate::units::Stamp;
 
-/// Which fields of a message hold joint angles.
+/// Fields of a message with joint angles.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JointFields {
-    /// Where the stamp comes from; `None` where the type has none and nobody has said.
+    /// Source of the stamp. `None` if the type has no stamp and the parameters don't name one.
     pub stamp: Option<StampFrom>,
-    /// Path of the angles, or of the positions of a hand's points.
+    /// Path of the angles, or of the positions of a hand's keypoints.
     pub positions: String,
-    /// Where the names of the joints come from.
+    /// Source of the joint names.
     pub names: NamesFrom,
-    /// `field=value` that a message must have to be for this source; all messages are where there is none.
+    /// `field=value` that selects the messages of this source. Without it, all messages are for this source.
     pub only: Option<String>,
 }
 
-/// Where the names of joints come from.
+/// Source of the joint names.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum NamesFrom {
     /// Path of the names in the message.
     Field(String),
-    /// The parameters say, in the order of the angles in the message.
+    /// Names from the parameters, in the order of the angles in the message.
     Constant(Vec<String>),
-    /// The message holds points of a hand, from whose positions the angles are computed, in rad.
+    /// The message has keypoints of a hand. The angles are computed from their positions, in rad.
     Hand(Box<HandFields>),
 }
 
 impl JointFields {
-    /// The fields of a type that is known here: `sensor_msgs/msg/JointState`.
+    /// Fields of a type that we know: `sensor_msgs/msg/JointState`.
     pub fn for_type(type_name: &str) -> Option<Self> {
         (canonical_type_name(type_name) == "sensor_msgs/msg/JointState").then(|| JointFields {
             stamp: Some(StampFrom::Field("header.stamp".to_owned())),
@@ -44,18 +44,18 @@ impl JointFields {
     }
 }
 
-/// One message of joint angles, borrowed from the binding that decoded it.
+/// Joint angles of one message, borrowed from the binding that decoded it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointMessage<'a> {
     /// Stamp of the angles.
     pub stamp: Stamp,
     /// `[joints]`.
     pub names: &'a [String],
-    /// `[joints]`, in the source's own unit.
+    /// `[joints]`, in the source's unit.
     pub positions: &'a [f64],
 }
 
-/// Fields of a message type, compiled: decodes one message after another into buffers that it keeps.
+/// Compiled [`JointFields`]. Decodes each message into buffers that are reused.
 #[derive(Debug, Clone)]
 pub struct JointBinding {
     type_name: String,
@@ -66,10 +66,10 @@ pub struct JointBinding {
     angles: Vec<f64>,
 }
 
-/// Where the angles of a message are, compiled.
+/// Compiled source of the angles.
 #[derive(Debug, Clone)]
 enum AngleSource {
-    Sent { positions: Box<FieldPlan>, names: Option<Box<FieldPlan>> }, // names: None where they are constant
+    Sent { positions: Box<FieldPlan>, names: Option<Box<FieldPlan>> }, // names: None if they are constant
     Hand(Box<HandPlan>),
 }
 
@@ -77,7 +77,7 @@ impl JointBinding {
     /// Compiles the fields against a type.
     ///
     /// # Errors
-    /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
+    /// [`BindingError`], which names the field that is missing or has the wrong type, or the missing stamp.
     pub fn compile(fields: &JointFields, tree: &TypeTree) -> Result<Self, BindingError> {
         Self::compile_with(fields, tree, &FrameStore::default())
     }
@@ -109,10 +109,11 @@ impl JointBinding {
         })
     }
 
-    /// Decodes a message that arrived at `received`.
+    /// Decodes a message that was received at `received`.
     ///
     /// # Errors
-    /// [`SampleError`] when names and angles are not equally many, there are none of them, or they are for another source.
+    /// [`SampleError`] if there are no angles, if their number differs from the number of names, or if the message is
+    /// for another source.
     pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<JointMessage<'_>, SampleError> {
         self.only.admit(cdr)?;
         match &mut self.source {
@@ -136,7 +137,7 @@ impl JointBinding {
         Ok(JointMessage { stamp, names: &self.joint_names, positions: &self.angles })
     }
 
-    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    /// Number of times that the device's clock was set or restarted, if stamps come from its own clock.
     pub fn clock_restarts(&self) -> u64 {
         self.stamp.clock_restarts()
     }

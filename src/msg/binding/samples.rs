@@ -1,10 +1,10 @@
-//! From the bytes of an input to the event that they are for the core: one way for bags and for the live node.
+//! Decodes the messages of an input to events for the core, for bags and for the live node.
 
 use super::{FramesBinding, JointBinding, SampleError, TaxelBinding};
 use crate::fusion::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
 use crate::units::Stamp;
 
-/// What the messages of one input topic are.
+/// Decoder for the messages of one input topic.
 #[derive(Debug, Clone)]
 pub enum SampleBinding {
     /// Taxels of a source.
@@ -16,7 +16,7 @@ pub enum SampleBinding {
 }
 
 impl SampleBinding {
-    /// Decodes a message that arrived at `received`.
+    /// Decodes a message that was received at `received`.
     ///
     /// # Errors
     /// [`SampleError`] when it holds no samples, or not the ones that it says; [`SampleError::Kept`] for frames, which are kept.
@@ -50,7 +50,7 @@ impl SampleBinding {
         }
     }
 
-    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    /// Number of times that the device's clock was set or restarted, if stamps come from its own clock.
     pub fn clock_restarts(&self) -> u64 {
         match self {
             SampleBinding::Taxels(_, binding) => binding.clock_restarts(),

@@ -1,15 +1,15 @@
-//! A sender's count of its messages, which begins at 0 again at the width of its field.
+//! Message counter of a sender, which wraps at the width of its field.
 
 use super::{BindingError, plan};
 use crate::msg::definition::{Primitive, TypeTree};
 use crate::msg::dynamic::{ElementKind, FieldPlan, ReadAs, ReadError};
 
-/// A counter of any width, read as one of 32 bits.
+/// A counter of any width, extended to 32 bits.
 #[derive(Debug, Clone)]
 pub(super) struct SequencePlan {
     plan: FieldPlan,
     n_bits: u32,
-    last: Option<(u64, u32)>, // as it was sent, and as it was told
+    last: Option<(u64, u32)>, // as sent, and as extended
 }
 
 impl SequencePlan {
@@ -32,12 +32,12 @@ impl SequencePlan {
         }
     }
 
-    /// The count of a message. A narrower counter goes on where it wraps, and one that goes back goes back.
+    /// Count of a message. A narrower counter continues after it wraps, and one that goes back goes back.
     pub(super) fn read(&mut self, cdr: &[u8]) -> Result<u32, ReadError> {
         let sent = self.plan.read_nanos(cdr, 1)? as u64; // negative counts in two's complement
         let spare = 64 - self.n_bits;
         let told = match self.last {
-            // Half of the counter's range or more ahead is back.
+            // A step of half of the counter's range or more counts as a step back.
             Some((last, told)) if self.n_bits < 32 => {
                 told.wrapping_add((sent.wrapping_sub(last) << spare).cast_signed().wrapping_shr(spare) as u32)
             }
@@ -52,7 +52,7 @@ impl SequencePlan {
 mod tests {
     use super::*;
 
-    /// What is told of counts that a field of this type holds.
+    /// Extended counts of a field with this type that has these values.
     fn told(name: &str, counts: &[i64]) -> Vec<u32> {
         let tree = TypeTree::from_schema("pkg/msg/T", &format!("{name} count\n")).unwrap();
         let mut plan = SequencePlan::compile(&tree, "count").unwrap();

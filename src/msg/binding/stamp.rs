@@ -1,4 +1,4 @@
-//! Where the stamp of a message is taken from.
+//! Sources for the stamp of a message.
 
 use super::clock::{DeviceClock, LEAST_SPAN_NS};
 use super::{BindingError, plan};
@@ -6,27 +6,28 @@ use crate::msg::definition::{Primitive, TypeTree};
 use crate::msg::dynamic::{ElementKind, FieldPlan, ReadAs, ReadError};
 use crate::units::Stamp;
 
-/// Where the stamp of a message is taken from.
+/// Source of a message's stamp.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum StampFrom {
-    /// A `builtin_interfaces/Time` of the message.
+    /// A `builtin_interfaces/Time` field.
     Field(String),
-    /// A number of the message.
+    /// A number field.
     Number {
         /// Path of the number.
         path: String,
-        /// What it counts.
+        /// Its unit.
         unit: StampUnit,
-        /// From when on it counts.
+        /// The time that it counts from.
         since: Since,
     },
-    /// A `builtin_interfaces/Time` of the message since the start of the device.
+    /// A `builtin_interfaces/Time` field that counts from the start of the device.
     SinceBoot(String),
-    /// When the message was received: `log_time` in a bag. For types without a stamp, and only when it is asked for.
+    /// The time when the message was received: `log_time` in a bag. For types without a stamp, and only if the
+    /// parameters ask for it.
     Receipt,
 }
 
-/// What a number counts that is a point in time.
+/// Unit of a stamp that is a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StampUnit {
     /// Seconds.
@@ -39,12 +40,12 @@ pub enum StampUnit {
     Nanos,
 }
 
-/// From when on a device counts time.
+/// The time that a device counts from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Since {
-    /// 1970, as the clock of the receiver.
+    /// 1970, like the clock of the receiver.
     Epoch,
-    /// The start of the device: mapped to the time of receipt.
+    /// The start of the device. Mapped to the receiver's clock with the times of receipt.
     Boot,
 }
 
@@ -81,7 +82,7 @@ impl StampPlan {
         }
     }
 
-    /// The stamp of a message that arrived at `received`.
+    /// Stamp of a message that was received at `received`.
     pub(super) fn read(&mut self, cdr: &[u8], received: Stamp) -> Result<Stamp, ReadError> {
         match self {
             StampPlan::Field(plan) => plan.read_stamp(cdr),
@@ -97,7 +98,7 @@ impl StampPlan {
         }
     }
 
-    /// How often the device's clock was set or started anew.
+    /// Number of times that the device's clock was set or restarted.
     pub(super) fn clock_restarts(&self) -> u64 {
         match self {
             StampPlan::SinceBoot(_, clock) | StampPlan::Number { clock: Some(clock), .. } => clock.restarts(),
@@ -106,7 +107,7 @@ impl StampPlan {
     }
 }
 
-/// A time of the message.
+/// Compiles the path of a time field.
 fn time(tree: &TypeTree, path: &str) -> Result<FieldPlan, BindingError> {
     let refused = |error| match plan("stamp", tree, path, ReadAs::Nanos) {
         Ok(number) => stamp_error(tree, &number, "a number: set stamp_unit to s, ms, us or ns, or name another field"),
@@ -115,7 +116,7 @@ fn time(tree: &TypeTree, path: &str) -> Result<FieldPlan, BindingError> {
     plan("stamp", tree, path, ReadAs::Stamp).map_err(refused)
 }
 
-/// A number of the message.
+/// Compiles the path of a number field.
 fn number(tree: &TypeTree, path: &str, unit: StampUnit, since: Since) -> Result<StampPlan, BindingError> {
     if let Ok(time) = plan("stamp", tree, path, ReadAs::Stamp) {
         return Err(stamp_error(tree, &time, "no number: leave stamp_unit out"));
@@ -126,7 +127,8 @@ fn number(tree: &TypeTree, path: &str, unit: StampUnit, since: Since) -> Result<
     };
     let unit_ns = unit.nanos();
     if since == Since::Epoch {
-        // 32 bits hold the seconds since 1970, but no finer unit; a float32 holds them to within two minutes.
+        // 32 bits can hold the seconds since 1970, but not in a finer unit. A float32 holds them only to within two
+        // minutes.
         let is_narrow = primitive.size() < 4 || primitive.size() == 4 && unit != StampUnit::Seconds;
         return match is_narrow || primitive == Primitive::Float32 {
             true => Err(stamp_error(tree, &plan, "too small for the time since 1970: is stamp_since boot?")),

@@ -1,4 +1,4 @@
-//! Messages that hold readings of a tactile array.
+//! Decodes messages with readings of a tactile array.
 
 use super::sequence::SequencePlan;
 use super::stamp::StampPlan;
@@ -7,57 +7,57 @@ use crate::msg::definition::{TypeTree, canonical_type_name};
 use crate::msg::dynamic::{FieldPlan, ReadAs, ReadError};
 use crate::units::Stamp;
 
-/// Which fields of a message hold taxels.
+/// Fields of a message with taxels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TaxelFields {
-    /// Where the stamp of the last row comes from; `None` where the type has none and nobody has said.
+    /// Source of the stamp of the last row. `None` if the type has no stamp and the parameters don't name one.
     pub stamp: Option<StampFrom>,
-    /// Paths of the readings, row-major, at least one. A sample holds the readings of the first, then those of the second.
+    /// Paths of the readings, row-major, at least one. A sample has the readings of the first path, then those of the
+    /// second.
     pub values: Vec<String>,
-    /// A reading that stands for a taxel that does not exist; it is read as NaN.
+    /// Value that marks a taxel without a reading. It is read as NaN.
     pub no_reading: Option<f32>,
-    /// How many samples a message holds.
+    /// Number of samples in a message.
     pub rows: CountFrom,
-    /// How many taxels a sample holds; `None` takes what the rows leave.
+    /// Number of taxels in a sample. `None` derives it from the number of values and rows.
     pub cols: Option<CountFrom>,
-    /// Time between samples of one message.
+    /// Time between the samples of a message.
     pub row_period: PeriodFrom,
-    /// Path of a counter, one up a message and wrapping at the width of its field.
+    /// Path of a counter that grows by one per message and wraps at the width of its field.
     pub sequence: Option<String>,
-    /// `field=value` that a message must have to be for this source; all messages are where there is none.
+    /// `field=value` that selects the messages of this source. Without it, all messages are for this source.
     pub only: Option<String>,
 }
 
-/// Where a count comes from.
+/// Source of a count.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CountFrom {
-    /// There is one.
+    /// Always one.
     One,
-    /// The parameters say.
+    /// A count from the parameters.
     Constant(usize),
-    /// Path of a whole number.
+    /// Path of an integer.
     Field(String),
-    /// Path of a `std_msgs/MultiArrayLayout`: the size of the first of two dimensions when they make up the values,
-    /// 1 otherwise.
+    /// Path of a `std_msgs/MultiArrayLayout`. The count is the size of the first dimension, if there are two whose
+    /// product is the number of values, otherwise 1.
     Layout(String),
 }
 
-/// Where the time between samples of one message comes from.
+/// Source of the time between the samples of a message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PeriodFrom {
-    /// Nothing says, so that a message of several samples is dropped.
+    /// Not known. A message with several samples is then dropped.
     None,
-    /// The parameters say, ns.
+    /// A time from the parameters, ns.
     Constant(i64),
     /// Path of a `builtin_interfaces/Duration`, or of a number of seconds.
     Field(String),
 }
 
 impl TaxelFields {
-    /// The fields of a type that is known here: `tactile_pose_fusion/msg/TaxelArray` or
-    /// `std_msgs/msg/Float32MultiArray`.
+    /// Fields of a type that we know: `tactile_pose_fusion/msg/TaxelArray` or `std_msgs/msg/Float32MultiArray`.
     ///
-    /// The latter has no stamp: `stamp` is `None`, and compiling is refused until somebody has set it.
+    /// The latter has no stamp: `stamp` is `None`, and compiling fails until the caller sets it.
     pub fn for_type(type_name: &str) -> Option<Self> {
         match canonical_type_name(type_name).as_str() {
             "tactile_pose_fusion/msg/TaxelArray" => Some(TaxelFields {
@@ -85,22 +85,22 @@ impl TaxelFields {
     }
 }
 
-/// One message of taxels, borrowed from the binding that decoded it.
+/// Taxels of one message, borrowed from the binding that decoded it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TaxelMessage<'a> {
     /// Stamp of the last row.
     pub stamp: Stamp,
     /// Number of samples, at least 1.
     pub rows: usize,
-    /// Time between samples; 0 where there is one.
+    /// Time between samples, 0 if there is only one.
     pub row_period_ns: i64,
-    /// The sender's counter, where it has one.
+    /// The sender's counter, if it has one.
     pub sequence: Option<u32>,
-    /// `[rows, taxels]`, row-major, at least one a row.
+    /// `[rows, taxels]`, row-major, with at least one taxel per row.
     pub values: &'a [f32],
 }
 
-/// Fields of a message type, compiled: decodes one message after another into buffers that it keeps.
+/// Compiled [`TaxelFields`]. Decodes each message into buffers that are reused.
 #[derive(Debug, Clone)]
 pub struct TaxelBinding {
     type_name: String,
@@ -113,7 +113,7 @@ pub struct TaxelBinding {
     row_period: PeriodPlan,
     sequence: Option<SequencePlan>,
     readings: Vec<f32>,
-    /// Readings field by field, and where each field ends in them, where there are several.
+    /// If there are several fields: their readings one after another, and the end of each.
     fields: Vec<f32>,
     ends: Vec<usize>,
     sizes: Vec<f64>,
@@ -123,7 +123,7 @@ impl TaxelBinding {
     /// Compiles the fields against a type.
     ///
     /// # Errors
-    /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
+    /// [`BindingError`], which names the field that is missing or has the wrong type, or the missing stamp.
     pub fn compile(fields: &TaxelFields, tree: &TypeTree) -> Result<Self, BindingError> {
         let sequence = fields.sequence.as_deref().map(|path| SequencePlan::compile(tree, path)).transpose()?;
         let role = if fields.values.len() > 1 { "fields" } else { "values" };
@@ -146,10 +146,10 @@ impl TaxelBinding {
         })
     }
 
-    /// Decodes a message that arrived at `received`.
+    /// Decodes a message that was received at `received`.
     ///
     /// # Errors
-    /// [`SampleError`] when it holds no samples, not the ones that it says, or those of another source.
+    /// [`SampleError`] if it has no samples, not the number that it states, or samples of another source.
     pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<TaxelMessage<'_>, SampleError> {
         self.only.admit(cdr)?;
         self.read_fields(cdr)?;
@@ -166,7 +166,7 @@ impl TaxelBinding {
                 return Err(SampleError::Shape { type_name: type_name(), rows, cols, n_values });
             }
         }
-        // Each row holds a value of each field at least, so rows fit where the values do.
+        // Each row has at least one value of each field, so the number of rows can't exceed the number of values.
         let mut begin = 0;
         for end in &self.ends {
             if !((end - begin) as u64).is_multiple_of(rows) {
@@ -191,7 +191,7 @@ impl TaxelBinding {
         Ok(TaxelMessage { stamp, rows, row_period_ns, sequence, values: &self.readings })
     }
 
-    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    /// Number of times that the device's clock was set or restarted, if stamps come from its own clock.
     pub fn clock_restarts(&self) -> u64 {
         self.stamp.clock_restarts()
     }
@@ -207,7 +207,7 @@ impl TaxelBinding {
         Ok(())
     }
 
-    /// Puts the values sample by sample: of each the first field, then the second.
+    /// Reorders the values by sample: for each sample the readings of the first field, then those of the second.
     fn join_rows(&mut self, rows: usize) {
         self.readings.clear();
         for row in 0..rows {
@@ -251,7 +251,8 @@ impl CountPlan {
             CountPlan::Layout(plan) => {
                 sizes.clear();
                 plan.read_f64(cdr, sizes)?;
-                // Sizes are uint32 and their product below 2^64; where rounding could matter it is no array's length.
+                // Sizes are uint32 and their product is below 2^64. A product large enough for rounding can't be an
+                // array's length.
                 Ok(match sizes[..] {
                     [rows, cols] if rows * cols == n_values as f64 => rows as u64,
                     _ => 1,

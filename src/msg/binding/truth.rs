@@ -1,4 +1,4 @@
-//! Messages of a force sensor that tells the true force.
+//! Decodes messages of a force sensor that measures the true force.
 
 use super::stamp::StampPlan;
 use super::{BindingError, OnlyPlan, SampleError, StampFrom, plan};
@@ -27,7 +27,7 @@ pub enum ForceReading {
 /// Which fields of a message hold the true force.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TruthFields {
-    /// Where the stamp comes from; `None` where the type has none and nobody has said.
+    /// Source of the stamp. `None` if the type has no stamp and the parameters don't name one.
     pub stamp: Option<StampFrom>,
     /// The force.
     pub force: ForceFields,
@@ -36,7 +36,7 @@ pub struct TruthFields {
 }
 
 impl TruthFields {
-    /// The fields of a type that is known here: the z axis of `geometry_msgs/msg/WrenchStamped`.
+    /// Fields of a type that we know: the z axis of `geometry_msgs/msg/WrenchStamped`.
     pub fn for_type(type_name: &str) -> Option<Self> {
         (canonical_type_name(type_name) == "geometry_msgs/msg/WrenchStamped").then(|| TruthFields {
             stamp: Some(StampFrom::Field("header.stamp".to_owned())),
@@ -66,7 +66,7 @@ impl TruthBinding {
     /// Compiles the fields against a type.
     ///
     /// # Errors
-    /// [`BindingError`] naming the field that is not there or of the wrong kind, or the stamp that is missing.
+    /// [`BindingError`], which names the field that is missing or has the wrong type, or the missing stamp.
     pub fn compile(fields: &TruthFields, tree: &TypeTree) -> Result<Self, BindingError> {
         Ok(TruthBinding {
             type_name: tree.type_name().to_owned(),
@@ -83,7 +83,8 @@ impl TruthBinding {
         })
     }
 
-    /// Decodes a message that arrived at `received`: when the force was measured, and the force in the source's unit.
+    /// Decodes a message that was received at `received`. Returns the stamp of the force, and the force in the source's
+    /// unit.
     ///
     /// # Errors
     /// [`SampleError`] when the bytes are not what the definition says, or a field holds another number of values
@@ -109,7 +110,7 @@ impl TruthBinding {
         Ok((stamp.read(cdr, received)?, force))
     }
 
-    /// How often the device's clock was set or started anew, where stamps are those of its own clock.
+    /// Number of times that the device's clock was set or restarted, if stamps come from its own clock.
     pub fn clock_restarts(&self) -> u64 {
         self.stamp.clock_restarts()
     }

@@ -1,4 +1,4 @@
-//! OMG IDL as rosidl writes it: modules, structs, constants, enums and typedefs. Annotations and comments are passed over.
+//! Parses OMG IDL as rosidl writes it: modules, structs, constants, enums and typedefs. Skips annotations and comments.
 
 mod token;
 
@@ -11,19 +11,20 @@ use super::{
 };
 use token::{Token, tokens};
 
-/// Deepest nesting of modules, and of types within one another's angle brackets.
+/// Maximum nesting of modules, and of types in angle brackets.
 const MAX_NESTING: usize = 32;
 
-/// The longest text that is read, in bytes; real ones stay under 1 MB with all that they are made of.
+/// Longest text that is read, bytes. Real texts, with all types that they contain, are smaller than 1 MB.
 const MAX_TEXT: usize = 2 << 20;
 
-/// Every struct of a schema, by canonical name.
+/// All structs of a schema, by canonical name.
 pub(super) type Structs = BTreeMap<String, MessageDefinition>;
 
-/// Parses a schema as bags hold it: the text of one `.idl` file, or several, each under a separator line and `IDL: name`.
+/// Parses a schema as in a bag: the text of one `.idl` file, or of several, each after a separator line and
+/// `IDL: name`.
 ///
 /// # Errors
-/// [`DefinitionError::Line`] naming `type_name`, whose schema it is.
+/// [`DefinitionError::Line`], which names `type_name`, the type of the schema.
 pub(super) fn parse(type_name: &str, text: &str) -> Result<Structs, DefinitionError> {
     if text.len() > MAX_TEXT {
         return Err(DefinitionError::TooLong { type_name: type_name.to_owned(), n_bytes: text.len(), limit: MAX_TEXT });
@@ -44,21 +45,21 @@ struct Fault {
     reason: String,
 }
 
-/// What a scoped name stands for.
+/// Meaning of a scoped name.
 #[derive(Clone)]
 enum Named {
     Alias(Mentioned),
     Struct,
-    /// rosidl makes no code for one, so no message of ROS has a field of it.
+    /// rosidl generates no code for enums, so no ROS message has a field of this type.
     Enum,
     Number(u32),
 }
 
-/// A type as a struct mentions it: structs may be defined further down.
+/// Type of a struct's field. Structs may be defined further down.
 #[derive(Clone)]
 enum Mentioned {
     Known(FieldType),
-    /// The name, the scope that it is used in, its line, and how many there are.
+    /// The name, the scope in which it is used, its line, and the number of elements.
     Later(String, Rc<Vec<String>>, usize, Arity),
 }
 
@@ -81,7 +82,7 @@ struct Parser<'a> {
 }
 
 impl<'a> Parser<'a> {
-    /// Definitions up to the end of the module or of the text.
+    /// Parses definitions up to the end of the module or of the text.
     fn definitions(&mut self) -> Result<(), Fault> {
         loop {
             self.annotations()?;
@@ -145,7 +146,7 @@ impl<'a> Parser<'a> {
         let name = self.name()?;
         let scoped = self.scoped(&name);
         match self.next() {
-            Some(Token::Sign(';')) => return Ok(()), // said ahead of its definition
+            Some(Token::Sign(';')) => return Ok(()), // a forward declaration
             Some(Token::Sign('{')) => {}
             Some(Token::Sign(':')) => return self.fault("a struct that extends another is no ROS message"),
             _ => return self.fault("expected '{'"),
@@ -167,7 +168,7 @@ impl<'a> Parser<'a> {
                 Ok(())
             })?;
         }
-        // What IDL asks for where a message has no fields, and rosidl writes.
+        // The member that IDL requires and rosidl writes for a message without fields.
         if let [(only, Mentioned::Known(FieldType { base: BaseType::Primitive(Primitive::UInt8), arity: Arity::One }))] =
             &fields[..]
             && only == "structure_needs_at_least_one_member"
@@ -187,7 +188,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Names with their array bounds, divided by commas, up to the semicolon.
+    /// Parses names with their array bounds, separated by commas, up to the semicolon.
     fn declarators(
         &mut self,
         base: Mentioned,
@@ -211,7 +212,7 @@ impl<'a> Parser<'a> {
             match (*arity, n_elements) {
                 (_, None) => {}
                 (Arity::One, Some(n)) => *arity = Arity::Fixed(n),
-                // Arrays of arrays lie one after the other.
+                // The elements of nested arrays follow one another.
                 (Arity::Fixed(inner), Some(n)) => match inner.checked_mul(n) {
                     Some(n) => *arity = Arity::Fixed(n),
                     None => return self.fault("an array of more than 4294967295 elements"),
@@ -301,7 +302,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Bits of what `short`, `long` or `long long` stand for.
+    /// Number of bits of `short`, `long` or `long long`.
     fn integer(&mut self, first: &str) -> Result<u32, Fault> {
         match self.word("short or long")? {
             "short" if first == "unsigned" => Ok(16),
@@ -342,7 +343,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// What a name stands for where it is used: in the innermost module that has it.
+    /// Meaning of a name in a scope: the definition in the innermost module that has it.
     fn find(&self, name: &str, scope: &[String]) -> Option<(String, Named)> {
         if let Some(absolute) = name.strip_prefix("::") {
             return self.names.get_key_value(absolute).map(|(name, named)| (name.clone(), named.clone()));
@@ -353,7 +354,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// Passes over `@name` and `@name(...)`.
+    /// Skips `@name` and `@name(...)`.
     fn annotations(&mut self) -> Result<(), Fault> {
         while self.peek() == Some(&Token::Sign('@')) {
             self.at += 1;
@@ -375,7 +376,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// The structs with what they are made of; a name that no part of the text defines is that of another message.
+    /// Returns the structs with resolved types. A name that no part of the text defines is that of another message.
     fn into_structs(self) -> Result<Structs, Fault> {
         let mut structs = Structs::new();
         for Struct { name, line, fields } in &self.structs {
@@ -401,7 +402,7 @@ impl<'a> Parser<'a> {
                 };
                 definition.fields.push(FieldDefinition { name: name.clone(), ty, default: None });
             }
-            // Of a type that is defined twice the first text counts, as with .msg.
+            // If a type is defined twice, the first definition counts, as with .msg.
             structs.entry(type_name).or_insert(definition);
         }
         Ok(structs)
@@ -431,7 +432,7 @@ impl<'a> Parser<'a> {
 
     fn name(&mut self) -> Result<String, Fault> {
         let word = self.word("a name")?;
-        // What would be a keyword is written behind an underscore.
+        // A name that is also a keyword has an underscore in front.
         let name = word.strip_prefix('_').unwrap_or(word);
         if super::line::is_identifier(name) {
             return Ok(name.to_owned());
@@ -447,7 +448,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Line of the token that comes next, or of the last one.
+    /// Line of the next token, or of the last one.
     fn line(&self) -> usize {
         self.tokens.get(self.at).or(self.tokens.last()).map_or(1, |(line, _)| *line)
     }
@@ -456,7 +457,7 @@ impl<'a> Parser<'a> {
         Fault { line: self.line(), reason: "the text ends within a definition".to_owned() }
     }
 
-    /// A fault at the token that was read last.
+    /// An error at the token that was read last.
     fn fault<T>(&self, reason: &str) -> Result<T, Fault> {
         let line = self.tokens.get(self.at.saturating_sub(1)).map_or(1, |(line, _)| *line);
         Err(Fault { line, reason: reason.to_owned() })

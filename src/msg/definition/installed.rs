@@ -1,17 +1,17 @@
-//! Definitions of message types for which there is no struct here: the `.msg` files of installed packages, or of a folder.
+//! Definitions of message types without a struct here: `.msg` files of installed packages or of a folder.
 
 use std::path::{Path, PathBuf};
 
 use super::{DefinitionError, TypeTree};
 use crate::msg::standard_text;
 
-/// Where to look for `.msg` files.
+/// Folders to search for `.msg` files.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Definitions {
     folders: Vec<PathBuf>,
 }
 
-/// Why a type's definition can't be had. Each text is one line.
+/// A definition that can't be found or used. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum LookupError {
@@ -24,25 +24,25 @@ pub enum LookupError {
 }
 
 impl Definitions {
-    /// Definitions of a folder, which come first, and of the prefixes on `AMENT_PREFIX_PATH`.
+    /// Searches a folder first, then the prefixes of `AMENT_PREFIX_PATH`.
     ///
-    /// In the folder a type is looked for as `package/msg/Name.msg` and as `Name.msg`.
+    /// In the folder, a type is searched as `package/msg/Name.msg` and as `Name.msg`.
     pub fn new(folder: Option<&Path>, prefixes: &[PathBuf]) -> Self {
         let shares = prefixes.iter().map(|prefix| prefix.join("share"));
         Definitions { folders: folder.map(Path::to_path_buf).into_iter().chain(shares).collect() }
     }
 
-    /// As [`new`](Self::new), with the prefixes on the `AMENT_PREFIX_PATH` of this process.
+    /// Like [`new`](Self::new), with the `AMENT_PREFIX_PATH` of this process.
     pub fn of_this_machine(folder: Option<&Path>) -> Self {
         let prefixes = std::env::var_os("AMENT_PREFIX_PATH").filter(|paths| !paths.is_empty());
         let prefixes: Vec<PathBuf> = prefixes.map(|paths| std::env::split_paths(&paths).collect()).unwrap_or_default();
         Self::new(folder, &prefixes)
     }
 
-    /// A type with everything that it is made of.
+    /// Definition of a type with all types that it contains.
     ///
     /// # Errors
-    /// [`LookupError`] naming the file that is missing, or what is wrong with it.
+    /// [`LookupError`], which names the missing file or the error in it.
     pub fn tree(&self, type_name: &str) -> Result<TypeTree, LookupError> {
         let not_found = || LookupError::NotFound {
             type_name: type_name.to_owned(),
@@ -57,7 +57,7 @@ impl Definitions {
             .map_err(|error| LookupError::Definition { type_name: type_name.to_owned(), error: Box::new(error) })
     }
 
-    /// The schema of a type as bags hold it: its text, then that of each type inside of it.
+    /// Schema of a type as in a bag: its text, then the text of each type that it contains.
     ///
     /// # Errors
     /// As [`tree`](Self::tree).
@@ -72,7 +72,7 @@ impl Definitions {
         Ok(schema)
     }
 
-    /// The text of one type. Those that are compiled in are what the wire structs here are made to.
+    /// Text of one type. Compiled-in texts come first, because our wire structs match them.
     fn text(&self, type_name: &str) -> Option<String> {
         if let Some(text) = standard_text(type_name) {
             return Some(text.to_owned());

@@ -1,11 +1,11 @@
-//! One line of `.msg` text.
+//! Parses one line of `.msg` text.
 
 use super::{Arity, BaseType, ConstantDefinition, FieldDefinition, FieldType, MessageDefinition, Primitive, shortened};
 
-/// Longest name of a package, type or field: types are files, and no file system has longer names.
+/// Longest name of a package, type or field. Types are files, and no file system has longer names.
 const MAX_NAME: usize = 255;
 
-/// Adds what `line` defines to `definition`; comments and empty lines define nothing.
+/// Adds the definition in `line` to `definition`. Comments and empty lines add nothing.
 pub(super) fn parse(line: &str, definition: &mut MessageDefinition) -> Result<(), String> {
     let line = line.trim();
     if line.is_empty() || line.starts_with('#') {
@@ -32,14 +32,14 @@ pub(super) fn parse(line: &str, definition: &mut MessageDefinition) -> Result<()
     }
 }
 
-/// Whether `text` may name a package, type or field.
+/// True if `text` is a valid name of a package, type or field.
 pub(super) fn is_identifier(text: &str) -> bool {
     text.len() <= MAX_NAME
         && text.starts_with(|c: char| c.is_ascii_alphabetic())
         && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
 }
 
-/// Divides a line after its type, which may hold spaces only within brackets.
+/// Splits a line after its type. A type may contain spaces only within brackets.
 fn split_type(line: &str) -> Result<(&str, &str), String> {
     let mut in_brackets = false;
     for (idx, c) in line.char_indices() {
@@ -111,14 +111,14 @@ fn base_type(text: &str, owner: &str) -> Result<BaseType, String> {
         ("string", bound) => Ok(BaseType::Text { bound }),
         ("wstring", bound) => Ok(BaseType::WideText { bound }),
         (word, Some(_)) => Err(format!("'{}' can't have a bound; only strings can", shortened(word))),
-        // What ROS 1 had as primitives, and what rosidl still takes for them.
+        // Primitives of ROS 1, which rosidl still accepts.
         ("time", None) => Ok(BaseType::Message("builtin_interfaces/msg/Time".to_owned())),
         ("duration", None) => Ok(BaseType::Message("builtin_interfaces/msg/Duration".to_owned())),
         (name, None) => message_name(name, owner).map(BaseType::Message),
     }
 }
 
-/// The canonical name of a type that `owner` mentions; without a package it is a message of the owner's.
+/// Canonical name of a type in a definition of `owner`. Without a package, it is in the owner's package.
 fn message_name(name: &str, owner: &str) -> Result<String, String> {
     let parts: Vec<&str> = name.split('/').collect();
     if parts.len() > 3 || !parts.iter().all(|part| is_identifier(part)) {
@@ -139,7 +139,7 @@ fn count(text: &str) -> Result<u32, String> {
     }
 }
 
-/// The value at the start of `text`, without quotes, when anything but a comment is there.
+/// The value at the start of `text`, without quotes. `None` if there is only a comment.
 fn value_text(text: &str) -> Result<Option<String>, String> {
     let text = text.trim();
     match text.chars().next() {
@@ -165,7 +165,7 @@ fn only_comment_after(rest: &str) -> Result<(), String> {
     }
 }
 
-/// Bytes of the quoted string at the start of `text`, quotes included.
+/// Length of the quoted string at the start of `text`, with quotes, bytes.
 fn quoted_len(text: &str, quote: char) -> Option<usize> {
     let mut escaped = false;
     for (idx, c) in text.char_indices().skip(1) {
@@ -179,7 +179,7 @@ fn quoted_len(text: &str, quote: char) -> Option<usize> {
     None
 }
 
-/// Bytes of the list at the start of `text`, brackets included; brackets within strings don't count.
+/// Length of the list at the start of `text`, with brackets, bytes. Brackets in strings don't count.
 fn list_len(text: &str) -> Option<usize> {
     let mut idx = 1;
     while let Some(c) = text[idx..].chars().next() {
@@ -192,7 +192,7 @@ fn list_len(text: &str) -> Option<usize> {
     None
 }
 
-/// The text with each backslash that guards a quote, or another backslash, taken away.
+/// The text without the backslashes that escape a quote or another backslash.
 fn unescaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut chars = text.chars().peekable();

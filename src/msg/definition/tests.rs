@@ -110,7 +110,7 @@ fn concatenated_schemas_resolve_by_any_form_of_name() {
     assert_eq!(tree.root().field("header").map(|field| field.ty.to_string()).as_deref(), Some("std_msgs/msg/Header"));
     let names: Vec<&str> = tree.dependencies().map(|definition| definition.type_name.as_str()).collect();
     assert_eq!(names, ["builtin_interfaces/msg/Time", "pkg/msg/Inner", "std_msgs/msg/Header"]);
-    // Some writers put a heading over the first text as well.
+    // Some writers put a header before the first text, too.
     let headed = format!("{line}\nMSG: pkg/T\n{text}");
     assert_eq!(TypeTree::from_schema("pkg/T", &headed).expect("it resolves"), tree);
 }
@@ -177,7 +177,7 @@ fn a_service_text_makes_its_event_request_and_response() {
     assert!(tree_error(text).contains("parts divided by '---'"));
 }
 
-/// As rosidl_adapter writes a `.msg` file in IDL.
+/// A `.msg` file as rosidl_adapter converts it to IDL.
 const PATCH_IDL: &str = r#"================================================================================
 IDL: glove_msgs/msg/Patch
 // generated from rosidl_adapter/resource/msg.idl.em

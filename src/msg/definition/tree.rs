@@ -1,4 +1,4 @@
-//! A type with everything that it is made of.
+//! A message type with all types that it contains.
 
 use std::collections::BTreeMap;
 
@@ -9,14 +9,14 @@ use super::{
 };
 use crate::msg::texts::standard_text;
 
-/// Deepest nesting of messages that is read.
+/// Maximum nesting of messages.
 const MAX_DEPTH: usize = 32; // real messages nest about 6 deep
 
-/// What the two halves of a service need beside their own text to make its event type.
+/// Type that the event type of a service needs in addition to the service's own text.
 const SERVICE_EVENT_INFO: &str = "service_msgs/msg/ServiceEventInfo";
 
-/// A message type and all types inside of it: each name that a field mentions is there, none contains itself, and
-/// neither depth nor size is beyond what a walk over it can bear.
+/// A message type and all types that it contains. Every type of a field is present, none contains itself, and depth and
+/// size are limited.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TypeTree {
     root: String,
@@ -24,22 +24,22 @@ pub struct TypeTree {
 }
 
 impl TypeTree {
-    /// Resolves a schema as bags hold it: the text of the type, then that of each dependency under a separator line.
+    /// Resolves a schema as in a bag: the text of the type, then the text of each dependency after a separator line.
     ///
-    /// `builtin_interfaces/Time` and `Duration` may be left out. A service's own text is taken for its `_Event`,
-    /// `_Request` and `_Response` types, as rosbag2 records it.
+    /// `builtin_interfaces/Time` and `Duration` may be missing. The text of a service defines its types `_Event`,
+    /// `_Request` and `_Response`, as rosbag2 records it.
     ///
     /// # Errors
-    /// [`DefinitionError`] naming the type and what is wrong or missing.
+    /// [`DefinitionError`], which names the type and the error.
     pub fn from_schema(type_name: &str, text: &str) -> Result<Self, DefinitionError> {
         Self::resolve(type_name, text, &mut |_| None)
     }
 
-    /// As [`from_schema`](Self::from_schema), of a schema that is written as `encoding` says: `ros2msg`, or `ros2idl`,
-    /// which rosbag2 takes where a package has no `.msg` files.
+    /// Like [`from_schema`](Self::from_schema), for a schema in the language `encoding`: `ros2msg`, or `ros2idl`, which
+    /// rosbag2 uses for packages without `.msg` files.
     ///
     /// # Errors
-    /// [`DefinitionError`] naming the type and what is wrong or missing.
+    /// [`DefinitionError`], which names the type and the error.
     pub fn from_encoded(type_name: &str, encoding: &str, text: &str) -> Result<Self, DefinitionError> {
         match encoding {
             "ros2msg" => Self::from_schema(type_name, text),
@@ -63,11 +63,11 @@ impl TypeTree {
         Ok(TypeTree { root, types })
     }
 
-    /// As [`from_schema`](Self::from_schema), asking `lookup` for the `.msg` text of each canonical type name that
-    /// `text` does not define.
+    /// Like [`from_schema`](Self::from_schema), but asks `lookup` for the `.msg` text of each canonical type name that
+    /// `text` doesn't define.
     ///
     /// # Errors
-    /// [`DefinitionError`] naming the type and what is wrong or missing.
+    /// [`DefinitionError`], which names the type and the error.
     pub fn resolve(
         type_name: &str,
         text: &str,
@@ -102,17 +102,17 @@ impl TypeTree {
         self.message(&self.root)
     }
 
-    /// A type inside of this one, by canonical name.
+    /// A type in this tree, by canonical name.
     pub fn definition(&self, type_name: &str) -> Option<&MessageDefinition> {
         self.types.get(type_name)
     }
 
-    /// All types inside of this one, itself left out, in the order of their names.
+    /// All types in this tree except the root, sorted by name.
     pub fn dependencies(&self) -> impl Iterator<Item = &MessageDefinition> {
         self.types.values().filter(|definition| definition.type_name != self.root)
     }
 
-    /// The definition of a type that a field of this tree mentions.
+    /// Definition of a type that a field of this tree has.
     pub(in crate::msg) fn message(&self, type_name: &str) -> &MessageDefinition {
         self.types.get(type_name).expect("resolving put every type that a field mentions into the tree")
     }
@@ -123,12 +123,12 @@ struct Resolver<'a> {
     structs: Structs,
     lookup: &'a mut dyn FnMut(&str) -> Option<String>,
     types: BTreeMap<String, MessageDefinition>,
-    sizes: BTreeMap<String, usize>, // fields, those of nested messages included
+    sizes: BTreeMap<String, usize>, // number of fields, with those of nested messages
     open: Vec<String>,
 }
 
 impl Resolver<'_> {
-    /// Adds `definition` with everything inside of it; its number of fields, nested ones included.
+    /// Adds `definition` and all types that it contains. Returns its number of fields, with nested ones.
     fn add(&mut self, mut definition: MessageDefinition) -> Result<usize, DefinitionError> {
         let type_name = definition.type_name.clone();
         if self.open.len() >= MAX_DEPTH {
@@ -167,7 +167,8 @@ impl Resolver<'_> {
                 let definition = MessageDefinition::parse(name, &text)?;
                 self.add(definition)
             }
-            // ROS 1 meant std_msgs by a bare 'Header', and definitions moved over from it still do.
+            // In ROS 1, 'Header' without a package meant std_msgs. Definitions that were ported from ROS 1 still use
+            // it.
             None if name.ends_with("/msg/Header") && name != "std_msgs/msg/Header" => {
                 let stated = std::mem::replace(name, "std_msgs/msg/Header".to_owned());
                 self.add_named(name, user).map_err(|error| match error {
@@ -190,7 +191,7 @@ impl Resolver<'_> {
             .or_else(|| if part_of_ros { standard_text(name).map(str::to_owned) } else { None })
     }
 
-    /// Adds the halves of a service and makes the type that `type_name` asks for.
+    /// Adds request and response of a service, and returns the type `type_name`.
     fn add_service(&mut self, type_name: &str, service: Service) -> Result<MessageDefinition, DefinitionError> {
         let Service { part, stem, request, response } = service;
         let half = |name: &str, text: &str| MessageDefinition::parse(&format!("{stem}_{name}"), text);
@@ -232,7 +233,7 @@ struct Service {
     response: String,
 }
 
-/// The service that `text` defines, when it is the text of one and `type_name` one of the types made of it.
+/// The service that `text` defines, if `text` is one and `type_name` is one of its types.
 fn service_of(type_name: &str, text: &str) -> Option<Service> {
     let divider = |line: &&str| line.trim_end() == "---";
     if !type_name.contains("/srv/") || text.lines().filter(divider).count() != 1 {
@@ -247,13 +248,13 @@ fn service_of(type_name: &str, text: &str) -> Option<Service> {
     Some(Service { part, stem, request: request.join("\n"), response: response.join("\n") })
 }
 
-/// Divides a concatenated schema into the root's text and the texts of its dependencies.
+/// Splits a concatenated schema into the text of the root and the texts of its dependencies.
 ///
-/// Of a type that is defined twice the first text counts: rosbag2 of 2022 wrote the same one several times.
+/// If a type is defined twice, the first definition counts: rosbag2 of 2022 repeated definitions.
 fn sections(root: &str, text: &str) -> Result<(String, BTreeMap<String, String>), DefinitionError> {
     let mut root_text = String::new();
     let mut others: BTreeMap<String, String> = BTreeMap::new();
-    let mut current: Option<(String, String)> = None; // None: within the root's own text
+    let mut current: Option<(String, String)> = None; // None: within the text of the root
     let mut awaiting_name = false;
     for (line_idx, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let is_separator = line.trim_end().len() >= 3 && line.trim_end().bytes().all(|byte| byte == b'=');

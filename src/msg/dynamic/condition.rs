@@ -1,4 +1,4 @@
-//! Conditions: that a field of an element has a value.
+//! Conditions on the value of a field of an element.
 
 use super::leaf::Leaf;
 use super::skip::{self, Op};
@@ -6,13 +6,13 @@ use super::{ElementKind, FieldKind, numbers};
 use crate::msg::cdr::{CdrError, CdrReader};
 use crate::msg::definition::Primitive;
 
-/// Most values that an error lists.
+/// Maximum number of values that an error lists.
 const SHOWN: usize = 8;
 
-/// Most characters of a value that an error shows.
+/// Maximum length of a value in an error, characters.
 const SHOWN_CHARACTERS: usize = 40;
 
-/// What a field must be.
+/// Required value of a field.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Wanted {
     Text(String),
@@ -20,7 +20,8 @@ pub(super) enum Wanted {
 }
 
 impl Wanted {
-    /// The value as a field of this kind has it; none where no field of this kind has it, or the kind can't be compared.
+    /// The value as the type of the field. `None` if no field of this type can have it, or if the type can't be
+    /// compared.
     pub(super) fn of(kind: FieldKind, value: &str) -> Option<Self> {
         let FieldKind { element, many: false } = kind else { return None };
         match element {
@@ -38,7 +39,7 @@ impl Wanted {
         }
     }
 
-    /// What must be there, for an error.
+    /// Types that a condition can compare, for an error.
     pub(super) const EXPECTED: &'static str = "a string, a whole number or a truth value that can have this value";
 
     pub(super) fn holds(&self, leaf: Leaf, reader: &mut CdrReader<'_>) -> Result<bool, CdrError> {
@@ -52,7 +53,7 @@ impl Wanted {
     }
 }
 
-/// A field of an element, and the value that it must have.
+/// A field of an element, and its required value.
 #[derive(Debug, Clone)]
 pub(super) struct Condition {
     /// `field=value`.
@@ -63,13 +64,13 @@ pub(super) struct Condition {
 }
 
 impl Condition {
-    /// Whether the element at whose start the reader stands has the value.
+    /// True if the element at the reader's position has the value.
     pub(super) fn holds(&self, reader: &mut CdrReader<'_>) -> Result<bool, CdrError> {
         skip::run(&self.lead, reader)?;
         self.wanted.holds(self.leaf, reader)
     }
 
-    /// That none of `len` elements has the value, the first of which begins where the reader stands.
+    /// The error that none of `len` elements has the value. The first one begins at the reader's position.
     pub(super) fn unmet(&self, len: usize, past: &[Op], reader: &mut CdrReader<'_>) -> CdrError {
         let mut values = Vec::new();
         for _ in 0..len.min(SHOWN) {
@@ -86,7 +87,7 @@ impl Condition {
     }
 }
 
-/// The value of a field in one line.
+/// The value of a field on one line.
 pub(super) fn shown(leaf: Leaf, reader: &mut CdrReader<'_>) -> Result<String, CdrError> {
     if let Ok((primitive, bytes)) = leaf.numbers(&mut reader.clone()) {
         return Ok(numbers::whole(primitive, bytes, reader.is_little_endian()).to_string());

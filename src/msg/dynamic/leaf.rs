@@ -1,11 +1,11 @@
-//! What a path ends at.
+//! The field at the end of a path.
 
 use super::skip::Len;
 use super::{ElementKind, FieldKind, ReadAs};
 use crate::msg::cdr::{CdrError, CdrReader};
 use crate::msg::definition::Primitive;
 
-/// What a path ends at.
+/// The field at the end of a path.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Leaf {
     Number(Primitive),
@@ -17,7 +17,7 @@ pub(super) enum Leaf {
 }
 
 impl Leaf {
-    /// The bytes of the numbers, whole elements of the primitive.
+    /// The bytes of the numbers: whole elements of the primitive.
     #[inline]
     pub(super) fn numbers<'a>(&self, reader: &mut CdrReader<'a>) -> Result<(Primitive, &'a [u8]), CdrError> {
         match *self {
@@ -30,7 +30,7 @@ impl Leaf {
         }
     }
 
-    /// How many strings follow.
+    /// Number of strings that follow.
     pub(super) fn texts(&self, reader: &mut CdrReader<'_>) -> Result<usize, CdrError> {
         match self {
             Leaf::Text => Ok(1),
@@ -39,7 +39,7 @@ impl Leaf {
         }
     }
 
-    /// The error of a plan that is read as something other than what it was compiled for.
+    /// The error if a plan is read as another type than the one it was compiled for.
     pub(super) fn unlike(&self, read_as: ReadAs) -> CdrError {
         CdrError::Kind { wanted: read_as.wanted(), found: self.kind(false).to_string() }
     }

@@ -1,21 +1,20 @@
-//! Which fields of a type hold numbers.
+//! Lists the fields of a type that have numbers.
 
 use super::{ElementKind, FieldKind, FieldPlan, ReadAs};
 use crate::msg::definition::{Arity, BaseType, MessageDefinition, TypeTree};
 
-/// A field that holds numbers.
+/// A field with numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NumericPath {
-    /// Its path, with `[]` behind each array of messages on the way.
+    /// Its path, with `[]` after each array of messages.
     pub path: String,
-    /// What it holds.
+    /// Its element type, and whether it has several elements.
     pub kind: FieldKind,
 }
 
-/// All fields of the type that hold numbers, in wire order; stamps and durations left out.
+/// All fields of the type with numbers, in wire order, without stamps and durations.
 ///
-/// Fields that no plan reads are left out too: those behind a wide string, and bytes that pack something that is not numbers
-/// by themselves.
+/// Fields that can't be read are left out: those after a wide string, and bytes that are not numbers by themselves.
 pub fn numeric_paths(tree: &TypeTree) -> Vec<NumericPath> {
     let mut paths = vec![];
     list(tree, tree.root(), "", false, &mut |path, kind| {
@@ -26,7 +25,7 @@ pub fn numeric_paths(tree: &TypeTree) -> Vec<NumericPath> {
     paths
 }
 
-/// The paths of all fields of the type that hold several strings, in wire order, as [`numeric_paths`] are written.
+/// Paths of all fields with several strings, in wire order, in the form of [`numeric_paths`].
 pub fn text_paths(tree: &TypeTree) -> Vec<String> {
     let mut paths = vec![];
     list(tree, tree.root(), "", false, &mut |path, kind| {
@@ -37,7 +36,7 @@ pub fn text_paths(tree: &TypeTree) -> Vec<String> {
     paths
 }
 
-/// Tells of the fields of `message`; false when a wide string stops it.
+/// Passes the fields of `message` to the callback. False if a wide string stops it.
 fn list(
     tree: &TypeTree,
     message: &MessageDefinition,
@@ -58,11 +57,11 @@ fn list(
                 true
             }
             BaseType::WideText { .. } => false,
-            // A definition may say that a time holds a wide string.
+            // A definition may add a wide string to a time.
             BaseType::Message(name) if is_time(name) => !holds_wide_text(tree, tree.message(name)),
             BaseType::Message(name) => {
                 let message = tree.message(name);
-                // To reach the second element of an array all of the first must be skipped.
+                // To reach the second element of an array, the whole first one must be skipped.
                 let readable = !is_array || !holds_wide_text(tree, message);
                 readable
                     && list(

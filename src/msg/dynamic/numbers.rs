@@ -1,11 +1,11 @@
-//! Bytes of primitives as floating-point numbers and counts.
+//! Converts the bytes of primitives to floating-point numbers and counts.
 
 use crate::msg::cdr::CdrError;
 use crate::msg::definition::Primitive;
 
 macro_rules! append {
     ($name:ident, $float:ty) => {
-        /// Appends every number in `bytes`, which hold whole elements of `primitive`.
+        /// Appends all numbers in `bytes`, which has whole elements of `primitive`.
         pub(super) fn $name(primitive: Primitive, bytes: &[u8], little_endian: bool, out: &mut Vec<$float>) {
             macro_rules! extend {
                 ($number:ty) => {{
@@ -37,7 +37,7 @@ macro_rules! append {
 append!(append_f32, f32);
 append!(append_f64, f64);
 
-/// The bytes of one element as a number of either byte order; the caller's bytes are as many as the number has.
+/// The bytes of one element in little-endian order. The caller passes as many bytes as the number has.
 fn one<const N: usize>(bytes: &[u8], little_endian: bool) -> [u8; N] {
     let mut element: [u8; N] = bytes.first_chunk().copied().unwrap_or([0; N]);
     if !little_endian {
@@ -46,7 +46,7 @@ fn one<const N: usize>(bytes: &[u8], little_endian: bool) -> [u8; N] {
     element
 }
 
-/// The first number in `bytes`, 64-bit integers to within float precision.
+/// The first number in `bytes`. 64-bit integers are rounded to float precision.
 pub(super) fn first(primitive: Primitive, bytes: &[u8], little_endian: bool) -> f64 {
     match primitive {
         Primitive::Float32 => f64::from(f32::from_le_bytes(one(bytes, little_endian))),
@@ -56,7 +56,7 @@ pub(super) fn first(primitive: Primitive, bytes: &[u8], little_endian: bool) -> 
     }
 }
 
-/// The first whole number in `bytes`, which must not be negative.
+/// The first integer in `bytes`, which must not be negative.
 pub(super) fn count(primitive: Primitive, bytes: &[u8], little_endian: bool) -> Result<u64, CdrError> {
     if primitive == Primitive::UInt64 {
         return Ok(u64::from_le_bytes(one(bytes, little_endian)));
@@ -65,7 +65,7 @@ pub(super) fn count(primitive: Primitive, bytes: &[u8], little_endian: bool) -> 
     u64::try_from(value).map_err(|_| CdrError::NotACount { value })
 }
 
-/// The first number in `bytes` of a primitive that an `i64` can hold; other primitives lose what it can't.
+/// The first number in `bytes`, for primitives that fit an `i64`. Others are converted lossily.
 pub(super) fn signed(primitive: Primitive, bytes: &[u8], little_endian: bool) -> i64 {
     match primitive {
         Primitive::Bool => i64::from(one::<1>(bytes, little_endian)[0] != 0),
@@ -82,7 +82,7 @@ pub(super) fn signed(primitive: Primitive, bytes: &[u8], little_endian: bool) ->
     }
 }
 
-/// The first whole number in `bytes`, of any width; what is not one is cut off.
+/// The first integer in `bytes`, of any width. The fraction of a float is cut off.
 pub(super) fn whole(primitive: Primitive, bytes: &[u8], little_endian: bool) -> i128 {
     match primitive {
         Primitive::UInt64 => i128::from(u64::from_le_bytes(one(bytes, little_endian))),
@@ -90,7 +90,7 @@ pub(super) fn whole(primitive: Primitive, bytes: &[u8], little_endian: bool) -> 
     }
 }
 
-/// Least and greatest whole number that a primitive holds; none for floating-point numbers.
+/// Smallest and largest integer of a primitive. `None` for floating-point numbers.
 pub(super) fn whole_range(primitive: Primitive) -> Option<[i128; 2]> {
     let unsigned = |bits: u32| [0, (1 << bits) - 1];
     let signed = |bits: u32| [-(1 << (bits - 1)), (1 << (bits - 1)) - 1];

@@ -1,11 +1,11 @@
-//! Messages in which a field has a value.
+//! Selects messages by the value of a field.
 
 use super::condition::{Wanted, shown};
 use super::path::{self, Segment};
 use super::{FieldError, FieldPlan, ReadError, walk};
 use crate::msg::definition::TypeTree;
 
-/// `field=value` of a whole message, compiled: whether a message is of the kind that is wanted.
+/// Compiled `field=value` on a whole message. It selects the messages of a source.
 #[derive(Debug, Clone)]
 pub struct MessageCondition {
     plan: FieldPlan,
@@ -16,8 +16,7 @@ impl MessageCondition {
     /// Compiles `text` against the type.
     ///
     /// # Errors
-    /// [`FieldError`] where it is not written as a condition, names a field that is not there, or a value that the field
-    /// can't have.
+    /// [`FieldError`] if the syntax is wrong, if the field doesn't exist, or if it can't have the value.
     pub fn compile(tree: &TypeTree, text: &str) -> Result<Self, FieldError> {
         let (field, value) = parse(text)?;
         let path = path::display(&field);
@@ -36,10 +35,10 @@ impl MessageCondition {
         }
     }
 
-    /// Whether the message has the value; otherwise the value that it has, in one line.
+    /// `Ok` if the message has the value; otherwise the value that it has, on one line.
     ///
     /// # Errors
-    /// [`ReadError`] when the bytes end early or are no plain CDR.
+    /// [`ReadError`] if the bytes end early or are not plain CDR.
     pub fn holds(&self, cdr: &[u8]) -> Result<Result<(), String>, ReadError> {
         self.plan.read_one(cdr, |leaf, reader| match self.wanted.holds(*leaf, &mut reader.clone())? {
             true => Ok(Ok(())),
@@ -48,7 +47,7 @@ impl MessageCondition {
     }
 }
 
-/// Refuses what is not written as `field=value`, before there is a type to compile it against.
+/// Checks the syntax of `field=value`, before the type is known.
 ///
 /// # Errors
 /// [`FieldError::Syntax`].

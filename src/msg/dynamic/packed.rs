@@ -1,4 +1,5 @@
-//! Numbers that a message packs into bytes and describes in its other fields: images, and points of a cloud.
+//! Reads numbers that a message packs into bytes and describes in other fields: pixels of images, and points of a point
+//! cloud.
 
 use super::path::{self, Segment, Select};
 use super::{FieldError, FieldPlan, ReadAs, ReadError};
@@ -7,10 +8,10 @@ use crate::msg::definition::{Arity, BaseType, MessageDefinition, Primitive, Type
 
 const POINT_CLOUD: &str = "sensor_msgs/msg/PointCloud2";
 
-/// What is packed, and the fields that say how.
+/// Kind of packed data, with the fields that describe it.
 #[derive(Debug, Clone)]
 pub(super) enum Packed {
-    /// The pixels of a message laid out as `sensor_msgs/msg/Image`, row by row, channels of a pixel side by side.
+    /// Pixels of a message like `sensor_msgs/msg/Image`, row by row, with the channels of a pixel side by side.
     Image(Box<Image>),
     /// One named field of all points of a `sensor_msgs/msg/PointCloud2`.
     Points(Box<Points>),
@@ -39,7 +40,7 @@ pub(super) struct Points {
     name: String,
 }
 
-/// Where bytes lead to numbers of their own: the plan of those bytes, and how they are packed.
+/// If the path leads to packed bytes: the plan of these bytes, and how they are packed.
 pub(super) fn compile(tree: &TypeTree, text: &str) -> Result<Option<(FieldPlan, Packed)>, FieldError> {
     let segments = path::parse(text)?;
     let Some((last, before)) = segments.split_last() else { return Ok(None) };
@@ -96,7 +97,7 @@ pub(super) fn compile(tree: &TypeTree, text: &str) -> Result<Option<(FieldPlan, 
     Ok(Some((FieldPlan::plain(tree, &at("data"), ReadAs::Numbers)?, Packed::Image(Box::new(image)))))
 }
 
-/// The message in which the name after these segments is looked for.
+/// The message that has the field after these segments.
 fn holder<'t>(tree: &'t TypeTree, segments: &[Segment]) -> Option<&'t MessageDefinition> {
     segments.iter().try_fold(tree.root(), |message, segment| match &message.field(&segment.name)?.ty.base {
         BaseType::Message(name) => Some(tree.message(name)),
@@ -113,7 +114,7 @@ fn refused(tree: &TypeTree, segments: &[Segment], remedy: &str) -> FieldError {
     FieldError::Shape { field, type_name: tree.type_name().to_owned(), found, remedy: remedy.to_owned() }
 }
 
-/// Whether a message says of its bytes what an image says: `sensor_msgs/msg/Image`, `foxglove_msgs/msg/RawImage`, ...
+/// True if a message describes its bytes like an image: `sensor_msgs/msg/Image`, `foxglove_msgs/msg/RawImage`, ...
 fn is_image(message: &MessageDefinition) -> bool {
     let is = |name: &str, wanted: fn(&BaseType) -> bool, many: bool| {
         message.field(name).is_some_and(|field| (field.ty.arity != Arity::One) == many && wanted(&field.ty.base))
@@ -126,7 +127,8 @@ fn is_image(message: &MessageDefinition) -> bool {
 }
 
 impl Packed {
-    /// Tells the numbers of a message stretch by stretch: what they are, their bytes, whether those are little-endian.
+    /// Passes the numbers of a message to `tell` in blocks: their type, their bytes, and whether these are
+    /// little-endian.
     pub(super) fn read(
         &self,
         data: &FieldPlan,
@@ -170,14 +172,14 @@ impl Image {
             )));
         }
         if row > 0 {
-            // A step is at most the bytes that are there, so it fits.
+            // A step is at most the number of bytes, so it fits a usize.
             data.chunks_exact(step as usize).for_each(|line| tell(primitive, &line[..row as usize], is_little));
         }
         Ok(Ok(()))
     }
 }
 
-/// The numbers of a pixel: what they are, and how many. None for colours and whatever is no plain number.
+/// Type and number of the channels of a pixel. `None` for colours and other encodings that are not plain numbers.
 fn pixel(encoding: &str) -> Option<(Primitive, u64)> {
     match encoding {
         "mono8" => return Some((Primitive::UInt8, 1)),
@@ -217,7 +219,7 @@ impl Points {
         };
         let (offset, datatype, count) =
             (of_field(&self.offsets)?, of_field(&self.datatypes)?, of_field(&self.counts)?.max(1));
-        // Numbers of sensor_msgs/msg/PointField.
+        // Type numbers of sensor_msgs/msg/PointField.
         let primitive = match datatype {
             1 => Primitive::Int8,
             2 => Primitive::UInt8,
@@ -233,7 +235,7 @@ impl Points {
         };
         let end = offset.saturating_add(count.saturating_mul(primitive.size() as u64));
         let n_bytes = data.len() as u64;
-        // Of a single row some drivers leave the step out.
+        // Some drivers omit the step if there is only one row.
         let row_step = if height == 1 { n_bytes } else { row_step };
         let fits = end <= point_step
             && width.saturating_mul(point_step) <= row_step
@@ -245,7 +247,7 @@ impl Points {
             )));
         }
         if n_bytes > 0 {
-            // All of these are at most the bytes that are there, so they fit; a point has a byte at least.
+            // All of these are at most the number of bytes, so they fit a usize. A point has at least one byte.
             let (offset, end, row_bytes) = (offset as usize, end as usize, (width * point_step) as usize);
             for row in data.chunks_exact(row_step as usize) {
                 let points = row[..row_bytes].chunks_exact(point_step as usize);

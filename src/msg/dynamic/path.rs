@@ -1,4 +1,4 @@
-//! The text of a field path.
+//! Parses field paths.
 
 use super::FieldError;
 
@@ -9,7 +9,7 @@ pub(super) struct Segment {
     pub(super) select: Select,
 }
 
-/// Which elements of an array the path goes through.
+/// Selection of elements of an array on the path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Select {
     /// No brackets.
@@ -18,21 +18,21 @@ pub(super) enum Select {
     Every,
     /// `[index]`.
     Element(usize),
-    /// `[field=value]`: the elements in which this field has this value.
+    /// `[field=value]`: the elements whose field has this value.
     Where {
-        /// Names on the way to the field, in the element.
+        /// Path of the field in the element.
         field: Vec<Segment>,
         value: String,
     },
 }
 
-/// The names of a path, at least one.
+/// The segments of a path, at least one.
 pub(super) fn parse(path: &str) -> Result<Vec<Segment>, FieldError> {
     let error = |reason: String| FieldError::Syntax { path: path.to_owned(), reason };
     parts(path).into_iter().map(|part| segment(part).map_err(error)).collect()
 }
 
-/// The texts between the dots that stand outside of brackets.
+/// Splits at the dots outside of brackets.
 fn parts(path: &str) -> Vec<&str> {
     let (mut parts, mut start, mut within) = (Vec::new(), 0, false);
     for (at, character) in path.char_indices() {
@@ -68,7 +68,7 @@ fn segment(part: &str) -> Result<Segment, String> {
     named(name, select)
 }
 
-/// `field=value`, where the field is a name, or names with dots.
+/// `field=value`. The field may be a path with dots.
 pub(super) fn condition(field: &str, value: &str) -> Result<(Vec<Segment>, String), String> {
     let field: Result<Vec<Segment>, String> = field.trim().split('.').map(|name| named(name, Select::Whole)).collect();
     let value = value.trim();
@@ -84,7 +84,7 @@ fn named(name: &str, select: Select) -> Result<Segment, String> {
     if is_name { Ok(Segment { name: name.to_owned(), select }) } else { Err(format!("'{name}' is not a name")) }
 }
 
-/// The path that `segments` were parsed from.
+/// Text of a path.
 pub(super) fn display(segments: &[Segment]) -> String {
     let parts: Vec<String> = segments
         .iter()

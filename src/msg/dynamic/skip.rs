@@ -1,19 +1,19 @@
-//! Getting past fields that nobody asked for.
+//! Skips fields that are not read.
 
 use crate::msg::cdr::{CdrError, CdrReader};
 use crate::msg::definition::{Arity, BaseType, FieldDefinition, MessageDefinition, Primitive, TypeTree};
 
-/// How many elements an array has.
+/// Number of elements of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Len {
-    /// As many as the definition says.
+    /// Given by the definition.
     Fixed(usize),
-    /// As many as the bytes say.
+    /// Given by the bytes.
     Sequence,
 }
 
 impl Len {
-    /// The length, `None` for what is no array.
+    /// The length. `None` if the field is not an array.
     pub(super) fn of(arity: Arity) -> Option<Self> {
         match arity {
             Arity::One => None,
@@ -22,8 +22,8 @@ impl Len {
         }
     }
 
-    /// Reads the length. Every element takes a byte at least, so a length beyond what is left is refused here,
-    /// before anything is reserved or looped over.
+    /// Reads the length. Every element has at least one byte. A length beyond the remaining bytes is therefore refused
+    /// here, before memory is reserved or a loop starts.
     #[inline]
     pub(super) fn read(self, reader: &mut CdrReader<'_>) -> Result<usize, CdrError> {
         let len = match self {
@@ -34,18 +34,18 @@ impl Len {
     }
 }
 
-/// One step past bytes.
+/// One step that skips bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Op {
-    /// Up to a multiple of this.
+    /// Advance to a multiple of this.
     Align(usize),
-    /// Past this many bytes.
+    /// Advance by this number of bytes.
     Advance(usize),
-    /// Past a string.
+    /// Skip a string.
     Text,
-    /// Past a sequence of primitives.
+    /// Skip a sequence of primitives.
     Primitives(Primitive),
-    /// Past an array of what takes these steps.
+    /// Skip an array whose elements need these steps.
     Array(Len, Vec<Op>),
 }
 
@@ -69,25 +69,25 @@ pub(super) fn run(ops: &[Op], reader: &mut CdrReader<'_>) -> Result<(), CdrError
     Ok(())
 }
 
-/// Compiles steps. Runs of fixed-size fields fold into one step as long as the alignment is known.
+/// Compiles steps. Consecutive fields of fixed size become one step while the alignment is known.
 #[derive(Debug, Clone)]
 pub(super) struct Skipper {
     ops: Vec<Op>,
-    // The position is known to be `residue` modulo `modulus`, a power of two up to 8.
+    // The position is `residue` modulo `modulus`, which is a power of two up to 8.
     modulus: usize,
     residue: usize,
 }
 
-/// A wide string is in the way: its name.
+/// Error: a wide string with this name comes before the field.
 pub(super) struct WideTextInTheWay(pub(super) String);
 
 impl Skipper {
-    /// At the first byte of a message.
+    /// Starts at the first byte of a message.
     pub(super) fn at_start() -> Self {
         Skipper { ops: vec![], modulus: 8, residue: 0 }
     }
 
-    /// Anywhere.
+    /// Starts at an unknown position.
     pub(super) fn anywhere() -> Self {
         Skipper { ops: vec![], modulus: 1, residue: 0 }
     }
@@ -96,7 +96,7 @@ impl Skipper {
         self.ops
     }
 
-    /// Past one element of a type.
+    /// Skips one element of a type.
     pub(super) fn element(&mut self, tree: &TypeTree, name: &str, base: &BaseType) -> Result<(), WideTextInTheWay> {
         match base {
             BaseType::Primitive(primitive) => {
@@ -114,7 +114,7 @@ impl Skipper {
 
     pub(super) fn message(&mut self, tree: &TypeTree, message: &MessageDefinition) -> Result<(), WideTextInTheWay> {
         if message.fields.is_empty() {
-            self.fixed(1, 1); // the member that IDL makes up for an empty struct
+            self.fixed(1, 1); // the member that IDL adds to an empty struct
         }
         message.fields.iter().try_for_each(|field| self.field(tree, field))
     }
@@ -126,7 +126,8 @@ impl Skipper {
                 self.fixed(primitive.size(), primitive.size().saturating_mul(n));
             }
             (Some(Len::Sequence), BaseType::Primitive(primitive)) => {
-                // Behind its length an empty sequence ends on a multiple of 4, one of larger elements on more.
+                // An empty sequence ends after its length, at a multiple of 4. Larger elements end at a larger
+                // multiple.
                 self.unknown(Op::Primitives(*primitive), primitive.size().min(4));
             }
             (Some(len), base) => {
@@ -156,7 +157,7 @@ impl Skipper {
         self.residue = self.residue.wrapping_add(n_bytes) & (self.modulus - 1);
     }
 
-    /// A step that ends on a multiple of `modulus`, and that is all that is known.
+    /// Adds a step after which the position is only known to be a multiple of `modulus`.
     fn unknown(&mut self, op: Op, modulus: usize) {
         self.ops.push(op);
         self.modulus = modulus;

@@ -1,20 +1,21 @@
-//! A whole message as a tree of values: for looking at, not for the path of samples.
+//! Reads a whole message as a tree of values, for display. Samples are decoded with [`FieldPlan`](super::FieldPlan)
+//! instead.
 
 use super::numbers;
 use super::skip::Len;
 use crate::msg::cdr::{CdrError, CdrReader};
 use crate::msg::definition::{BaseType, MessageDefinition, Primitive, TypeTree};
 
-/// A value of a message, with the names of its fields borrowed from the type.
+/// A value of a message. The names of its fields are borrowed from the type.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value<'t> {
-    /// A truth value.
+    /// A boolean.
     Bool(bool),
-    /// A signed whole number.
+    /// A signed integer.
     Int(i64),
-    /// An unsigned whole number, byte or char.
+    /// An unsigned integer, byte or char.
     Unsigned(u64),
-    /// A floating-point number; single precision widened.
+    /// A floating-point number. Single precision is converted to double.
     Float(f64),
     /// A string; bytes that are not UTF-8 are replaced by U+FFFD.
     Text(String),
@@ -25,7 +26,7 @@ pub enum Value<'t> {
 }
 
 impl<'t> Value<'t> {
-    /// The field `name`, when this is a message that has it.
+    /// The field `name`, if this is a message with such a field.
     pub fn field(&self, name: &str) -> Option<&Value<'t>> {
         match self {
             Value::Message(fields) => fields.iter().find(|(field, _)| *field == name).map(|(_, value)| value),
@@ -33,7 +34,7 @@ impl<'t> Value<'t> {
         }
     }
 
-    /// The elements, when this is an array.
+    /// The elements, if this is an array.
     pub fn elements(&self) -> Option<&[Value<'t>]> {
         match self {
             Value::Array(elements) => Some(elements),
@@ -42,16 +43,16 @@ impl<'t> Value<'t> {
     }
 }
 
-/// All of a message, and how many bytes were left behind its last field: up to 3 are padding, more mean that the
-/// definition is not the one that it was written by.
+/// Reads a whole message. Also returns the number of bytes after its last field: up to 3 are padding, more mean that
+/// the message was not written with this definition.
 ///
 /// # Errors
-/// [`CdrError`] when the bytes end early or are no plain CDR, or when there is a wide string in it.
+/// [`CdrError`] if the bytes end early or are not plain CDR, or if there is a wide string.
 pub fn read_value<'t>(tree: &'t TypeTree, cdr: &[u8]) -> Result<(Value<'t>, usize), CdrError> {
     let mut reader = CdrReader::new(cdr)?;
     let root = tree.root();
     if root.fields.is_empty() && reader.left() == 0 {
-        return Ok((Value::Message(vec![]), 0)); // some senders leave out the made-up byte of an empty message
+        return Ok((Value::Message(vec![]), 0)); // some senders omit the byte that stands for an empty message
     }
     let value = message(tree, root, &mut reader)?;
     Ok((value, reader.left()))
@@ -63,7 +64,7 @@ fn message<'t>(
     reader: &mut CdrReader<'_>,
 ) -> Result<Value<'t>, CdrError> {
     if message.fields.is_empty() {
-        reader.skip(1)?; // the member that IDL makes up for an empty struct
+        reader.skip(1)?; // the member that IDL adds to an empty struct
     }
     let fields: Result<Vec<_>, CdrError> = message
         .fields
@@ -72,7 +73,7 @@ fn message<'t>(
             let value = match Len::of(field.ty.arity) {
                 None => element(tree, &field.ty.base, reader)?,
                 Some(len) => {
-                    // Grown one by one, so that a length that lies reserves nothing.
+                    // Elements are added one by one, so that a wrong length reserves no memory.
                     let mut elements = vec![];
                     for _ in 0..len.read(reader)? {
                         elements.push(element(tree, &field.ty.base, reader)?);

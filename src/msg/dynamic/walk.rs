@@ -1,4 +1,4 @@
-//! Compiled paths: past what stands before, into arrays, to the field.
+//! Compiles a path to steps: skip the fields before, enter arrays, read the field.
 
 use super::condition::{Condition, Wanted};
 use super::leaf::Leaf;
@@ -8,7 +8,7 @@ use super::{FieldError, FieldKind};
 use crate::msg::cdr::{CdrError, CdrReader};
 use crate::msg::definition::{BaseType, FieldDefinition, MessageDefinition, TypeTree};
 
-/// How to get from one place in a message to the fields that a path means.
+/// Steps from a position in a message to the fields of a path.
 #[derive(Debug, Clone)]
 pub(super) struct Walk {
     lead: Vec<Op>,
@@ -65,7 +65,7 @@ impl Walk {
     }
 }
 
-/// Compiles a path, and says what it leads to.
+/// Compiles a path. Returns the steps and the type of the field.
 pub(super) fn compile(tree: &TypeTree, path: &str) -> Result<(Walk, FieldKind), FieldError> {
     let segments = path::parse(path)?;
     let mut compiler = Compiler { tree, segments: &segments, within_every: false, leaf: None };
@@ -82,7 +82,7 @@ struct Compiler<'a> {
 }
 
 impl Compiler<'_> {
-    /// From `skip`, which stands at the start of `message`, along the segments from `depth` on.
+    /// Compiles the segments from `depth` on. `skip` is at the start of `message`.
     fn message(&mut self, message: &MessageDefinition, depth: usize, mut skip: Skipper) -> Result<Walk, FieldError> {
         let name = &self.segments[depth].name;
         let Some(field) = message.field(name) else {
@@ -136,7 +136,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// The condition that picks elements of `array` by the field `of` in them.
+    /// Compiles the condition that selects elements of `array` by their field `of`.
     fn condition(
         &self,
         array: &FieldDefinition,
@@ -163,7 +163,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// One element of `field`, at whose start `skip` stands.
+    /// Compiles one element of `field`. `skip` is at its start.
     fn element(&mut self, field: &FieldDefinition, depth: usize, skip: Skipper) -> Result<Walk, FieldError> {
         let ends = depth + 1 == self.segments.len();
         match &field.ty.base {

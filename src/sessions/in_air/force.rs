@@ -1,4 +1,4 @@
-//! When the true force says that nothing touches the glove.
+//! Finds the times at which nothing touches the glove, from the true force.
 
 use std::time::Duration;
 
@@ -6,20 +6,21 @@ use crate::eval::{TareCurve, ZeroLoad};
 use crate::recording::TruthTrack;
 use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp, nanos};
 
-/// For so long before and after, the true force must be low too: clocks of glove and force sensor differ, taxels read a
-/// little before the sensor's threshold and recover after it. Contacts are compared within 0.15 s of each other.
+/// The true force must also be low for this time before and after. The clocks of glove and force sensor differ, and
+/// taxels respond slightly before the force crosses the threshold and recover after it. Contacts are matched within
+/// 0.15 s.
 pub const MARGIN: Duration = Duration::from_millis(250);
 
-/// Shorter stretches are noise that crosses the threshold.
+/// Shorter spans are noise around the threshold.
 const SHORTEST_NS: i64 = NANOS_PER_SEC / 5;
 
-/// Rounds after which the tare no longer changes, or never will. A drift of the threshold a minute is followed over an hour.
+/// Maximum number of iterations for the tare. A drift of one threshold per minute is followed for an hour.
 const ROUNDS: usize = 100;
 
-/// The stretches in which all of these sensors are below a limit, in order of time.
+/// The spans in which all these sensors are below a limit, in order of time.
 ///
 /// # Errors
-/// One line where a sensor has no readings or is never low, or never together with the others.
+/// One line, if a sensor has no readings, is never low, or is never low together with the others.
 pub(super) fn below(tracks: &[TruthTrack], limit: Newton, max_gap_ns: i64) -> Result<Vec<ZeroLoad>, String> {
     let mut free: Option<Vec<ZeroLoad>> = None;
     for track in tracks {
@@ -33,10 +34,11 @@ pub(super) fn below(tracks: &[TruthTrack], limit: Newton, max_gap_ns: i64) -> Re
     Ok(free)
 }
 
-/// The stretches in which one sensor is low.
+/// The spans in which one sensor is low.
 ///
-/// Its zero isn't known before: the level at which it stays longest is taken first. What is within the limit of that tells
-/// the tare over time, which tells more of what is low, until nothing changes: so a slow drift is followed.
+/// The sensor's zero is not known in advance. The first estimate is the level at which it stays longest. Readings
+/// within the limit of this level give a tare over time, which classifies the readings again, until nothing changes. In
+/// this way a slow drift is followed.
 fn of_track(track: &TruthTrack, limit: Newton, max_gap_ns: i64) -> Result<Vec<ZeroLoad>, String> {
     let limit_gf = GramForce::from(limit).0;
     let readings: Vec<(Stamp, f64)> = track.readings().map(|(stamp, force)| (stamp, force.0)).collect();
@@ -45,7 +47,7 @@ fn of_track(track: &TruthTrack, limit: Newton, max_gap_ns: i64) -> Result<Vec<Ze
     let level = rest_level(finite, limit_gf).ok_or_else(|| format!("truth {name} has no finite readings"))?;
     let mut free = low(&readings, max_gap_ns, |_, force| (force - level).abs() < limit_gf);
     for _ in 0..ROUNDS {
-        // Stretches of which some is left hold readings, and don't overlap.
+        // Spans that are left have readings and don't overlap, so taring succeeds.
         let Ok(tare) = track.tare(&pieces(&free)) else { break };
         let is_low = |stamp: Stamp, force: f64| tared(&tare, stamp, force).abs() < limit_gf;
         let next = low(&readings, max_gap_ns, is_low);
@@ -68,7 +70,7 @@ fn tared(tare: &TareCurve, stamp: Stamp, force: f64) -> f64 {
     tare.tared(stamp, GramForce(force)).0
 }
 
-/// Stretches in parts of at most 10 s, so that the tare follows a drift within them.
+/// Splits spans into parts of at most 10 s, so that the tare follows a drift within them.
 fn pieces(free: &[ZeroLoad]) -> Vec<ZeroLoad> {
     let cut = |stretch: &ZeroLoad| {
         let (from, span) = (stretch.from, stretch.to.nanos_since(stretch.from));
@@ -78,8 +80,8 @@ fn pieces(free: &[ZeroLoad]) -> Vec<ZeroLoad> {
     free.iter().flat_map(cut).collect()
 }
 
-/// The level at which a sensor rests: of the levels around which twice the limit holds many readings, the lowest that holds
-/// at least half as many as the fullest, because a press that is held long is above the rest.
+/// Level of a sensor at rest. Candidates are levels with many readings within twice the limit. The result is the lowest
+/// one with at least half as many readings as the maximum, because a long press is above the level at rest.
 fn rest_level(mut forces: Vec<f64>, limit_gf: f64) -> Option<f64> {
     forces.sort_by(f64::total_cmp);
     let mut to = 0;
@@ -92,13 +94,13 @@ fn rest_level(mut forces: Vec<f64>, limit_gf: f64) -> Option<f64> {
     }
     let most = *counts.iter().max()?;
     let first = counts.iter().position(|count| 2 * count >= most)?;
-    // The fullest of those that reach into the first one.
+    // The level with the most readings among those that overlap the first one.
     let reach = first + counts[first];
     let best = (first..reach).rev().max_by_key(|idx| counts[*idx])?;
     Some(forces[best + counts[best] / 2])
 }
 
-/// Runs of readings that are low, without the margin at either end. A run ends at a gap, because nothing is known of it.
+/// Runs of low readings, without a margin at either end. A run ends at a gap, because the force in a gap is unknown.
 fn low(readings: &[(Stamp, f64)], max_gap_ns: i64, is_low: impl Fn(Stamp, f64) -> bool) -> Vec<ZeroLoad> {
     let margin = nanos(MARGIN);
     let mut free = Vec::new();
@@ -124,7 +126,7 @@ fn low(readings: &[(Stamp, f64)], max_gap_ns: i64, is_low: impl Fn(Stamp, f64) -
     free
 }
 
-/// What lies in both.
+/// Intersection of two lists of spans.
 fn common(a: &[ZeroLoad], b: &[ZeroLoad]) -> Vec<ZeroLoad> {
     let mut both = Vec::new();
     let (mut i, mut k) = (0, 0);
@@ -147,7 +149,7 @@ mod tests {
 
     const MS: i64 = 1_000_000;
 
-    /// Readings at 100 Hz for so long.
+    /// Readings at 100 Hz.
     fn track(seconds: i64, force: impl Fn(f64) -> f64) -> TruthTrack {
         let source = TruthSource {
             name: "cell".into(),

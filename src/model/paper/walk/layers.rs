@@ -1,4 +1,4 @@
-//! The layers of the network: operators with weights, and what comes between them.
+//! Layers of the network: operators with weights, and the operators between them.
 
 use super::super::attributes::Attributes;
 use super::super::flow::{Axis, Flow, Gelu, Side, Size, Value, What};
@@ -6,7 +6,7 @@ use super::super::{Cells, DILATIONS, Dense, TAPS};
 use super::Walk;
 use crate::model::onnx::NodeProto;
 
-/// The least that a layer normalization adds to a variance: with less, a variance of zero would make rounding large.
+/// Smallest epsilon of a layer normalization. With less, a variance near zero would amplify rounding errors.
 const LEAST_EPSILON: f32 = 1e-8;
 
 impl<'g> Walk<'g> {
@@ -45,7 +45,7 @@ impl<'g> Walk<'g> {
         Some(Flow { what: What::Convolved(layer), axes })
     }
 
-    /// The largest of all frames.
+    /// Maximum over all frames.
     pub(super) fn max_pool(&self, x: Flow, given: &mut Attributes<'_>) -> Option<Flow> {
         let Some((Axis::Windows, [Axis::Features(_), over @ ..])) = x.axes.split_first() else { return None };
         let (n, ones) = (over.len(), vec![1; over.len()]);
@@ -98,7 +98,7 @@ impl<'g> Walk<'g> {
         Some(product)
     }
 
-    /// A flow and a constant, in either order.
+    /// A tensor that depends on the inputs, and a constant, in either order.
     fn with_constant<'n>(&self, a: &'n str, b: &'n str) -> Option<(Flow, &'n str)> {
         self.flow(a).map(|flow| (flow, b)).or_else(|| self.flow(b).map(|flow| (flow, a)))
     }
@@ -151,7 +151,7 @@ impl<'g> Walk<'g> {
         x.becomes(what).map(Value::Flow)
     }
 
-    /// A layer of a decoder.
+    /// Fully connected layer of a decoder.
     pub(super) fn linear(&mut self, x: Flow, weight: &str, bias: &str, given: &mut Attributes<'_>) -> Option<Flow> {
         let [Axis::Windows, Axis::Features(n_in)] = *x.axes.as_slice() else { return None };
         let is_plain = given.float("alpha", 1.0)? == 1.0
@@ -190,7 +190,7 @@ impl<'g> Walk<'g> {
             b"forward" => false,
             _ => return None,
         };
-        // The layer and the direction that weights are of, and what comes out: all states, and the last one.
+        // Layer and first direction of the weights, and the stages of the outputs: all states, and the last state.
         let (layer, first, states, last) = match (x.what, both_ways) {
             (What::Activated, true) => (0, 0, Some(What::Lower), None),
             (What::Lower, true) => (1, 0, Some(What::Upper), None),
@@ -239,17 +239,17 @@ impl<'g> Walk<'g> {
     }
 }
 
-/// Keeps what may be found only once.
+/// Stores a weight. `None` if it was stored before.
 fn keep<T>(place: &mut Option<T>, found: T) -> Option<()> {
     place.is_none().then(|| *place = Some(found))
 }
 
-/// The next stage, if this is the one before it.
+/// The flow at stage `to`, if it is at stage `from`.
 pub(super) fn next(x: Flow, from: What, to: What) -> Option<Flow> {
     (x.what == from).then_some(Flow { what: to, ..x })
 }
 
-/// The convolution that comes behind a stage.
+/// Index of the convolution that follows a stage.
 fn layer_behind(what: What) -> Option<usize> {
     match what {
         What::Tactile => Some(0),
@@ -267,7 +267,7 @@ pub(super) fn rectified(x: Flow) -> Option<Flow> {
     x.becomes(what)
 }
 
-/// The largest over these axes, each of length one from here on; all frames are among them.
+/// Maximum over these axes, which must include all frames. Each then has length one.
 fn highest(mut x: Flow, over: &[usize]) -> Option<Flow> {
     let mut frames = 0;
     for &at in over {

@@ -1,4 +1,4 @@
-//! Operators that change no number of a tensor: its shape, parts of it, and sizes that are worked out on the way.
+//! Operators that change no value of a tensor: reshaping, slicing, and arithmetic on sizes.
 
 use super::super::attributes::Attributes;
 use super::super::flow::{Axis, Flow, Side, Size, Sizes, Value, What, place};
@@ -83,7 +83,7 @@ impl<'g> Walk<'g> {
         }
     }
 
-    /// The last frame of states, its axis of length one.
+    /// Last frame of the states. Its axis gets length one.
     fn last_frame(&self, flow: Flow, axis: usize, idx: i64) -> Option<Flow> {
         let what = match flow.what {
             What::Lower => What::LowerLast,
@@ -144,7 +144,7 @@ impl<'g> Walk<'g> {
     }
 }
 
-/// True if a float tensor holds a single zero.
+/// True if a float tensor is a single zero.
 fn is_zero(tensor: &TensorProto) -> bool {
     match &tensor.raw_data {
         Some(raw) => raw.as_slice() == [0; 4],
@@ -158,7 +158,7 @@ pub(super) fn flatten(x: Flow, given: &mut Attributes<'_>) -> Option<Flow> {
     x.reshaped(&[Size::Windows, Size::Known(-1)], false)
 }
 
-/// Sizes of a tensor, from one axis to another.
+/// The sizes of a tensor, from axis `start` to `end`.
 pub(super) fn shape<'g>(x: &Flow, given: &mut Attributes<'_>) -> Option<Value<'g>> {
     let sizes = x.sizes();
     let (start, end) = (given.int("start", 0)?, given.int("end", i64::MAX)?);
@@ -166,7 +166,7 @@ pub(super) fn shape<'g>(x: &Flow, given: &mut Attributes<'_>) -> Option<Value<'g
     Sizes::list(sizes[from..to].to_vec()).map(Value::Sizes)
 }
 
-/// Bounds within a list, as those of a slice; `None` where nothing is between them.
+/// Bounds of a slice in a list of this length. `None` if the slice is empty.
 fn within(start: i64, end: i64, len: usize) -> Option<(usize, usize)> {
     let n = i64::try_from(len).ok()?;
     let bound = |at: i64| usize::try_from(if at < 0 { at.saturating_add(n) } else { at }.clamp(0, n)).ok();

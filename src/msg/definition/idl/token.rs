@@ -1,16 +1,16 @@
-//! IDL in words and signs.
+//! Splits IDL text into tokens.
 
-/// A piece of IDL.
+/// A token of IDL.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Token<'a> {
-    /// A name, keyword, number or scoped name with its `::`.
+    /// A name, keyword, number, or scoped name with its `::`.
     Word(&'a str),
-    /// Text or character in quotes.
+    /// A string or character in quotes.
     Quoted,
     Sign(char),
 }
 
-/// Words and signs with their lines; comments, preprocessor lines and the separators of sections are left out.
+/// Tokens with their lines. Comments, preprocessor lines and section separators are skipped.
 pub(super) fn tokens(text: &str) -> Vec<(usize, Token<'_>)> {
     let mut tokens = Vec::new();
     let mut in_comment = false;
@@ -64,7 +64,7 @@ pub(super) fn tokens(text: &str) -> Vec<(usize, Token<'_>)> {
     tokens
 }
 
-/// Length of a text in quotes, which ends with its line.
+/// Length of a quoted text, which ends with its line at the latest.
 fn quoted_len(text: &str, quote: char) -> usize {
     let mut is_escaped = false;
     for (idx, c) in text.char_indices().skip(1) {
