@@ -10,6 +10,8 @@ pub mod comparison;
 pub mod doctor;
 pub mod evaluation;
 pub mod inspection;
+#[cfg(feature = "ros")]
+pub(crate) mod monitor;
 pub mod picture;
 pub(crate) mod terminal;
 #[cfg(feature = "train")]

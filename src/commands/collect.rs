@@ -74,9 +74,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         cfg.user = Some(user.clone());
     }
     if cfg.use_sim_time {
-        return Err(Failure(
-            "use_sim_time is true, but a collection needs real time; set it to false".to_owned(),
-        ));
+        return Err(Failure("use_sim_time is true, but a collection needs real time; set it to false".to_owned()));
     }
     let place = args.ros.place(NODE)?;
     let begun = match args.resume {

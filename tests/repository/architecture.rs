@@ -140,6 +140,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "fusion",
             "inspect",
             "model",
+            "msg",
             "page",
             "protocol",
             "recording",

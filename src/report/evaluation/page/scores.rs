@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use super::super::pose_quality::words;
 use super::super::text::{
-    MEASURES_IN_WORDS, TANGENTIAL, improvement, is_of_several, measure_name, number, short_list, tangential_mae, touch_by,
+    MEASURES_IN_WORDS, TANGENTIAL, improvement, is_of_several, measure_name, number, short_list, tangential_mae,
+    touch_by,
 };
 use super::super::verdict::Said;
 use super::{slug, style};

@@ -6,13 +6,15 @@ use ratatui::style::Stylize;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Cell, Paragraph, Row, Table, Wrap};
 
-use super::{Monitored, flags, number};
+use super::{flags, number};
+use crate::ros::Monitored;
 use crate::units::Stamp;
 
 /// Cells of a force bar.
 const BAR: usize = 12;
 
-pub(super) fn draw(frame: &mut Frame<'_>, watched: &Monitored, now: Stamp) {
+/// Draws the node as it is at this time.
+pub(crate) fn draw(frame: &mut Frame<'_>, watched: &Monitored, now: Stamp) {
     let n_regions = watched.regions.len() as u16;
     let [head, table, notes, keys] = Layout::vertical([
         Constraint::Length(2),
@@ -117,6 +119,6 @@ mod tests {
                 assert!(text.contains(expected), "{expected} is not on {width}x{height}: {text}");
             }
         }
-        assert!(crate::commands::monitor::text(&watched, now.offset(NANOS_PER_SEC)).contains("SILENT"));
+        assert!(crate::report::monitor::text(&watched, now.offset(NANOS_PER_SEC)).contains("SILENT"));
     }
 }
