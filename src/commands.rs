@@ -60,7 +60,7 @@ use crate::report::terminal::{Voice, fitted, set_voice, stderr_columns, stdout_c
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Print results, and what was lost or is in doubt; no notes, no progress
+    /// Print results and warnings only, without notes and progress
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
     /// Also print how it is done, such as what runs each model
