@@ -67,10 +67,12 @@ fn transforms(k: usize) -> Vec<u8> {
     to_cdr(&TFMessage { transforms: LAYOUT.points().into_iter().zip(hand(k)).map(transform).collect() })
 }
 
+/// Writes a hand of a number.
+type Message = fn(usize) -> Vec<u8>;
+
 fn main() {
     println!("| a hand of 25 points as | messages | p50 us | p99 us | max us |\n|---|---|---|---|---|");
-    let forms: [(&str, fn(usize) -> Vec<u8>); 2] =
-        [(PoseArray::TYPE_NAME, pose_array), (TFMessage::TYPE_NAME, transforms)];
+    let forms = [(PoseArray::TYPE_NAME, pose_array as Message), (TFMessage::TYPE_NAME, transforms as Message)];
     for (type_name, message) in forms {
         let mut binding = binding(type_name);
         let messages: Vec<Vec<u8>> = (0..256).map(message).collect();

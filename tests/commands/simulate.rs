@@ -244,8 +244,10 @@ fn free_manipulation_is_a_session_too() {
     assert!(other.code == 2 && other.stderr.contains("expected protocol or manipulation, got \"work\""), "{other:?}");
     tpf(folder, &[&asked[..], &free, &["--minutes", "10"]].concat()).ok();
     let inspected = tpf(folder, &["inspect", "free/glove3_user01_session1"]).ok();
-    let joints = inspected.stdout.lines().find(|line| line.trim_start().starts_with("/hand/joint_states")).unwrap();
-    let rate_hz: f64 = joints.split_whitespace().nth(2).unwrap().parse().unwrap();
+    let mut lines = inspected.stdout.lines();
+    assert!(lines.any(|line| line.trim_start().starts_with("/hand/joint_states")), "{inspected:?}");
+    let joints = lines.next().unwrap();
+    let rate_hz: f64 = joints.split_whitespace().nth(1).unwrap().parse().unwrap();
     assert!((26.0..30.0).contains(&rate_hz), "{joints}");
     let scored = ["eval", "free/glove3_user01_session1", "--whole", "--by", "substage", "--params-file"];
     let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
