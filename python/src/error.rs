@@ -113,7 +113,10 @@ impl Refusal for GloveError {
 impl Refusal for ReplayError {
     fn kind(&self) -> Kind {
         match self {
-            ReplayError::Bag(_) | ReplayError::Input(_) => Kind::Bag,
+            ReplayError::Bag(_)
+            | ReplayError::Input(_)
+            | ReplayError::NotWhole { .. }
+            | ReplayError::OtherTopics { .. } => Kind::Bag,
             ReplayError::Model(_) | ReplayError::Fusion(_) => Kind::Model,
             ReplayError::Zero(error) => error.kind(),
             ReplayError::Setup(_) | ReplayError::TopicTaken { .. } | ReplayError::Idle { .. } => Kind::Parameter,

@@ -73,6 +73,7 @@ impl Track {
             Adaptation::Learning => 2,
             Adaptation::Waiting => 3,
             Adaptation::Capped => 4,
+            Adaptation::Noisy => 5,
         });
         self.artifact_change.push(estimate.artifact_change.unwrap_or(f64::NAN));
         self.flags.push(estimate.flags.bits());

@@ -112,7 +112,8 @@ class RegionEstimates:
 
     @cached_property
     def adaptation(self) -> NDArray[np.uint8]:
-        """What becomes of the artifact: 0 nothing, 1 frozen, 2 learning, 3 waiting, 4 capped, as in `ContactState.msg`."""
+        """What becomes of the artifact: 0 nothing, 1 frozen, 2 learning, 3 waiting, 4 capped, 5 noisy
+        joint angles, as in `ContactState.msg`."""
         return self._column("adaptation")
 
     @cached_property
