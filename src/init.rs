@@ -1,5 +1,5 @@
 //! A complete parameter file from what is in bags: which topics are taxels, joint angles and true force, which patches they
-//! make, and why. Findings of [`inspect`](crate::inspect) go in, and [`document`] makes a [`Document`] of them; [`write`]
+//! make, and why. Findings of [`inspect`](crate::inspect) go in, and [`document`] makes a [`Document`] of them; [`write()`]
 //! writes it as a file that loads.
 //!
 //! # Rules
