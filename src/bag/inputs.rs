@@ -229,6 +229,11 @@ impl Inputs {
         input
     }
 
+    /// Lets a reader pass over what means nothing here. Returns whether something is left out.
+    pub fn read_only_these(&self, reader: &mut BagReader) -> bool {
+        reader.read_only(&self.topics())
+    }
+
     /// The topics that mean anything here.
     pub fn topics(&self) -> BTreeSet<String> {
         let InputTopics { taxels, joints, truth, stage, .. } = &self.topics;

@@ -109,7 +109,7 @@ def merge(partials: Iterable[bytes | AnyPath], bags: Sequence[AnyPath]) -> dict[
     """Scores of all bags from the partials of some each, as `tpf merge`.
 
     Args:
-        partials: What `partial` returned, or files of it, in any order.
+        partials: What `partial` returned, or files of it, as paths or URIs, in any order.
         bags: All bags that must be there. The result has their order.
 
     Returns:
@@ -119,19 +119,23 @@ def merge(partials: Iterable[bytes | AnyPath], bags: Sequence[AnyPath]) -> dict[
         TaskFailed: A bag is missing or twice, or partials were not made alike.
     """
     with tempfile.TemporaryDirectory(prefix="tpf-merge-") as folder:
-        files = []
+        files: list[Path] = []
+        uris: list[str] = []
         for idx, one in enumerate(partials):
             path = Path(folder, f"{idx:08}.parquet")
             if isinstance(one, bytes):
                 path.write_bytes(one)
+            elif "://" in os.fspath(one):
+                uris.append(os.fspath(one))
+                continue
             else:
                 path.symlink_to(os.path.abspath(one))
             files.append(path)
-        if not files:
+        if not files and not uris:
             raise ValueError("no partials; expected at least one")
         expected = Path(folder, "bags.txt")
         expected.write_text("".join(f"{bag}\n" for bag in _words(bags)), encoding="utf-8")
-        return _object(_run(["merge", folder, "--expect", str(expected), "--json"]))
+        return _object(_run(["merge", *([folder] if files else []), *uris, "--expect", str(expected), "--json"]))
 
 
 def replay(

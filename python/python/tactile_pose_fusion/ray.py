@@ -198,10 +198,12 @@ def export(
         ``output``, and the ``bags`` that are in the dataset; those that are not are in ``failed`` with the reason.
 
     Raises:
-        ValueError: No bag, or a number below its least.
+        ValueError: No bag, a URI as output, or a number below its least.
         FileExistsError: The output is there already.
         TaskFailed: Another reason than the bags, or a shard was lost at every attempt. No dataset is left.
     """
+    if "://" in os.fspath(output):
+        raise ValueError(f"{output}: the shards lie beside the dataset, in a folder of all machines: give a path, and copy it")
     bags, out = _bags(uris), Path(output).absolute()
     if out.exists():
         raise FileExistsError(f"{out}: is there already, and a dataset is never replaced: remove it, or choose another name")
