@@ -1,93 +1,87 @@
 //! What a hand costs: one message of its points to the angles of its joints, as the node and a replay do it.
 //!
-//! At 90 Hz, as headsets send them, 20 us a hand are 0.2 % of a core: `taskset -c 0 cargo bench --bench hand`.
+//! At 90 Hz, as headsets send them, 20 us a hand are 0.2 % of a core: `taskset -c 0 cargo bench --bench hand`. The hands
+//! are those of `tpf simulate --hand` (synthetic), in every form.
 #![allow(clippy::print_stdout)] // the table is the result
 
 use std::time::Instant;
 
-use tactile_pose_fusion::hand::{HandPose, JOINTS, NamedLayout, Side, poses};
+use tactile_pose_fusion::hand::{JOINTS, NamedLayout, Side};
 use tactile_pose_fusion::msg::binding::{
-    HandFields, JointBinding, JointFields, NamesFrom, StampFrom, hand_paths, hand_stamp,
+    HandFields, HandPaths, JointBinding, JointFields, NamesFrom, StampFrom, hand_paths, hand_stamp,
 };
-use tactile_pose_fusion::msg::definition::TypeTree;
-use tactile_pose_fusion::msg::*;
+use tactile_pose_fusion::sim::Record;
+use tactile_pose_fusion::sim::hand::JOINTS as SIMULATED;
+use tactile_pose_fusion::synthetic::{HandForm, HandMessage, Message, message, static_frames};
 use tactile_pose_fusion::units::Stamp;
 
-const LAYOUT: NamedLayout = NamedLayout::OpenXr25;
 const N: usize = 20_000;
+const STAMP: Stamp = Stamp(5_000_000_000);
 
-fn binding(type_name: &str) -> JointBinding {
-    let (positions, names) = hand_paths(type_name).expect("a type that is known");
-    let points = LAYOUT.points();
-    let stamp = hand_stamp(type_name, &points).unwrap_or_else(|| "header.stamp".to_owned());
+/// The forms, each with the layout that reads it.
+const FORMS: [(HandForm, NamedLayout, &str); 6] = [
+    (HandForm::Poses(NamedLayout::OpenXr), NamedLayout::OpenXr, "26 poses by index"),
+    (HandForm::Keypoints(NamedLayout::OpenXr), NamedLayout::OpenXr, "26 keypoints"),
+    (HandForm::Keypoints(NamedLayout::Mano21), NamedLayout::Mano21, "21 keypoints"),
+    (HandForm::Named, NamedLayout::OpenXr, "26 named poses"),
+    (HandForm::Manus, NamedLayout::Manus, "25 nodes of a Manus glove"),
+    (HandForm::Transforms, NamedLayout::OpenXr25, "25 transforms"),
+];
+
+fn binding(form: HandForm, layout: NamedLayout) -> JointBinding {
+    let points = layout.points();
+    let known = hand_paths(form.type_name());
+    let HandPaths { positions, names, valid } =
+        known.unwrap_or(HandPaths { positions: "data", names: &[], valid: None });
+    let stamp = match hand_stamp(form.type_name(), &points) {
+        Some(path) => StampFrom::Field(path),
+        None => StampFrom::Receipt,
+    };
     let hand = HandFields {
-        layout: LAYOUT.layout(),
+        layout: layout.layout(),
         side: Side::Right,
         points,
         names: names.iter().map(|path| (*path).to_owned()).collect(),
-        valid: None,
+        valid: valid.map(str::to_owned),
         first: 0,
         joints: JOINTS.map(str::to_owned).to_vec(),
     };
     let names = NamesFrom::Hand(Box::new(hand));
-    let fields =
-        JointFields { stamp: Some(StampFrom::Field(stamp)), positions: positions.to_owned(), names, only: None };
-    let tree = TypeTree::from_schema(type_name, &definition_text(type_name).expect("known")).expect("it resolves");
-    JointBinding::compile(&fields, &tree).expect("it compiles")
+    let fields = JointFields { stamp: Some(stamp), positions: positions.to_owned(), names, only: None };
+    JointBinding::compile(&fields, &form.type_tree()).expect("it compiles")
 }
 
-fn hand(k: usize) -> Vec<HandPose> {
-    let angles = std::array::from_fn(|joint| 0.4 + 0.3 * (0.01 * k as f64 + joint as f64).sin());
-    poses(&angles, LAYOUT, Side::Right)
+fn encoded(form: HandForm, k: usize) -> Vec<u8> {
+    let angle = |joint: usize| 0.4 + 0.3 * (0.01 * k as f64 + joint as f64).sin();
+    let names: Vec<String> = SIMULATED.iter().map(|joint| (*joint).to_owned()).collect();
+    let positions = (0..names.len()).map(angle).collect();
+    let record = Record::Joints { stamp: STAMP, received: STAMP, names: names.into(), positions };
+    let Message::Hand(mut hand) = message(&record, form) else { unreachable!("angles become a hand") };
+    if let HandMessage::Transforms(moving) = &mut hand {
+        moving.transforms.splice(0..0, static_frames(STAMP).transforms);
+    }
+    let mut cdr = Vec::new();
+    hand.to_cdr_into(&mut cdr);
+    cdr
 }
-
-fn header() -> Header {
-    Header { stamp: Time { sec: 5, nanosec: 0 }, frame_id: "wrist".to_owned() }
-}
-
-fn rotation([x, y, z, w]: [f64; 4]) -> Quaternion {
-    Quaternion { x, y, z, w }
-}
-
-fn pose_array(k: usize) -> Vec<u8> {
-    let pose = |HandPose { position: [x, y, z], orientation }: HandPose| Pose {
-        position: Point { x, y, z },
-        orientation: rotation(orientation),
-    };
-    to_cdr(&PoseArray { header: header(), poses: hand(k).into_iter().map(pose).collect() })
-}
-
-fn transforms(k: usize) -> Vec<u8> {
-    let transform =
-        |(child_frame_id, HandPose { position: [x, y, z], orientation }): (String, HandPose)| TransformStamped {
-            header: header(),
-            child_frame_id,
-            transform: Transform { translation: Vector3 { x, y, z }, rotation: rotation(orientation) },
-        };
-    to_cdr(&TFMessage { transforms: LAYOUT.points().into_iter().zip(hand(k)).map(transform).collect() })
-}
-
-/// Writes a hand of a number.
-type Message = fn(usize) -> Vec<u8>;
 
 fn main() {
-    println!("| a hand of 25 points as | messages | p50 us | p99 us | max us |\n|---|---|---|---|---|");
-    let forms = [(PoseArray::TYPE_NAME, pose_array as Message), (TFMessage::TYPE_NAME, transforms as Message)];
-    for (type_name, message) in forms {
-        let mut binding = binding(type_name);
-        let messages: Vec<Vec<u8>> = (0..256).map(message).collect();
+    println!("| a synthetic hand as | messages | bytes | p50 us | p99 us | max us |\n|---|---|---|---|---|---|");
+    for (form, layout, told) in FORMS {
+        let mut binding = binding(form, layout);
+        let messages: Vec<Vec<u8>> = (0..256).map(|k| encoded(form, k)).collect();
         let mut micros: Vec<f64> = (0..N)
             .map(|k| {
                 let cdr = &messages[k % messages.len()];
                 let began = Instant::now();
-                let angles = binding.decode(cdr, Stamp(9)).expect("angles");
+                let angles = binding.decode(cdr, STAMP).expect("angles");
                 let taken = began.elapsed().as_secs_f64() * 1e6;
-                assert!(angles.positions.iter().all(|angle| angle.is_finite()));
+                assert!(angles.positions.iter().all(|angle| angle.is_finite()), "{told}");
                 taken
             })
             .collect();
         micros.sort_by(f64::total_cmp);
         let at = |share: f64| micros[((N - 1) as f64 * share) as usize];
-        println!("| {type_name} | {N} | {:.2} | {:.2} | {:.1} |", at(0.5), at(0.99), at(1.0));
+        println!("| {told} | {N} | {} | {:.2} | {:.2} | {:.1} |", messages[0].len(), at(0.5), at(0.99), at(1.0));
     }
 }

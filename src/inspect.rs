@@ -10,6 +10,7 @@ mod elements;
 mod force;
 mod force_run;
 mod found;
+mod frames;
 mod gather;
 mod grid;
 mod hand;

@@ -27,8 +27,8 @@ pub use interfaces::{ContactArray, ContactState, Stage, TaxelArray};
 pub use outgoing::{EstimateTopics, Outgoing, Slot};
 pub use schema::definition_text;
 pub use standard::{
-    Duration, Float32MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Point, Pose, PoseArray,
-    Quaternion, TFMessage, Text, Time, Transform, TransformStamped, Vector3, Wrench, WrenchStamped,
+    Duration, Float32MultiArray, Float64MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Point,
+    Pose, PoseArray, Quaternion, TFMessage, Text, Time, Transform, TransformStamped, Vector3, Wrench, WrenchStamped,
 };
 pub use texts::standard_text;
 pub use type_hash::{rihs01, type_hash};

@@ -1,29 +1,38 @@
 //! Writes sessions of a synthetic glove to bags: messages of a glove driver, a hand tracker, a load cell and a
 //! protocol.
 
+mod device_messages;
 mod hand_forms;
+mod hand_message;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::bag::{BagError, BagMetadata, BagWriter, OutChannel, WriteOptions};
+use crate::bag::{BEST_EFFORT_QOS, BagError, BagMetadata, BagWriter, NewChannel, OutChannel, WriteOptions};
 use crate::msg::{
-    Duration, Header, JointState, PoseArray, Stage, TFMessage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped,
-    to_cdr_into,
+    Duration, Header, Stage, TFMessage, TaxelArray, Vector3, WireType, Wrench, WrenchStamped, to_cdr_into, type_hash,
 };
 use crate::observer::{Cancelled, Observer, check};
 use crate::recording::SESSION_NOTES;
 use crate::sim::hand::Finger;
 use crate::sim::{Fingers, Record, SessionSpec, SimError, simulate};
 use crate::units::Stamp;
+pub use device_messages::{HandJointPose, HandJointPoses, ManusErgonomics, ManusGlove, ManusRawNode};
 pub use hand_forms::{HandForm, static_frames};
+pub use hand_message::HandMessage;
 
 /// Topic of the taxels.
 pub const TAXELS: &str = "/glove/taxels";
 /// Topic of the joint angles.
 pub const JOINTS: &str = "/hand/joint_states";
-/// Topic of the hand's keypoints, used instead of [`JOINTS`].
+/// Topic of the poses of the hand's points, in place of [`JOINTS`].
 pub const POSES: &str = "/hand/poses";
+/// Topic of the positions of the hand's points alone, in place of [`JOINTS`].
+pub const KEYPOINTS: &str = "/hand/keypoints";
+/// Topic of the hand's named points, in place of [`JOINTS`].
+pub const NAMED_POSES: &str = "/hand/named_poses";
+/// Topic of the hand as a Manus glove sends it, in place of [`JOINTS`].
+pub const MANUS_GLOVE: &str = "/manus_glove_0";
 /// Topic of the hand's points as frames, in place of [`JOINTS`].
 pub const FRAMES: &str = "/tf";
 /// Topic of those of its frames that never move.
@@ -75,11 +84,13 @@ pub fn write_as(
     bag.copy_metadata(&BagMetadata { name: SESSION_NOTES, metadata: &session.metadata() })?;
     let mut topics = Topics {
         taxels: bag.add_topic::<TaxelArray>(TAXELS)?,
-        joints: match hand {
-            HandForm::Angles => bag.add_topic::<JointState>(JOINTS)?,
-            HandForm::Poses(_) => bag.add_topic::<PoseArray>(POSES)?,
-            HandForm::Transforms => bag.add_topic::<TFMessage>(FRAMES)?,
-        },
+        joints: bag.add_channel(NewChannel {
+            topic: hand.topic(),
+            type_name: hand.type_name(),
+            schema_text: &hand.schema_text(),
+            qos_yaml: BEST_EFFORT_QOS,
+            type_hash: &type_hash(&hand.type_tree()),
+        })?,
         hand,
         truth: match spec.conditions.fingers {
             Fingers::Index => BTreeMap::from([(None, bag.add_topic::<WrenchStamped>(TRUTH)?)]),
@@ -92,7 +103,7 @@ pub fn write_as(
     let mut n_frames = 0;
     let mut unsent_frames = match hand {
         HandForm::Transforms => Some(topics.bag.add_topic::<TFMessage>(STATIC_FRAMES)?),
-        HandForm::Angles | HandForm::Poses(_) => None,
+        _ => None,
     };
     for record in session {
         if let Some(channel) = unsent_frames.take() {
@@ -121,9 +132,10 @@ impl Topics {
         let received = record.received();
         match message(record, self.hand) {
             Message::Taxels(message) => self.send(self.taxels, received, &message),
-            Message::Joints(message) => self.send(self.joints, received, &message),
-            Message::Poses(message) => self.send(self.joints, received, &message),
-            Message::Frames(message) => self.send(self.joints, received, &message),
+            Message::Hand(message) => {
+                message.to_cdr_into(&mut self.cdr);
+                self.bag.write(self.joints, 0, received, received, &self.cdr)
+            }
             Message::Truth(under, message) => {
                 let channel = match self.truth.get(&under) {
                     Some(channel) => *channel,
@@ -150,12 +162,8 @@ impl Topics {
 pub enum Message {
     /// On [`TAXELS`].
     Taxels(TaxelArray),
-    /// On [`JOINTS`].
-    Joints(JointState),
-    /// On [`POSES`].
-    Poses(PoseArray),
-    /// On [`FRAMES`].
-    Frames(TFMessage),
+    /// On the topic of its form.
+    Hand(HandMessage),
     /// On the [`truth_topic`] of the finger above the load cell.
     Truth(Option<Finger>, WrenchStamped),
     /// On [`STAGE`].
@@ -171,18 +179,9 @@ pub fn message(record: &Record, hand: HandForm) -> Message {
             let (rows, row_period, values) = (1, Duration::default(), values.clone());
             Message::Taxels(TaxelArray { header: header("index_tip"), sequence: *sequence, rows, row_period, values })
         }
-        Record::Joints { names, positions, .. } => match hand {
-            HandForm::Angles => {
-                let (velocity, effort) = (Vec::new(), Vec::new());
-                let (name, position) = (names.to_vec(), positions.clone());
-                Message::Joints(JointState { header: header(""), name, position, velocity, effort })
-            }
-            HandForm::Poses(layout) => Message::Poses(PoseArray {
-                header: header("wrist"),
-                poses: hand_forms::poses(names, positions, layout),
-            }),
-            HandForm::Transforms => Message::Frames(hand_forms::frames(names, positions, record.stamp())),
-        },
+        Record::Joints { names, positions, .. } => {
+            Message::Hand(HandMessage::new(hand, names, positions, record.stamp()))
+        }
         Record::Truth { force, torque, under, .. } => {
             let wrench = Wrench { force: vector(*force), torque: vector(*torque) };
             Message::Truth(*under, WrenchStamped { header: header("load_cell"), wrench })

@@ -36,9 +36,10 @@ pub(super) struct Args {
     /// How joint angles are measured: markers (100 Hz, as the paper), or camera (30 Hz, late, noisy, off by 10 degrees)
     #[arg(long, value_name = "HOW", default_value = "markers", value_parser = tracking)]
     tracking: Tracking,
-    /// What the hand is told as: angles (sensor_msgs/JointState on /hand/joint_states), the poses of its points
-    /// (geometry_msgs/PoseArray on /hand/poses): openxr (26), openxr25 (without the palm), mano21; or transforms (/tf, a frame
-    /// for each point of openxr25)
+    /// Form of the hand's messages. angles: sensor_msgs/JointState on /hand/joint_states. openxr (26 points), openxr25
+    /// (without the palm), mano21 (21): geometry_msgs/PoseArray on /hand/poses. keypoints26, keypoints21: the positions of these points
+    /// in a std_msgs/Float64MultiArray on /hand/keypoints. named: HandJointPoses of IsaacTeleop on /hand/named_poses. manus:
+    /// ManusGlove on /manus_glove_0. transforms: /tf, a frame for each point of openxr25
     #[arg(long, value_name = "FORM", default_value = "angles", value_parser = hand_form)]
     hand: HandForm,
     /// Length of a session, 27.7 if not given; less than the whole protocol has fewer repetitions, never fewer substages.
@@ -116,7 +117,13 @@ fn hand_form(text: &str) -> Result<HandForm, String> {
         "openxr" => Ok(HandForm::Poses(NamedLayout::OpenXr)),
         "openxr25" => Ok(HandForm::Poses(NamedLayout::OpenXr25)),
         "mano21" => Ok(HandForm::Poses(NamedLayout::Mano21)),
+        "keypoints21" => Ok(HandForm::Keypoints(NamedLayout::Mano21)),
+        "keypoints26" => Ok(HandForm::Keypoints(NamedLayout::OpenXr)),
+        "named" => Ok(HandForm::Named),
+        "manus" => Ok(HandForm::Manus),
         "transforms" => Ok(HandForm::Transforms),
-        other => Err(format!("expected angles, openxr, openxr25, mano21 or transforms, got {other:?}")),
+        other => Err(format!(
+            "expected angles, openxr, openxr25, mano21, keypoints21, keypoints26, named, manus or transforms, got {other:?}"
+        )),
     }
 }

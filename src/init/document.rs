@@ -38,7 +38,7 @@ pub fn document(bags: &[BagReport], model: Option<&ModelFile>, ask: &mut dyn Ask
     let mut chooser = Chooser::new(ask);
     let taxels = taxels::sources(bags, model, &mut chooser)?;
     let (joints, left_joints) = joints::sources(bags, &taxels, model, &mut chooser)?;
-    let (mut truths, left_truths) = force::sources(bags, &mut chooser)?;
+    let (mut truths, left_truths) = force::sources(bags, model, &mut chooser)?;
     let topic_of = |source: &TruthSource| source.lines.first().map(|(_, topic, _)| topic.clone());
     let taxel_topics: Vec<String> = taxels.iter().map(|source| yaml_text(&source.found.topic)).collect();
     truths.retain(|source| topic_of(source).is_none_or(|topic| !taxel_topics.contains(&topic)));

@@ -2,7 +2,7 @@
 
 use super::ask::{Chooser, InitError, Question};
 use super::fingers;
-use super::plan::{Region, TruthSource, most_seen};
+use super::plan::{ModelFile, Region, TruthSource, most_seen};
 use crate::inspect::{BagReport, ForceCandidate, ForceRange, Likelihood, number, source_name, yaml_text};
 
 /// A force beyond this is in gF: no fingertip presses with 100 N.
@@ -16,6 +16,7 @@ const WRENCH_STAMPED: &str = "geometry_msgs/msg/WrenchStamped";
 /// The sources of true force, and what else could be one.
 pub(super) fn sources(
     bags: &[BagReport],
+    model: Option<&ModelFile>,
     chooser: &mut Chooser<'_>,
 ) -> Result<(Vec<TruthSource>, Vec<String>), InitError> {
     let field = |one: &ForceCandidate| one.fields.first().map_or("", String::as_str).len() as u64;
@@ -52,7 +53,8 @@ pub(super) fn sources(
     } else {
         likely
     };
-    Ok((chosen.into_iter().map(|one| source(one, why.clone(), bags)).collect(), others))
+    let has_axes = model.is_some_and(|model| model.n_force_axes == 3);
+    Ok((chosen.into_iter().map(|one| source(one, why.clone(), has_axes, bags)).collect(), others))
 }
 
 /// Whether the topic holds taxels, too: what a tactile sensor says of forces is no true force.
@@ -95,18 +97,48 @@ fn best(one: &ForceCandidate) -> Option<&ForceRange> {
     following.or_else(|| forces().max_by(|a, b| span(a).total_cmp(&span(b))))
 }
 
-fn source(one: &ForceCandidate, chosen: Option<String>, bags: &[BagReport]) -> TruthSource {
+/// All three axes of a force sensor as the fields of a model's three axes: x, y and z of the patch, of which the last is the
+/// one that is `pressed`. None where it has one axis alone.
+fn axes(one: &ForceCandidate, pressed: &str) -> Option<[String; 3]> {
+    let (stem, place) = match pressed.strip_suffix(']').and_then(|it| it.rsplit_once('[')) {
+        Some((stem, place)) => (format!("{stem}["), place.parse().ok()?),
+        None => {
+            let (stem, axis) = pressed.split_at(pressed.len().checked_sub(1)?);
+            (stem.to_owned(), "xyz".find(axis)?)
+        }
+    };
+    let is_array = stem.ends_with('[');
+    let named = |place: usize| match is_array {
+        true => format!("{stem}{place}]"),
+        false => format!("{stem}{}", ["x", "y", "z"][place]),
+    };
+    // In turn, so that they stay right-handed.
+    let fields = [1, 2, 3].map(|after| named((place + after) % 3));
+    (place < 3 && fields.iter().all(|field| one.ranges.iter().any(|range| range.field == *field))).then_some(fields)
+}
+
+fn source(one: &ForceCandidate, chosen: Option<String>, has_axes: bool, bags: &[BagReport]) -> TruthSource {
     let mut lines =
         vec![("topic", yaml_text(&one.topic), String::new()), ("type", yaml_text(&one.type_name), String::new())];
     if let Some(ForceRange { field, values: [least, most], with_taxels, .. }) = best(one) {
         let seen = format!("{} to {}", number(*least), number(*most));
         let with = with_taxels.map_or(String::new(), |with| format!("; correlation with the taxels {with:.2}"));
-        lines.push(("field", yaml_text(field), format!("{seen}{with}")));
+        let axes = axes(one, field).filter(|_| has_axes);
+        match &axes {
+            Some(axes) => {
+                let why = format!("CHECK: x, y and z of the patch; the last one is pressed: {seen}{with}");
+                lines.push(("fields", format!("[{}]", axes.each_ref().map(|axis| yaml_text(axis)).join(", ")), why));
+            }
+            None => lines.push(("field", yaml_text(field), format!("{seen}{with}"))),
+        }
         let (unit, why) = unit(one, field, least.abs().max(most.abs()));
         lines.push(("unit", unit.to_owned(), why));
         if -least > *most {
             let why = "CHECK: readings go further down than up, so a press is taken to lower them".to_owned();
-            lines.push(("sign", "-1".to_owned(), why));
+            match axes {
+                Some(_) => lines.push(("signs", "[1, 1, -1]".to_owned(), why)),
+                None => lines.push(("sign", "-1".to_owned(), why)),
+            }
         }
     }
     if one.type_name != WRENCH_STAMPED {

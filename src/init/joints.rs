@@ -81,10 +81,19 @@ pub(super) fn sources<'a>(
     let mut sources: Vec<JointSource<'a>> = Vec::new();
     for one in use_ {
         let Found { hand, mut source, topic, sides, told, .. } = one;
+        let only = super::sides::line(sides, &topic, worn, chooser)?;
         if source.is_whole_hand {
-            source.more.push(side(&told, hand.or(worn), chooser)?);
+            let of_messages = match &only {
+                Some((_, only, _)) => fingers::side(only),
+                None => sides.and_then(|sides| fingers::side(&sides.values[0])),
+            };
+            let named = match of_messages {
+                Some(side) => Some((side, "as its messages say")),
+                None => hand.map(|side| (side, "as it is named")).or(worn.map(|side| (side, "as the taxels are"))),
+            };
+            source.more.push(side(&told, named, chooser)?);
         }
-        source.more.extend(super::sides::line(sides, &topic, worn, chooser)?);
+        source.more.extend(only);
         let taken: Vec<&str> = sources.iter().map(|known| known.name.as_str()).collect();
         source.name = free_name(&source.name, &taken);
         sources.push(source);
@@ -129,7 +138,7 @@ fn of_angles<'a>(one: &'a JointCandidate, model: Option<&ModelFile>) -> Found<'a
         names_fingers: joints.iter().any(|joint| fingers::finger(joint).is_some()),
         moves,
         is_likely: one.likelihood == Likelihood::Likely,
-        hand: fingers::side(&one.topic),
+        hand: fingers::side(&one.topic).or(fingers::side(&one.field)),
         rate_hz: one.rate_hz.unwrap_or_default(),
         topic: one.topic.clone(),
         sides: one.sides.as_ref(),
@@ -158,10 +167,10 @@ fn of_hand<'a>(one: &'a HandCandidate, model: Option<&ModelFile>) -> Found<'a> {
         names_fingers: true,
         moves: true,
         is_likely: true,
-        hand: fingers::side(&one.topic),
+        hand: fingers::side(&one.topic).or(fingers::side(&one.field)),
         rate_hz: one.rate_hz.unwrap_or_default(),
         topic: one.topic.clone(),
-        sides: None,
+        sides: one.sides.as_ref(),
         told,
         source: JointSource {
             name: one.parameters.name.clone(),
@@ -180,11 +189,11 @@ fn of_hand<'a>(one: &'a HandCandidate, model: Option<&ModelFile>) -> Found<'a> {
 /// Which hand points are of.
 fn side(
     told: &str,
-    named: Option<&'static str>,
+    named: Option<(&'static str, &'static str)>,
     chooser: &mut Chooser<'_>,
 ) -> Result<(&'static str, String, String), InitError> {
-    if let Some(side) = named {
-        return Ok(("hand.side", side.to_owned(), "as the topic is named".to_owned()));
+    if let Some((side, why)) = named {
+        return Ok(("hand.side", side.to_owned(), why.to_owned()));
     }
     let words = format!("Which hand is {told}?");
     let options = vec!["right".to_owned(), "left".to_owned()];

@@ -70,6 +70,7 @@ fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, InitF
         n_joints: contract.n_region_joints(),
         joints: contract.joints,
         rate_hz: contract.rate_hz,
+        n_force_axes: contract.axes.n(),
         why,
     })
 }

@@ -15,6 +15,8 @@ pub struct ModelFile {
     pub joints: Option<Vec<String>>,
     /// Frames a second.
     pub rate_hz: f64,
+    /// Axes of its force: 1 or 3.
+    pub n_force_axes: usize,
     /// Why it is this one.
     pub why: String,
 }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::force::{self, ForceCandidate};
+use super::frames;
 use super::hand::{self, HandCandidate};
 use super::joints::{self, JointCandidate};
 use super::parameters::yaml_text;
@@ -53,6 +54,7 @@ pub(super) fn candidates(views: &[View<'_>], skins: &[Skin]) -> Candidates {
             found.joints.extend(joints::candidate(view, array));
         }
         found.hands.extend(view.look.hands.iter().filter_map(|watch| hand::candidate(view, watch)));
+        found.hands.extend(frames::candidates(view, views));
         if view.stats.is_some() {
             found.force.extend(force::candidate(view, &estimates_of, skins));
         }

@@ -4,8 +4,10 @@ use super::hand_points::{HAND, HandWatch};
 use super::hints;
 use super::likelihood::Likelihood;
 use super::parameters::{SourceLines, yaml_text};
+use super::sides::{SideWatch, Sides};
 use super::view::View;
-use crate::msg::binding::hand_paths;
+use crate::msg::binding::{MANUS, hand_paths};
+use crate::msg::canonical_type_name;
 
 /// A topic that can be the points of a hand.
 #[derive(Debug, Clone)]
@@ -26,6 +28,8 @@ pub struct HandCandidate {
     pub layout: &'static str,
     /// Index of the first point of each hand in a message.
     pub hands: Vec<u64>,
+    /// The field that says which hand a message is of, if there is one.
+    pub sides: Option<Sides>,
     /// How much speaks for it.
     pub likelihood: Likelihood,
     /// What that is, and what speaks against it.
@@ -43,8 +47,8 @@ pub(super) fn candidate(view: &View<'_>, watch: &HandWatch) -> Option<HandCandid
     if watch.n_seen == 0 {
         return None;
     }
-    let known = hand_paths(&topic.type_name).filter(|(path, _)| *path == watch.path);
-    let is_manus = known.is_some_and(|(_, names)| !names.is_empty());
+    let known = hand_paths(&topic.type_name).filter(|known| known.positions == watch.path);
+    let is_manus = known.is_some() && canonical_type_name(&topic.type_name) == MANUS;
     let n_points = watch.n_points[0];
     let (layout, n_hands) = match is_manus {
         true => ("manus", 1),
@@ -73,9 +77,11 @@ pub(super) fn candidate(view: &View<'_>, watch: &HandWatch) -> Option<HandCandid
             lines.line("names_field", &yaml_text(names));
         }
     }
+    let sides = look.side.as_ref().and_then(SideWatch::seen);
+    lines.only(sides.as_ref());
     lines.stamp(look);
     lines.noted("hand.layout", layout, &reasons[0]);
-    if let Some(valid) = &watch.valid {
+    if let Some(valid) = watch.valid.as_ref().filter(|_| known.is_none_or(|known| known.valid.is_none())) {
         lines.line("hand.valid", &yaml_text(valid));
     }
     Some(HandCandidate {
@@ -87,6 +93,7 @@ pub(super) fn candidate(view: &View<'_>, watch: &HandWatch) -> Option<HandCandid
         n_points,
         layout,
         hands: (0..n_hands).map(|hand| hand * n_points / n_hands).collect(),
+        sides,
         likelihood,
         reasons,
         parameters: lines,

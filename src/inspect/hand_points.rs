@@ -45,7 +45,7 @@ pub(super) fn watches(tree: &TypeTree, topic: &str) -> Vec<HandWatch> {
         return Vec::new();
     }
     let numeric = numeric_paths(tree);
-    let known = hand_paths(type_name).map(|(path, _)| path.to_owned());
+    let known = hand_paths(type_name).map(|known| known.positions.to_owned());
     let of_points = numeric.iter().filter(|one| one.kind.many).filter_map(|one| one.path.strip_suffix(".x"));
     let is_point = |path: &&str| {
         let has = |axis: &str| numeric.iter().any(|one| one.path.strip_suffix(axis) == Some(*path));

@@ -3,6 +3,7 @@
 use super::arrays::{self, ArrayWatch};
 use super::elements::{self, ElementWatch};
 use super::force_run::{self, ForceWatch};
+use super::frames::{self, FrameWatch};
 use super::grid::{self, Grid};
 use super::hand_points::{self, HandWatch};
 use super::hints;
@@ -43,6 +44,8 @@ pub(super) struct Look {
     pub(super) forces: Vec<ForceWatch>,
     /// Fields that can hold the points of a hand.
     pub(super) hands: Vec<HandWatch>,
+    /// Frames that can be the points of a hand.
+    pub(super) frames: Option<FrameWatch>,
     /// Arrays of messages that hold arrays of numbers.
     pub(super) elements: Vec<ElementWatch>,
     /// Which hand messages are of.
@@ -107,6 +110,9 @@ impl Topic {
             look.forces.iter_mut().for_each(|force| force.handle(cdr, skins, numbers));
             look.hands.iter_mut().for_each(|hand| hand.handle(cdr, numbers));
             look.elements.iter_mut().for_each(|elements| elements.handle(cdr, numbers));
+            if let Some(frames) = &mut look.frames {
+                frames.handle(cdr, &mut look.buffers.names);
+            }
             if let Some(side) = &mut look.side {
                 side.handle(cdr, numbers, &mut look.buffers.names);
             }
@@ -148,6 +154,7 @@ impl Look {
             row_period: row_period(tree),
             forces: force_run::watches(tree, topic),
             hands: hand_points::watches(tree, topic),
+            frames: frames::watch(tree),
             elements: elements::watches(tree),
             side: sides::watch(tree),
             sequence: sequence(tree),

@@ -13,7 +13,8 @@ mod taxels;
 mod truth;
 
 pub use frames::FrameStore;
-pub use hand::{HandFields, hand_paths, hand_stamp};
+pub use hand::{HandFields, HandPaths, hand_paths, hand_stamp};
+pub(crate) use hand::{MANUS, NAMED_POSES, TF};
 pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use stamp::{Since, StampFrom, StampUnit};

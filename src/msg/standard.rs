@@ -207,6 +207,15 @@ pub struct Float32MultiArray {
     pub data: Vec<f32>,
 }
 
+/// Array of doubles, without a stamp.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Float64MultiArray {
+    /// Dimensions.
+    pub layout: MultiArrayLayout,
+    /// The values.
+    pub data: Vec<f64>,
+}
+
 impl WireType for Time {
     const TYPE_NAME: &'static str = "builtin_interfaces/msg/Time";
 }
@@ -280,6 +289,10 @@ impl WireType for MultiArrayDimension {
 
 impl WireType for MultiArrayLayout {
     const TYPE_NAME: &'static str = "std_msgs/msg/MultiArrayLayout";
+}
+
+impl WireType for Float64MultiArray {
+    const TYPE_NAME: &'static str = "std_msgs/msg/Float64MultiArray";
 }
 
 impl WireType for Float32MultiArray {

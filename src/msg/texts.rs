@@ -1,7 +1,7 @@
 //! `.msg` texts of the types that need no installed package.
 
 /// Canonical name and text of every type that has a struct here, ours and the standard ones.
-pub(super) const TEXTS: [(&str, &str); 23] = [
+pub(super) const TEXTS: [(&str, &str); 24] = [
     ("builtin_interfaces/msg/Duration", include_str!("../../msg/standard/Duration.msg")),
     ("builtin_interfaces/msg/Time", include_str!("../../msg/standard/Time.msg")),
     ("geometry_msgs/msg/Vector3", include_str!("../../msg/standard/Vector3.msg")),
@@ -16,6 +16,7 @@ pub(super) const TEXTS: [(&str, &str); 23] = [
     ("sensor_msgs/msg/JointState", include_str!("../../msg/standard/JointState.msg")),
     ("service_msgs/msg/ServiceEventInfo", include_str!("../../msg/standard/ServiceEventInfo.msg")),
     ("std_msgs/msg/Float32MultiArray", include_str!("../../msg/standard/Float32MultiArray.msg")),
+    ("std_msgs/msg/Float64MultiArray", include_str!("../../msg/standard/Float64MultiArray.msg")),
     ("std_msgs/msg/Header", include_str!("../../msg/standard/Header.msg")),
     ("std_msgs/msg/MultiArrayDimension", include_str!("../../msg/standard/MultiArrayDimension.msg")),
     ("std_msgs/msg/MultiArrayLayout", include_str!("../../msg/standard/MultiArrayLayout.msg")),

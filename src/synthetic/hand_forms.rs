@@ -15,6 +15,13 @@ pub enum HandForm {
     Angles,
     /// The poses of a right hand's points on [`POSES`](super::POSES), in the order of a layout.
     Poses(NamedLayout),
+    /// The positions of a right hand's points on [`KEYPOINTS`](super::KEYPOINTS), in the order of a layout: x, y and z of
+    /// each in turn.
+    Keypoints(NamedLayout),
+    /// The named poses of a right hand's points on [`NAMED_POSES`](super::NAMED_POSES), each valid or not.
+    Named,
+    /// The points of a right hand as a Manus glove sends them on [`MANUS_GLOVE`](super::MANUS_GLOVE), without a stamp.
+    Manus,
     /// The points of a right hand as frames on [`FRAMES`](super::FRAMES): each in the one before it on its finger, by the
     /// names of `openxr25`. Those that never move are on [`STATIC_FRAMES`](super::STATIC_FRAMES).
     Transforms,

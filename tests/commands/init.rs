@@ -5,13 +5,16 @@ use crate::common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::bags::{Bag, at, decoded};
+use common::bags::{Bag, at, decoded, messages};
 use common::layouts;
 use common::onnx::LinearModel;
 use common::tpf::{Run, tpf};
 use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, NewChannel};
 use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE};
-use tactile_pose_fusion::msg::{Float32MultiArray, Header, MultiArrayLayout, WireType, WrenchStamped, to_cdr};
+use tactile_pose_fusion::msg::{
+    Float32MultiArray, Header, MultiArrayLayout, Stage, TFMessage, TaxelArray, WireType, WrenchStamped, from_cdr,
+    to_cdr,
+};
 
 const INDEX: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
 
@@ -107,13 +110,22 @@ fn a_whole_hand_has_a_region_a_finger_each_with_its_own_joints_and_force() {
 
 #[test]
 fn points_of_a_hand_become_its_joint_angles() {
-    for (form, layout) in [("openxr", "openxr"), ("openxr25", "openxr25"), ("mano21", "mano21")] {
+    let forms = [
+        ("openxr", "/hand/poses", "openxr"),
+        ("openxr25", "/hand/poses", "openxr25"),
+        ("mano21", "/hand/poses", "mano21"),
+        ("keypoints26", "/hand/keypoints", "openxr"),
+        ("keypoints21", "/hand/keypoints", "mano21"),
+        ("named", "/hand/named_poses", "openxr"),
+        ("transforms", "/tf", "openxr25"),
+    ];
+    for (form, topic, layout) in forms {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let bag = simulated(folder, "1", form);
         let model = in_source("models/glove1_pose_aware.onnx");
         let run = init(folder, &bag, &["--model", &model]);
-        assert!(run.failure().contains("Which hand is /hand/poses"), "{run:?}");
+        assert!(run.failure().contains(&format!("Which hand is {topic}")), "{form}: {run:?}");
         assert!(!folder.join("made.yaml").exists());
         let run = init(folder, &bag, &["--model", &model, "--yes"]).ok();
         assert!(run.stderr.starts_with("guessed: Which hand") && run.stderr.lines().count() == 1, "{run:?}");
@@ -122,6 +134,82 @@ fn points_of_a_hand_become_its_joint_angles() {
         assert_eq!(load(folder).fusion.regions[0].joints, INDEX);
         assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 10_000);
     }
+}
+
+#[test]
+fn a_glove_that_says_which_hand_it_is_is_not_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bag = simulated(folder, "1", "manus");
+    let run = init(folder, &bag, &["--model", &in_source("models/glove1_pose_aware.onnx")]).ok();
+    assert_eq!(run.stderr, "", "{run:?}");
+    let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
+    for line in [
+        "topic: /manus_glove_0",
+        "only: \"side=Right\"",
+        "hand.layout: manus",
+        "hand.side: right  # as its messages say",
+    ] {
+        assert!(text.contains(line), "{line} is not in\n{text}");
+    }
+    assert_eq!(load(folder).fusion.regions[0].joints, INDEX);
+    assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 10_000);
+}
+
+/// A recording whose frames have other names: those of two hands, in turn.
+fn renamed_frames(from: &Path, to: &Path, spelt: &[&dyn Fn(&str) -> String]) {
+    let mut bag = Bag::create(to);
+    for message in messages(from) {
+        match message.topic.as_str() {
+            "/tf" | "/tf_static" => {
+                let told: TFMessage = from_cdr(&message.data).unwrap();
+                for spelt in spelt {
+                    let mut told = told.clone();
+                    for one in &mut told.transforms {
+                        one.child_frame_id = spelt(&one.child_frame_id);
+                        one.header.frame_id = spelt(&one.header.frame_id);
+                    }
+                    bag.send(&message.topic, message.log_time, &told);
+                }
+            }
+            "/glove/taxels" => {
+                bag.send(&message.topic, message.log_time, &from_cdr::<TaxelArray>(&message.data).unwrap());
+            }
+            "/stage" => bag.send(&message.topic, message.log_time, &from_cdr::<Stage>(&message.data).unwrap()),
+            _ => {}
+        }
+    }
+    bag.finish();
+}
+
+#[test]
+fn frames_that_are_named_as_a_robot_names_them_become_joint_angles_and_two_hands_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (bag, model) = (simulated(folder, "1", "transforms"), in_source("models/glove1_pose_aware.onnx"));
+    let of_bag = fs::read_dir(folder.join(&bag)).unwrap().map(|entry| entry.unwrap().path());
+    let from = of_bag.into_iter().find(|path| path.extension().is_some_and(|it| it == "mcap")).unwrap();
+    let linked = |point: &str| format!("right_{}_link", point.to_uppercase());
+    renamed_frames(&from, &folder.join("one.mcap"), &[&linked]);
+    let made = |bag: &str, more: &[&str]| init(folder, bag, &[&["--model", &model, "--overwrite"], more].concat());
+    let text = || fs::read_to_string(folder.join("made.yaml")).unwrap();
+    made(&bag, &["--yes"]).ok();
+    let of_bag = forces(folder, &bag, "made.yaml", "index", &[]);
+    // The name says which hand it is: nothing is asked.
+    made("one.mcap", &[]).ok();
+    let one = text();
+    assert!(one.contains("hand.points: [right_WRIST_link, right_THUMB_METACARPAL_link,"), "{one}");
+    assert!(one.contains("hand.side: right  # as it is named"), "{one}");
+    let of_one = forces(folder, "one.mcap", "made.yaml", "index", &[]);
+    assert!(of_one.len() > 10_000 && of_one == of_bag, "{} forces, {} before", of_one.len(), of_bag.len());
+    let left = |point: &str| format!("left/{point}");
+    let right = |point: &str| format!("right/{point}");
+    renamed_frames(&from, &folder.join("two.mcap"), &[&left, &right]);
+    let asked = made("two.mcap", &[]);
+    assert!(asked.failure().contains("Which topic holds the joint angles?"), "{asked:?}");
+    made("two.mcap", &["--yes"]).ok();
+    let two = text();
+    assert!(two.contains("hand.points: [left/wrist,") && two.contains("hand.side: left"), "{two}");
 }
 
 #[test]

@@ -237,3 +237,20 @@ fn a_glove_with_shear_is_simulated_trained_scored_and_replayed_with_three_axes()
     let tangential = wrenches.iter().map(|wrench| wrench.wrench.force.x.hypot(wrench.wrench.force.y));
     assert!(wrenches.len() > 5000 && tangential.filter(|force| *force > 0.01).count() > 100);
 }
+
+#[test]
+fn init_takes_the_three_axes_of_a_force_sensor_for_a_model_of_three_and_one_for_a_model_of_one() {
+    let folder = folder("1", "");
+    let path = folder.path();
+    let init = |model: &str| {
+        tpf(path, &["init", BAG, "--model", model, "-o", "made.yaml", "--overwrite", "--yes"]).ok();
+        fs::read_to_string(path.join("made.yaml")).unwrap()
+    };
+    let made = init("model.onnx");
+    assert!(made.contains("fields: [wrench.force.x, wrench.force.y, wrench.force.z]"), "{made}");
+    let scored = tpf(path, &["eval", BAG, "--whole", "--json", "--params-file", "made.yaml"]).ok();
+    let judged = scores(&scored).pop().unwrap();
+    assert!(judged["tangential"]["mae_gf"].as_f64().unwrap() > 0.0, "{judged}");
+    let made = init("other.onnx");
+    assert!(made.contains("field: wrench.force.z  #") && !made.contains("fields:"), "{made}");
+}

@@ -53,7 +53,7 @@ fn bindings() -> &'static [JointBinding] {
         ways.into_iter()
             .map(|((type_name, text), layout, positions, valid)| {
                 let tree = TypeTree::from_schema(&type_name, &text).unwrap();
-                let known = hand_paths(&type_name).map_or(&[][..], |(_, names)| names);
+                let known = hand_paths(&type_name).map_or(&[][..], |known| known.names);
                 let names = known.iter().copied().chain(valid.map(|_| "joints[].name")).map(str::to_owned).collect();
                 let points = layout.points();
                 let stamp = hand_stamp(&type_name, &points).map_or(StampFrom::Receipt, StampFrom::Field);

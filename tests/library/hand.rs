@@ -6,7 +6,7 @@ use msg_common::CdrWriter;
 use serde::Deserialize;
 use tactile_pose_fusion::hand::{JOINTS, Layout, NamedLayout, Point, Side, angles, poses};
 use tactile_pose_fusion::msg::binding::{
-    HandFields, JointBinding, JointFields, NamesFrom, StampFrom, hand_paths, hand_stamp,
+    HandFields, HandPaths, JointBinding, JointFields, NamesFrom, StampFrom, hand_paths, hand_stamp,
 };
 use tactile_pose_fusion::msg::definition::TypeTree;
 use tactile_pose_fusion::msg::{
@@ -93,7 +93,7 @@ fn random_frames_in_one_another_have_the_angles_that_scipy_made_them_from() {
             }
         };
         let transforms = names.iter().zip(&hand.frames).map(transform).collect();
-        let (positions, names_at) = hand_paths(TFMessage::TYPE_NAME).expect("known");
+        let HandPaths { positions, names: names_at, .. } = hand_paths(TFMessage::TYPE_NAME).expect("known");
         let points = HandFields {
             layout: layout.layout(),
             side: side(&hand.side),
@@ -377,7 +377,7 @@ fn transforms_are_chained_and_complete_with_the_last_point_of_the_hand() {
         writer.cdr
     };
     let of_tf = |stamp: Option<StampFrom>| {
-        let (positions, names_at) = hand_paths("tf2_msgs/msg/TFMessage").expect("known");
+        let HandPaths { positions, names: names_at, .. } = hand_paths("tf2_msgs/msg/TFMessage").expect("known");
         let fields = fields(positions, &layout.layout(), names.clone(), side, &[], 0);
         let NamesFrom::Hand(mut points) = fields.names.clone() else { panic!("a hand") };
         points.names = names_at.iter().map(|path| (*path).to_owned()).collect();

@@ -29,7 +29,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("train", &["eval", "files", "fusion", "kernels", "model", "units"]),
     ("config", &["fusion", "hand", "model", "msg", "units"]),
     ("bag", &["files", "fusion", "msg", "units"]),
-    ("inspect", &["bag", "model", "msg", "observer", "units"]),
+    ("inspect", &["bag", "hand", "model", "msg", "observer", "units"]),
     ("init", &["bag", "config", "files", "hand", "inspect", "model"]),
     ("recording", &["bag", "config", "eval", "fusion", "msg", "protocol", "random", "units"]),
     ("zero", &["bag", "calibration", "config", "fusion", "recording", "units"]),

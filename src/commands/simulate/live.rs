@@ -8,14 +8,12 @@ use std::time::{Duration, Instant};
 use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say, tell};
 use crate::leave;
-use crate::msg::{JointState, PoseArray, Stage, TFMessage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
+use crate::msg::{Stage, TFMessage, TaxelArray, Text, WireType, WrenchStamped, definition_text, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::hand::Finger;
 use crate::sim::{Activity, Fault, Fingers, LiveSession, Prompt, SYNTHETIC_TOPIC};
-use crate::synthetic::{
-    FRAMES, HandForm, JOINTS, Message, POSES, STAGE, STATIC_FRAMES, TAXELS, message, static_frames, truth_topic,
-};
+use crate::synthetic::{HandForm, Message, STAGE, STATIC_FRAMES, TAXELS, message, static_frames, truth_topic};
 
 /// The node that the synthetic glove is, unless it is given another name.
 const NODE: &str = "/synthetic_glove";
@@ -84,12 +82,12 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     // In its namespace, so that two gloves can be told apart; the load cell is the room's.
     let of_glove = |topic: &str| place.topic(topic.trim_start_matches('/'));
     let taxels = listening.speak(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
-    let (topic, type_name) = match args.hand {
-        HandForm::Angles => (JOINTS, JointState::TYPE_NAME),
-        HandForm::Poses(_) => (POSES, PoseArray::TYPE_NAME),
-        HandForm::Transforms => (FRAMES, TFMessage::TYPE_NAME),
+    let tree = args.hand.type_tree();
+    let hand_type = match definition_text(tree.type_name()) {
+        Some(_) => known(tree.type_name()),
+        None => TopicType::Defined(&tree),
     };
-    let joints = listening.speak(&of_glove(topic)?, known(type_name), Delivery::Data)?;
+    let joints = listening.speak(&of_glove(args.hand.topic())?, hand_type, Delivery::Data)?;
     let under = match spec.conditions.fingers {
         Fingers::Index => vec![None],
         Fingers::All => Finger::ALL.into_iter().map(Some).collect(),
@@ -105,7 +103,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
         HandForm::Transforms => {
             Some(listening.speak(&of_glove(STATIC_FRAMES)?, known(TFMessage::TYPE_NAME), Delivery::Latched)?)
         }
-        HandForm::Angles | HandForm::Poses(_) => None,
+        _ => None,
     };
     let listener = listening.start()?;
     if let Some(frames) = frames {
@@ -125,9 +123,11 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
             }
             n_sent += u64::from(match message(&record, args.hand) {
                 Message::Taxels(message) => listener.say(taxels, &message),
-                Message::Joints(message) => listener.say(joints, &message),
-                Message::Poses(message) => listener.say(joints, &message),
-                Message::Frames(message) => listener.say(joints, &message),
+                Message::Hand(message) => {
+                    let mut cdr = Vec::new();
+                    message.to_cdr_into(&mut cdr);
+                    listener.say_cdr(joints, cdr)
+                }
                 Message::Truth(under, message) => truth.get(&under).is_some_and(|truth| listener.say(*truth, &message)),
                 Message::Stage(_) => false, // who collects annotates
             });

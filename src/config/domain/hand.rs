@@ -40,7 +40,7 @@ pub(super) fn of_hand(
     }
     let names = match optional_field(reader, &key("names_field"))? {
         Some(path) => path.into_iter().collect(),
-        None => known.map_or_else(Vec::new, |(_, names)| names.iter().map(|path| (*path).to_owned()).collect()),
+        None => known.map_or_else(Vec::new, |known| known.names.iter().map(|path| (*path).to_owned()).collect()),
     };
     if names.is_empty() && reader.text(&key("hand.layout"))? == "manus" {
         let about =
@@ -61,18 +61,14 @@ pub(super) fn of_hand(
         return Err(reader.refused(&key("hand.points"), problem));
     }
     let stamp = stamp_or(reader, &key, &stamp_at)?;
-    let hand = HandFields {
-        layout,
-        side,
-        points,
-        names,
-        valid: optional_field(reader, &key("hand.valid"))?.flatten(),
-        first: reader.count(&key("hand.first"))?,
-        joints,
+    let valid = match optional_field(reader, &key("hand.valid"))? {
+        Some(path) => path,
+        None => known.and_then(|known| known.valid).map(str::to_owned),
     };
+    let hand = HandFields { layout, side, points, names, valid, first: reader.count(&key("hand.first"))?, joints };
     let fields = JointFields {
         stamp: Some(stamp),
-        positions: field_or(reader, &key("field"), known.map(|(positions, _)| positions))?,
+        positions: field_or(reader, &key("field"), known.map(|known| known.positions))?,
         names: NamesFrom::Hand(Box::new(hand)),
         only: only(reader, &key)?,
     };

@@ -26,7 +26,7 @@ pub struct HandFields {
 }
 
 /// Messages of transforms.
-pub(super) const TF: &str = "tf2_msgs/msg/TFMessage";
+pub(crate) const TF: &str = "tf2_msgs/msg/TFMessage";
 
 /// Path of the stamp, for types that we know and whose points are identified by name. `None` if the stamp is in the
 /// header.
@@ -37,14 +37,40 @@ pub fn hand_stamp(type_name: &str, points: &[String]) -> Option<String> {
     Some(format!("transforms[child_frame_id={last}].header.stamp"))
 }
 
-/// Paths of the points' positions and names, for types that we know.
-pub fn hand_paths(type_name: &str) -> Option<(&'static str, &'static [&'static str])> {
+/// Message type of Manus gloves.
+pub(crate) const MANUS: &str = "manus_ros2_msgs/msg/ManusGlove";
+
+/// Message type of NVIDIA IsaacTeleop for the named points of a hand.
+pub(crate) const NAMED_POSES: &str = "teleop_ros2_interfaces/msg/HandJointPoses";
+
+/// Where the messages of a type have the points of a hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HandPaths {
+    /// Path of the positions.
+    pub positions: &'static str,
+    /// Paths of the names, as [`HandFields::names`].
+    pub names: &'static [&'static str],
+    /// Path of the flags that say whether each point is valid.
+    pub valid: Option<&'static str>,
+}
+
+/// Paths of the points, for types that we know.
+pub fn hand_paths(type_name: &str) -> Option<HandPaths> {
+    let unnamed = |positions| HandPaths { positions, names: &[], valid: None };
     match canonical_type_name(type_name).as_str() {
-        "geometry_msgs/msg/PoseArray" => Some(("poses[].position", &[])),
-        TF => Some(("transforms[].transform.translation", &["transforms[].child_frame_id"])),
-        "manus_ros2_msgs/msg/ManusGlove" => {
-            Some(("raw_nodes[].pose.position", &["raw_nodes[].chain_type", "raw_nodes[].joint_type"]))
+        "geometry_msgs/msg/PoseArray" => Some(unnamed("poses[].position")),
+        TF => {
+            Some(HandPaths { names: &["transforms[].child_frame_id"], ..unnamed("transforms[].transform.translation") })
         }
+        MANUS => Some(HandPaths {
+            names: &["raw_nodes[].chain_type", "raw_nodes[].joint_type"],
+            ..unnamed("raw_nodes[].pose.position")
+        }),
+        NAMED_POSES => Some(HandPaths {
+            names: &["joints[].name"],
+            valid: Some("joints[].valid"),
+            ..unnamed("joints[].pose.position")
+        }),
         _ => None,
     }
 }
@@ -61,6 +87,8 @@ pub(super) struct HandPlan {
     fields: HandFields,
     columns: [Vec<f64>; 8], // x, y, z; x, y, z, w; valid
     texts: Vec<Vec<String>>,
+    /// The names that came last, and the point of the layout that each of them is.
+    named: (Vec<Vec<String>>, Vec<Option<usize>>),
     points: Vec<Point>,
 }
 
@@ -113,6 +141,7 @@ impl HandPlan {
             orientations,
             valid,
             texts: vec![vec![]; names.len()],
+            named: Default::default(),
             names,
             transforms,
             points: vec![[f64::NAN; 3]; fields.points.len()],
@@ -133,6 +162,7 @@ impl HandPlan {
             return Ok(());
         }
         let is_flat = self.positions.len() == 1;
+        self.find_named();
         for element in self.fields.first..n_points {
             let Some(slot) = self.slot_of(element) else { continue };
             let [x, y, z, .., valid] = &self.columns;
@@ -234,6 +264,21 @@ impl HandPlan {
         if self.names.is_empty() {
             return Some(element - self.fields.first).filter(|slot| *slot < self.points.len());
         }
+        self.named.1[element].filter(|slot| self.points[*slot][0].is_nan())
+    }
+
+    /// Finds the points that the names of a message are of, if they are not those of the message before.
+    fn find_named(&mut self) {
+        if self.names.is_empty() || self.named.0 == self.texts {
+            return;
+        }
+        let slots = (0..self.texts[0].len()).map(|element| self.named_slot(element)).collect();
+        self.named.0.clone_from(&self.texts);
+        self.named.1 = slots;
+    }
+
+    /// The point of the layout that an element of the message is named as.
+    fn named_slot(&self, element: usize) -> Option<usize> {
         let texts = || self.texts.iter().map(|texts| bare(&texts[element]));
         let is_named = |name: &str| {
             let mut rest = Some(name);
@@ -243,8 +288,7 @@ impl HandPlan {
             }
             rest == Some("")
         };
-        let slot = self.fields.points.iter().position(|name| is_named(name))?;
-        self.points[slot][0].is_nan().then_some(slot)
+        self.fields.points.iter().position(|name| is_named(name))
     }
 
     /// True if the orientation of an element is valid: neither NaN nor all zeros.
