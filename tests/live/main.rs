@@ -19,6 +19,8 @@ mod node_doctor;
 #[cfg(feature = "ros")]
 mod node_faults;
 #[cfg(feature = "ros")]
+mod node_hands;
+#[cfg(feature = "ros")]
 mod node_init;
 #[cfg(feature = "ros")]
 mod node_interfaces;

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use common::bags::{Bag, at, decoded, messages, write_session};
 use common::layouts;
+use common::sqlite::as_sqlite;
 use common::tpf::{Run, tpf};
 use node_common::{Listener, Live, PARAMS, peer_command, signal, write_setup};
 use tactile_pose_fusion::msg::{ContactArray, Header};
@@ -24,7 +25,7 @@ fn play(folder: &std::path::Path, args: &[&str]) -> Run {
 }
 
 #[test]
-fn a_played_bag_gives_the_node_what_replay_reads_from_it() {
+fn a_played_db3_bag_gives_the_node_what_replay_reads_from_the_same_data_in_mcap() {
     let Some(python) = common::skip::ros_python() else { return };
     let folder = tempfile::tempdir().unwrap();
     write_session(&folder.path().join("session.mcap"), 8);
@@ -34,8 +35,9 @@ fn a_played_bag_gives_the_node_what_replay_reads_from_it() {
     let live = Live::start(folder.path(), &[&["--params-file", "live.yaml"], &CALIBRATED[..]].concat());
     let listener = Listener::start(&python, folder.path());
     std::thread::sleep(Duration::from_secs(2)); // the listener has no way to say that it was found
+    as_sqlite(&folder.path().join("session.mcap"), &folder.path().join("session.db3"));
     let started = Instant::now();
-    let run = play(folder.path(), &["session.mcap", "--rate", "4", "--delay", "3"]).ok();
+    let run = play(folder.path(), &["session.db3", "--rate", "4", "--delay", "3"]).ok();
     let took = started.elapsed();
     assert_eq!(run.stdout, "1600 messages on 2 topics\n");
     assert!(

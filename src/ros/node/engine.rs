@@ -2,7 +2,7 @@
 
 mod report;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::{Duration, Instant};
@@ -27,6 +27,9 @@ use crate::ros::wire::graph::Wanted;
 use crate::ros::wire::middleware::{Arrival, Fault, Neighbours, Subscription};
 use crate::units::{Stamp, nanos};
 use crate::zero::Donning;
+
+/// Most messages of frames that don't change and are kept for the recording: as many as their subscription keeps.
+const MAX_UNRECORDED_FRAMES: usize = 100;
 
 /// A record for the recording, in the order of handling.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,6 +132,8 @@ struct Running {
     tap: Option<mpsc::UnboundedSender<Sample>>,
     received: Stamp,
     unrecorded: u64,
+    /// Messages of frames that don't change, before there was a core, with input and receipt.
+    unrecorded_frames: VecDeque<(usize, Stamp, Vec<u8>)>,
     cdr: Vec<u8>,
 }
 
@@ -156,6 +161,7 @@ impl Engine {
             tap: None,
             received: Stamp(0),
             unrecorded: 0,
+            unrecorded_frames: VecDeque::new(),
             cdr: Vec::new(),
             engine: self,
         };
@@ -201,6 +207,10 @@ impl Running {
                 self.watched.begin(self.engine.clock.running());
                 self.watchdog.begin(self.engine.clock.running());
                 self.core = Some(*core);
+                // What is recorded from now on is replayed with the frames that hold by now.
+                for (input, received, cdr) in std::mem::take(&mut self.unrecorded_frames) {
+                    self.record(Record::Input { input, received, cdr });
+                }
             }
             Command::CleanUp => {
                 self.core = None;
@@ -248,20 +258,14 @@ impl Running {
         // Receipt times only increase, so that a recording replays in the order of handling.
         self.received = stamp.max(self.received.offset(1));
         // Without a core the message is not handled, and replay must not handle it either.
-        if let Some(recorder) = self.engine.recorder.as_ref().filter(|_| self.core.is_some()) {
-            let record = Record::Input { input, received: self.received, cdr: cdr.clone() };
-            if let Err(error) = recorder.try_send(record) {
-                self.unrecorded += 1;
-                if self.unrecorded == 1 {
-                    let text = match error {
-                        TrySendError::Full(_) => {
-                            "the recorder can't keep up: from here on the recording lacks messages and won't replay alike"
-                        }
-                        TrySendError::Disconnected(_) => {
-                            "the recording has ended because it can't be written; what is on the disk is kept, and the node goes on"
-                        }
-                    };
-                    self.engine.outbox.log(Severity::Error, text);
+        if self.engine.recorder.is_some() {
+            let tells_frames = self.bindings[input].iter().any(|binding| matches!(binding, SampleBinding::Frames(..)));
+            if self.core.is_some() {
+                self.record(Record::Input { input, received: self.received, cdr: cdr.clone() });
+            } else if tells_frames {
+                self.unrecorded_frames.push_back((input, self.received, cdr.clone()));
+                if self.unrecorded_frames.len() > MAX_UNRECORDED_FRAMES {
+                    self.unrecorded_frames.pop_front();
                 }
             }
         }
@@ -274,6 +278,23 @@ impl Running {
                     format!("topic {topic}: the device's clock was set or started anew; its stamps are mapped anew");
                 self.engine.outbox.log(Severity::Warn, text);
             }
+        }
+    }
+
+    /// Gives a record to the recorder, if there is one.
+    fn record(&mut self, record: Record) {
+        let Some(Err(error)) = self.engine.recorder.as_ref().map(|recorder| recorder.try_send(record)) else { return };
+        self.unrecorded += 1;
+        if self.unrecorded == 1 {
+            let text = match error {
+                TrySendError::Full(_) => {
+                    "the recorder can't keep up: from here on the recording lacks messages and won't replay alike"
+                }
+                TrySendError::Disconnected(_) => {
+                    "the recording has ended because it can't be written; what is on the disk is kept, and the node goes on"
+                }
+            };
+            self.engine.outbox.log(Severity::Error, text);
         }
     }
 
