@@ -9,16 +9,11 @@ use std::process::Command;
 
 use common::bags::{Recorded, messages, write_session};
 use common::onnx::LinearModel;
+use common::sqlite::{TABLES, as_sqlite, write_rows};
 use common::tpf::{Run, tpf, write_params};
 use rusqlite::{Connection, params};
 use sha2::{Digest as _, Sha256};
 use tactile_pose_fusion::bag::{BagError, BagReader, recordings_at};
-
-const TABLES: &str = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, \
-     serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
-     CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, \
-     data BLOB NOT NULL);
-     CREATE INDEX timestamp_idx ON messages (timestamp ASC);";
 
 /// A bag as Humble records it, without definitions: `rows` are of topics `/a`, `/b` and so on, with their times.
 fn humble(path: &Path, rows: &[(i64, i64)]) -> Connection {
@@ -34,32 +29,6 @@ fn humble(path: &Path, rows: &[(i64, i64)]) -> Connection {
             .unwrap();
     }
     bag
-}
-
-/// A recording written again as a `.db3` file, without definitions as before Jazzy.
-fn as_sqlite(source: &Path, path: &Path) {
-    write_rows(&messages(source), path);
-}
-
-fn write_rows(recorded: &[Recorded], path: &Path) {
-    let bag = Connection::open(path).unwrap();
-    bag.execute_batch(TABLES).unwrap();
-    bag.execute_batch("BEGIN").unwrap();
-    let mut topics: Vec<String> = Vec::new();
-    for Recorded { topic, type_name, log_time, data } in recorded {
-        let id = topics.iter().position(|known| known == topic).unwrap_or_else(|| {
-            let insert = "INSERT INTO topics VALUES (?1, ?2, ?3, 'cdr', '')";
-            bag.execute(insert, params![topics.len() as i64, topic, type_name]).unwrap();
-            topics.push(topic.clone());
-            topics.len() - 1
-        });
-        bag.execute(
-            "INSERT INTO messages(topic_id, timestamp, data) VALUES (?1, ?2, ?3)",
-            params![id as i64, log_time.0, data],
-        )
-        .unwrap();
-    }
-    bag.execute_batch("COMMIT").unwrap();
 }
 
 type TopicsAndLosses = (Vec<(String, i64)>, Vec<String>);

@@ -6,6 +6,7 @@ mod common;
 #[cfg(feature = "train")]
 mod adaptive;
 mod characterize;
+mod db3_bags;
 mod demo;
 mod devices;
 mod diff;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactile_pose_fusion::bag::{BagReader, BagWriter, WriteOptions};
+use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagReader, BagWriter, NewChannel, WriteOptions};
 use tactile_pose_fusion::msg::*;
 use tactile_pose_fusion::units::Stamp;
 
@@ -34,6 +34,16 @@ impl Bag {
     pub fn send_bytes<T: WireType>(&mut self, topic: &str, at: Stamp, cdr: &[u8]) {
         let channel = self.writer.add_topic::<T>(topic).unwrap();
         self.writer.write(channel, 0, at, at, cdr).unwrap();
+    }
+
+    /// A message of another bag, of a type that is compiled in.
+    pub fn send_recorded(&mut self, message: &Recorded) {
+        let Recorded { topic, type_name, log_time, data } = message;
+        let (schema_text, type_hash) = (definition_text(type_name).unwrap(), rihs01(type_name).unwrap());
+        let (schema_text, type_hash) = (schema_text.as_str(), type_hash.as_str());
+        let channel = NewChannel { topic, type_name, schema_text, qos_yaml: BEST_EFFORT_QOS, type_hash };
+        let channel = self.writer.add_channel(channel).unwrap();
+        self.writer.write(channel, 0, *log_time, *log_time, data).unwrap();
     }
 
     /// One row of `/taxels`.

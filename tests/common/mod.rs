@@ -12,6 +12,7 @@ pub mod onnx;
 pub mod parity;
 pub mod scored;
 pub mod skip;
+pub mod sqlite;
 pub mod tpf;
 
 use std::collections::BTreeMap;
