@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::force::{self, ForceCandidate};
-use super::frames;
 use super::hand::{self, HandCandidate};
+use super::hand_frames;
 use super::joints::{self, JointCandidate};
 use super::parameters::yaml_text;
 use super::tactile::{self, TactileCandidate};
@@ -54,7 +54,7 @@ pub(super) fn candidates(views: &[View<'_>], skins: &[Skin]) -> Candidates {
             found.joints.extend(joints::candidate(view, array));
         }
         found.hands.extend(view.look.hands.iter().filter_map(|watch| hand::candidate(view, watch)));
-        found.hands.extend(frames::candidates(view, views));
+        found.hands.extend(hand_frames::candidates(view, views));
         if view.stats.is_some() {
             found.force.extend(force::candidate(view, &estimates_of, skins));
         }

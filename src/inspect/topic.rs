@@ -3,7 +3,7 @@
 use super::arrays::{self, ArrayWatch};
 use super::elements::{self, ElementWatch};
 use super::force_run::{self, ForceWatch};
-use super::frames::{self, FrameWatch};
+use super::frame_watch::{self, FrameWatch};
 use super::grid::{self, Grid};
 use super::hand_points::{self, HandWatch};
 use super::hints;
@@ -154,7 +154,7 @@ impl Look {
             row_period: row_period(tree),
             forces: force_run::watches(tree, topic),
             hands: hand_points::watches(tree, topic),
-            frames: frames::watch(tree),
+            frames: frame_watch::watch(tree),
             elements: elements::watches(tree),
             side: sides::watch(tree),
             sequence: sequence(tree),

@@ -1,50 +1,13 @@
 //! Which frames of `/tf` can be the points of a hand.
 
-use std::collections::BTreeMap;
-
 use super::hand::HandCandidate;
 use super::likelihood::Likelihood;
 use super::parameters::{SourceLines, yaml_text};
 use super::view::View;
 use crate::hand::NamedLayout;
-use crate::msg::binding::{TF, hand_paths};
-use crate::msg::definition::TypeTree;
-use crate::msg::dynamic::{FieldPlan, ReadAs};
-
-/// Most frames of a topic whose names are kept.
-const MAX_FRAMES: usize = 1024;
 
 /// Layouts whose points may be frames, with their names.
 const LAYOUTS: [(NamedLayout, &str); 2] = [(NamedLayout::OpenXr25, "openxr25"), (NamedLayout::Mano21, "mano21")];
-
-/// The frames that the messages of a topic tell.
-#[derive(Debug)]
-pub(super) struct FrameWatch {
-    names: FieldPlan,
-    /// By their name in lower case.
-    frames: BTreeMap<String, String>,
-}
-
-/// A watch for messages of transforms.
-pub(super) fn watch(tree: &TypeTree) -> Option<FrameWatch> {
-    let names = hand_paths(tree.type_name()).filter(|_| tree.type_name() == TF)?.names[0];
-    Some(FrameWatch { names: FieldPlan::compile(tree, names, ReadAs::Texts).ok()?, frames: BTreeMap::new() })
-}
-
-impl FrameWatch {
-    /// Takes in a message; one that can't be read is counted elsewhere.
-    pub(super) fn handle(&mut self, cdr: &[u8], texts: &mut Vec<String>) {
-        if self.names.read_texts(cdr, texts).is_err() {
-            return;
-        }
-        for name in texts.iter() {
-            let key = name.to_ascii_lowercase();
-            if self.frames.len() < MAX_FRAMES || self.frames.contains_key(&key) {
-                self.frames.entry(key).or_insert_with(|| name.clone());
-            }
-        }
-    }
-}
 
 /// The hands whose points are all frames of a topic, or of the one with the frames that don't move.
 pub(super) fn candidates(view: &View<'_>, views: &[View<'_>]) -> Vec<HandCandidate> {
