@@ -220,6 +220,16 @@ impl FieldPlan {
         }
     }
 
+    /// Compiles a path to a message, or to those of an array, whose `numbers` have these paths in this order and are all it has:
+    /// the pose of `poses[]` has `position.x` to `orientation.w`. They are read at once, one message after another.
+    ///
+    /// # Errors
+    /// [`FieldError`], also if the message has other fields.
+    pub(in crate::msg) fn compile_block(tree: &TypeTree, path: &str, numbers: &[&str]) -> Result<Self, FieldError> {
+        let (walk, kind) = walk::compile_block(tree, path, numbers)?;
+        Ok(FieldPlan { path: path.to_owned(), type_name: tree.type_name().to_owned(), kind, walk, packed: None })
+    }
+
     /// Compiles a path to a field of the message itself, not to packed numbers.
     fn plain(tree: &TypeTree, path: &str, read_as: ReadAs) -> Result<Self, FieldError> {
         let (walk, kind) = walk::compile(tree, path)?;

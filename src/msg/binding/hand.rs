@@ -81,11 +81,14 @@ pub(super) struct HandPlan {
     type_name: String,
     positions: Vec<FieldPlan>, // one path: x, y, z of each point in turn; three: one path per axis
     orientations: Vec<FieldPlan>, // none, or x, y, z, w
+    /// Positions and orientations in one, where the messages have nothing else beside them.
+    poses: Option<FieldPlan>,
     valid: Option<FieldPlan>,
     names: Vec<FieldPlan>,
     transforms: Option<Transforms>,
     fields: HandFields,
     columns: [Vec<f64>; 8], // x, y, z; x, y, z, w; valid
+    read: Vec<f64>,         // the columns in turn, as `poses` reads them
     texts: Vec<Vec<String>>,
     /// The names that came last, and the point of the layout that each of them is.
     named: (Vec<Vec<String>>, Vec<Option<usize>>),
@@ -93,6 +96,11 @@ pub(super) struct HandPlan {
 }
 
 const VALID: usize = 7;
+
+const POSE: [&str; VALID] =
+    ["position.x", "position.y", "position.z", "orientation.x", "orientation.y", "orientation.z", "orientation.w"];
+const TRANSFORM: [&str; VALID] =
+    ["translation.x", "translation.y", "translation.z", "rotation.x", "rotation.y", "rotation.z", "rotation.w"];
 
 /// Points that are `/tf` frames. Each is given in its parent.
 #[derive(Debug, Clone)]
@@ -124,6 +132,10 @@ impl HandPlan {
         let turned = path.strip_suffix(".position").map(|pose| format!("{pose}.orientation"));
         let turned = turned.or_else(|| stamped.map(|stamped| format!("{stamped}.transform.rotation")));
         let orientations = turned.and_then(|turned| axes(&turned, &["x", "y", "z", "w"]).ok()).unwrap_or_default();
+        let of_poses = path.rsplit_once('.').filter(|_| !orientations.is_empty()).and_then(|(pose, _)| {
+            let numbers = if stamped.is_some() { TRANSFORM } else { POSE };
+            FieldPlan::compile_block(tree, pose, &numbers).ok()
+        });
         let transforms = match stamped.filter(|_| !orientations.is_empty() && fields.names.len() == 1) {
             Some(stamped) => {
                 let parents = plan("field", tree, &format!("{stamped}.header.frame_id"), ReadAs::Texts)?;
@@ -139,6 +151,8 @@ impl HandPlan {
             type_name: tree.type_name().to_owned(),
             positions,
             orientations,
+            poses: of_poses,
+            read: Vec::new(),
             valid,
             texts: vec![vec![]; names.len()],
             named: Default::default(),
@@ -225,11 +239,16 @@ impl HandPlan {
     /// Reads all columns and returns the number of points.
     fn read(&mut self, cdr: &[u8]) -> Result<usize, SampleError> {
         self.columns.iter_mut().for_each(Vec::clear);
-        let columns: Result<(), ReadError> = self
-            .positions
-            .iter()
-            .zip(0..)
-            .chain(self.orientations.iter().zip(3..))
+        if let Some(poses) = &self.poses {
+            self.read.clear();
+            poses.read_f64(cdr, &mut self.read)?;
+            for pose in self.read.chunks_exact(VALID) {
+                self.columns.iter_mut().zip(pose).for_each(|(column, part)| column.push(*part));
+            }
+        }
+        let parts = self.positions.iter().zip(0..).chain(self.orientations.iter().zip(3..));
+        let columns: Result<(), ReadError> = parts
+            .filter(|_| self.poses.is_none())
             .chain(self.valid.iter().zip(VALID..))
             .try_for_each(|(plan, column): (_, usize)| plan.read_f64(cdr, &mut self.columns[column]).map(|_| ()));
         columns?;

@@ -10,6 +10,8 @@ use crate::msg::definition::Primitive;
 pub(super) enum Leaf {
     Number(Primitive),
     Numbers(Primitive, Len),
+    /// The numbers of a message that has so many of one type and nothing else.
+    Block(Primitive, usize),
     Text,
     Texts(Len),
     Time,
@@ -26,6 +28,7 @@ impl Leaf {
                 let len = len.read(reader)?;
                 Ok((primitive, reader.primitives(primitive, len)?))
             }
+            Leaf::Block(primitive, len) => Ok((primitive, reader.primitives(primitive, len)?)),
             _ => Err(self.unlike(ReadAs::Numbers)),
         }
     }
@@ -47,7 +50,7 @@ impl Leaf {
     pub(super) fn kind(&self, within_every: bool) -> FieldKind {
         let (element, many) = match *self {
             Leaf::Number(primitive) => (ElementKind::Number(primitive), false),
-            Leaf::Numbers(primitive, _) => (ElementKind::Number(primitive), true),
+            Leaf::Numbers(primitive, _) | Leaf::Block(primitive, _) => (ElementKind::Number(primitive), true),
             Leaf::Text => (ElementKind::Text, false),
             Leaf::Texts(_) => (ElementKind::Text, true),
             Leaf::Time => (ElementKind::Time, false),

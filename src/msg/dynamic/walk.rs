@@ -6,7 +6,7 @@ use super::path::{self, Segment, Select};
 use super::skip::{self, Len, Op, Skipper, WideTextInTheWay};
 use super::{FieldError, FieldKind};
 use crate::msg::cdr::{CdrError, CdrReader};
-use crate::msg::definition::{BaseType, FieldDefinition, MessageDefinition, TypeTree};
+use crate::msg::definition::{BaseType, FieldDefinition, MessageDefinition, Primitive, TypeTree};
 
 /// Steps from a position in a message to the fields of a path.
 #[derive(Debug, Clone)]
@@ -67,16 +67,52 @@ impl Walk {
 
 /// Compiles a path. Returns the steps and the type of the field.
 pub(super) fn compile(tree: &TypeTree, path: &str) -> Result<(Walk, FieldKind), FieldError> {
+    compile_as(tree, path, None)
+}
+
+/// Compiles a path to a message whose numbers, with those of the messages in it, have these paths in this order, and are
+/// all it has.
+pub(super) fn compile_block(tree: &TypeTree, path: &str, numbers: &[&str]) -> Result<(Walk, FieldKind), FieldError> {
+    compile_as(tree, path, Some(numbers))
+}
+
+fn compile_as(tree: &TypeTree, path: &str, block: Option<&[&str]>) -> Result<(Walk, FieldKind), FieldError> {
     let segments = path::parse(path)?;
-    let mut compiler = Compiler { tree, segments: &segments, within_every: false, leaf: None };
+    let mut compiler = Compiler { tree, segments: &segments, block, within_every: false, leaf: None };
     let walk = compiler.message(tree.root(), 0, Skipper::at_start())?;
     let leaf = compiler.leaf.expect("a walk that was compiled ends at a leaf");
     Ok((walk, leaf.kind(compiler.within_every)))
 }
 
+/// The type of the numbers of a message, if all of it is numbers of one type. Their paths are appended to `paths`.
+fn uniform(tree: &TypeTree, message: &MessageDefinition, within: &str, paths: &mut Vec<String>) -> Option<Primitive> {
+    let mut of_all = None;
+    for field in &message.fields {
+        if Len::of(field.ty.arity).is_some() {
+            return None;
+        }
+        let path = format!("{within}{}", field.name);
+        let primitive = match &field.ty.base {
+            BaseType::Primitive(primitive) => {
+                paths.push(path);
+                *primitive
+            }
+            BaseType::Message(name) => uniform(tree, tree.message(name), &format!("{path}."), paths)?,
+            BaseType::Text { .. } | BaseType::WideText { .. } => return None,
+        };
+        if of_all.is_some_and(|of_all| of_all != primitive) {
+            return None;
+        }
+        of_all = Some(primitive);
+    }
+    of_all
+}
+
 struct Compiler<'a> {
     tree: &'a TypeTree,
     segments: &'a [Segment],
+    /// The numbers of the message at the end of the path, if it must be one.
+    block: Option<&'a [&'a str]>,
     within_every: bool,
     leaf: Option<Leaf>,
 }
@@ -147,7 +183,7 @@ impl Compiler<'_> {
         let BaseType::Message(name) = &array.ty.base else {
             return Err(self.shape(array, depth, "its elements have no fields to pick them by".to_owned()));
         };
-        let mut inner = Compiler { tree: self.tree, segments: of, within_every: false, leaf: None };
+        let mut inner = Compiler { tree: self.tree, segments: of, block: None, within_every: false, leaf: None };
         let walk = inner.message(self.tree.message(name), 0, Skipper::anywhere())?;
         let leaf = inner.leaf.expect("a walk that was compiled ends at a leaf");
         let kind = leaf.kind(inner.within_every);
@@ -172,6 +208,13 @@ impl Compiler<'_> {
                 "builtin_interfaces/msg/Time" => Ok(self.leaf(Leaf::Time, skip)),
                 "builtin_interfaces/msg/Duration" => Ok(self.leaf(Leaf::Duration, skip)),
                 name => {
+                    let mut paths = Vec::new();
+                    if let Some(wanted) = self.block
+                        && let Some(primitive) = uniform(self.tree, self.tree.message(name), "", &mut paths)
+                        && paths == wanted
+                    {
+                        return Ok(self.leaf(Leaf::Block(primitive, paths.len()), skip));
+                    }
                     let fields: Vec<&str> =
                         self.tree.message(name).fields.iter().map(|field| field.name.as_str()).collect();
                     Err(self.shape(field, depth, format!("go on to one of its fields: {}", fields.join(", "))))
