@@ -51,6 +51,20 @@ pub enum InitError {
         /// Taxels of the arrays that were found.
         got: String,
     },
+    /// A model that needs other joint angles.
+    #[error(
+        "{model} takes the joint angles {expected}, and for region {region} the bags have {got}; leave --model out, or give one that was trained on these"
+    )]
+    ModelJoints {
+        /// The model.
+        model: String,
+        /// Its joints.
+        expected: String,
+        /// The region.
+        region: String,
+        /// Joints that the bags have.
+        got: String,
+    },
     /// A question that nobody answers.
     #[error("{question} Nobody is there to ask: --yes takes the likeliest, {likeliest}")]
     Nobody {

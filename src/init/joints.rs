@@ -149,6 +149,7 @@ fn of_angles<'a>(one: &'a JointCandidate, model: Option<&ModelFile>) -> Found<'a
             more: Vec::new(),
             joints,
             is_whole_hand: false,
+            is_named: one.is_named,
             why,
         },
     }
@@ -178,6 +179,7 @@ fn of_hand<'a>(one: &'a HandCandidate, model: Option<&ModelFile>) -> Found<'a> {
             more,
             joints,
             is_whole_hand: true,
+            is_named: true,
             why: vec![
                 format!("likely: {}", one.reasons.join("; ")),
                 "joint angles are computed from these points".to_owned(),

@@ -26,16 +26,19 @@ pub(super) fn of(
     }
     let mut fitting: Vec<PathBuf> = Vec::new();
     for path in onnx_files(folder).into_iter().chain(onnx_files(&folder.join("models"))) {
-        if model::inspect(&path).is_ok_and(|info| fits(info.contract.n_taxels, bags)) {
+        let fits = |info: model::ModelInfo| fits(info.contract.n_taxels, info.contract.joints.as_deref(), bags);
+        if model::inspect(&path).is_ok_and(fits) {
             fitting.push(path);
         }
     }
     match fitting.as_slice() {
         [] => Ok(None),
         [only] => {
-            let why = "CHECK: the only model here that takes as many taxels".to_owned();
-            notes
-                .push(format!("guessed: the model is {}, the only one here that takes as many taxels", only.display()));
+            let why = "CHECK: the only model here that takes as many taxels, and joints that are there".to_owned();
+            notes.push(format!(
+                "guessed: the model is {}, the only one here that takes as many taxels, and joints that are there",
+                only.display()
+            ));
             described(only, folder, why).map(Some)
         }
         several => {
@@ -49,9 +52,15 @@ pub(super) fn of(
     }
 }
 
-fn fits(n_taxels: usize, bags: &[BagReport]) -> bool {
+/// Whether the bags have as many taxels, and the joints that the model names.
+fn fits(n_taxels: usize, joints: Option<&[String]>, bags: &[BagReport]) -> bool {
     let taxels = bags.iter().flat_map(|bag| &bag.candidates.tactile);
-    taxels.filter(|one| one.likelihood == Likelihood::Likely).any(|one| one.n_taxels == Some(n_taxels as u64))
+    let mut taxels = taxels.filter(|one| one.likelihood == Likelihood::Likely);
+    let has_taxels = taxels.any(|one| one.n_taxels == Some(n_taxels as u64));
+    let has_points = bags.iter().any(|bag| !bag.candidates.hands.is_empty());
+    let angles = || bags.iter().flat_map(|bag| &bag.candidates.joints).flat_map(|one| &one.angles);
+    let is_there = |joint: &String| angles().any(|angle| angle.name.as_ref() == Some(joint));
+    has_taxels && (has_points || joints.unwrap_or_default().iter().all(is_there))
 }
 
 fn onnx_files(folder: &Path) -> Vec<PathBuf> {

@@ -67,6 +67,8 @@ pub(super) struct JointSource<'a> {
     pub(super) joints: Vec<String>,
     /// Whether it holds the points of a whole hand, whatever is worn on it.
     pub(super) is_whole_hand: bool,
+    /// Whether its messages name them.
+    pub(super) is_named: bool,
     pub(super) why: Vec<String>,
 }
 

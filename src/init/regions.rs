@@ -3,7 +3,7 @@
 use super::ask::{Chooser, InitError, Question};
 use super::fingers::{FINGERS, finger, on_finger};
 use super::joints::MAX_UNNAMED;
-use super::plan::{JointSource, ModelFile, Region, TaxelSource, TruthSource, free_name};
+use super::plan::{JointSource, ModelFile, Region, TaxelSource, TruthSource, free_name, listed};
 use crate::inspect::{Elements, source_name};
 
 /// Name of a patch that no name ties to a finger.
@@ -30,8 +30,15 @@ pub(super) fn regions(
             let taken: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
             let name = free_name(&name, &taken);
             let (own, model_joints) = region_joints(part.finger, joints, model);
+            if let Some(model) = model.filter(|model| model.n_joints > 0 && own.is_empty()) {
+                return Err(other_joints(model, &name, joints));
+            }
+            let unnamed = !model_joints.is_empty() && own.iter().all(|joint| finger(joint).is_none());
             let truth = truths.iter().find(|truth| truth.finger.is_some() && truth.finger == part.finger);
             let mut why = part.why;
+            if unnamed {
+                why.push("CHECK: which joint is which was taken from their order".to_owned());
+            }
             if own.is_empty() && !joints.is_empty() {
                 why.push("CHECK: no joint angles of this patch were found, so its model can take none".to_owned());
             }
@@ -195,6 +202,20 @@ fn only_finger(
     Ok(Some(options[choice.idx]))
 }
 
+/// Why a model is refused whose joints are not there.
+fn other_joints(model: &ModelFile, region: &str, sources: &[JointSource<'_>]) -> InitError {
+    let all: Vec<String> = sources.iter().flat_map(|source| source.joints.clone()).collect();
+    InitError::ModelJoints {
+        model: model.path.clone(),
+        expected: model
+            .joints
+            .as_ref()
+            .map_or_else(|| format!("of {} joints", model.n_joints), |joints| joints.join(", ")),
+        region: region.to_owned(),
+        got: if all.is_empty() { "none".to_owned() } else { listed(&all) },
+    }
+}
+
 /// The joints of a patch, and the names by which the model knows them where those are others.
 fn region_joints(
     of: Option<&'static str>,
@@ -209,6 +230,10 @@ fn region_joints(
         return match own {
             Some(own) if of != trained_on && has(&own) => (own, wanted.clone()),
             _ if has(wanted) => (wanted.clone(), Vec::new()),
+            // Nothing names the angles, and there are as many.
+            _ if all.len() == wanted.len() && !sources.iter().any(|source| source.is_named) => {
+                (all.into_iter().cloned().collect(), wanted.clone())
+            }
             _ => (Vec::new(), Vec::new()),
         };
     }

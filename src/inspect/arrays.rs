@@ -80,7 +80,13 @@ fn names_plan(tree: &TypeTree, path: &str) -> Option<FieldPlan> {
     };
     let beside = split(path).0;
     let named = if beside.is_empty() { None } else { of(beside, &["name", "joint", "type", "label"]) };
-    named.or_else(|| of("", &["name", "joint"]))
+    named.or_else(|| of("", &["name", "joint"])).or_else(|| {
+        // Whatever it is called: the only array of strings that the message itself has.
+        let arrays = texts.iter().filter(|text| split(text).0.is_empty());
+        let mut arrays = arrays.filter_map(|text| FieldPlan::compile(tree, text, ReadAs::Texts).ok());
+        let only = arrays.by_ref().find(|plan| plan.kind().many)?;
+        arrays.all(|other| !other.kind().many).then_some(only)
+    })
 }
 
 fn is_wanted(type_name: &str, topic: &str, numeric: &NumericPath) -> bool {

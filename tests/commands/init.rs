@@ -12,8 +12,8 @@ use common::tpf::{Run, tpf};
 use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, NewChannel};
 use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE};
 use tactile_pose_fusion::msg::{
-    Float32MultiArray, Header, MultiArrayLayout, Stage, TFMessage, TaxelArray, WireType, WrenchStamped, from_cdr,
-    to_cdr,
+    Float32MultiArray, Header, JointState, MultiArrayLayout, Stage, TFMessage, TaxelArray, WireType, WrenchStamped,
+    from_cdr, to_cdr,
 };
 
 const INDEX: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
@@ -425,4 +425,76 @@ fn every_recorded_bag_gives_a_file_that_loads_or_one_line() {
         }
     }
     assert!(n_made > 0, "no bag gave a file");
+}
+
+/// A recording in which nothing names the joints as any model does: `names` beside the angles, or none.
+fn strangers_joints(folder: &Path, bag: &str, names: Option<&[&str]>) {
+    #[derive(serde::Serialize, serde::Deserialize)]
+    struct Angles {
+        who: Vec<String>,
+        rad: Vec<f32>,
+    }
+    impl WireType for Angles {
+        const TYPE_NAME: &'static str = "odd_msgs/msg/Angles";
+    }
+    let from = folder.join(bag);
+    let path = folder.join("odd.mcap");
+    let _ = fs::remove_file(&path); // of another case
+    let mut odd = Bag::create(&path);
+    let text = "string[] who\nfloat32[] rad\n";
+    let (topic, type_name) = ("/hand/angles", Angles::TYPE_NAME);
+    let channel = NewChannel { topic, type_name, schema_text: text, qos_yaml: BEST_EFFORT_QOS, type_hash: "" };
+    let channel = odd.writer.add_channel(channel).unwrap();
+    for message in messages(&from) {
+        if message.topic != "/hand/joint_states" {
+            odd.send_recorded(&message);
+            continue;
+        }
+        let state: JointState = from_cdr(&message.data).unwrap();
+        let of = INDEX.map(|joint| state.position[state.name.iter().position(|name| name == joint).unwrap()] as f32);
+        let who = names.unwrap_or_default().iter().map(|name| (*name).to_owned()).collect();
+        let angles = Angles { who, rad: of.to_vec() };
+        odd.writer.write(channel, 0, message.log_time, message.log_time, &to_cdr(&angles)).unwrap();
+    }
+    odd.finish();
+}
+
+#[test]
+fn a_file_for_a_model_has_the_models_joints_or_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (bag, model) = (simulated(folder, "1", "angles"), in_source("models/glove1_pose_aware.onnx"));
+    let made = |names: Option<&[&str]>, more: &[&str]| {
+        strangers_joints(folder, &bag, names);
+        init(folder, "odd.mcap", &[&["--yes", "--overwrite"], more].concat())
+    };
+    let text = || fs::read_to_string(folder.join("made.yaml")).unwrap();
+    // Whatever the array of names is called.
+    made(Some(&INDEX), &["--model", &model]).ok();
+    assert!(text().contains("names_field: who"), "{}", text());
+    assert_eq!(load(folder).fusion.regions[0].joints, INDEX);
+    let named = forces(folder, "odd.mcap", "made.yaml", "index", &[]);
+    assert!(named.len() > 10_000);
+    // No names, and as many angles: in their order, to be looked at.
+    made(None, &["--model", &model]).ok();
+    let region = &load(folder).fusion.regions[0];
+    assert_eq!(
+        (&region.joints[..], &region.model_joints[..]),
+        (&["joint_0", "joint_1", "joint_2", "joint_3"].map(str::to_owned)[..], &INDEX.map(str::to_owned)[..])
+    );
+    assert!(text().contains("CHECK: which joint is which was taken from their order"), "{}", text());
+    assert!(forces(folder, "odd.mcap", "made.yaml", "index", &[]) == named);
+    // Other names: no file that would not load.
+    let other = ["knee", "hip", "ankle", "toe"];
+    fs::remove_file(folder.join("made.yaml")).unwrap();
+    let refused = made(Some(&other), &["--model", &model]);
+    let told = "takes the joint angles index_dip, index_pip, index_mcp_flex, index_mcp_abd, and for region index the bags have knee, hip";
+    assert!(refused.failure().contains(told), "{refused:?}");
+    assert!(!folder.join("made.yaml").exists());
+    // A model that lies beside the file and doesn't fit is not taken.
+    fs::copy(&model, folder.join("glove1.onnx")).unwrap();
+    made(Some(&other), &[]).ok();
+    assert!(!text().contains("glove1.onnx") && load(folder).fusion.regions[0].joints == other, "{}", text());
+    made(Some(&INDEX), &[]).ok();
+    assert!(text().contains("glove1.onnx"), "{}", text());
 }
