@@ -55,15 +55,16 @@ pub(crate) fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     add_product(out, a, b);
 }
 
-/// `out += a b`, `out` row-major. Fastest if `b` is row-major. Otherwise it is first copied to that order.
+/// `out += a b`, `out` row-major. Fastest if both are row-major. One that isn't is first copied to that order.
 pub(crate) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     assert_eq!(a.columns, b.rows, "the inner axes of a product");
     assert_eq!(out.len(), a.rows * b.columns, "a product of {} x {}", a.rows, b.columns);
-    if b.column_stride == 1 {
-        AutoArch::new().dispatch(Product { out, a, b });
-    } else {
-        AutoArch::new().dispatch(Product { out, a, b: Matrix::new(&b.to_rows(), b.rows, b.columns) });
-    }
+    let copied = [a, b].map(|matrix| (matrix.column_stride != 1).then(|| matrix.to_rows()));
+    let [a, b] = [(a, &copied[0]), (b, &copied[1])].map(|(matrix, copied)| match copied {
+        Some(rows) => Matrix::new(rows, matrix.rows, matrix.columns),
+        None => matrix,
+    });
+    AutoArch::new().dispatch(Product { out, a, b });
 }
 
 /// `out += column sums of rows`: the gradient of a bias.
@@ -74,7 +75,7 @@ pub(crate) fn add_column_sums(out: &mut [f32], rows: &[f32]) {
     }
 }
 
-/// Adds the product of `a` and a row-major `b`.
+/// Adds the product of two row-major matrices.
 struct Product<'a> {
     out: &'a mut [f32],
     a: Matrix<'a>,
@@ -133,9 +134,11 @@ impl Product<'_> {
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, so that the sums stay in registers")]
     fn tile<S: Simd, const R: usize, const V: usize>(&mut self, row: usize, from: usize) {
-        let Matrix { data, columns: inner, row_stride, column_stride, .. } = self.a;
+        let Matrix { data, columns: inner, row_stride, .. } = self.a;
         let lanes = lanes::<S>();
         let width = self.b.columns;
+        // A slice a row, so that its bound is not checked, nor its address computed, in the inner loop.
+        let rows: [&[f32]; R] = std::array::from_fn(|r| &data[(row + r) * row_stride..][..inner]);
         let mut sums = [[0.0f32.splat::<S>(); V]; R];
         for k in 0..inner {
             let line = &self.b.data[k * self.b.row_stride + from..][..V * lanes];
@@ -144,7 +147,7 @@ impl Product<'_> {
                 factors[v] = load(&line[v * lanes..(v + 1) * lanes]);
             }
             for r in 0..R {
-                let a = data[(row + r) * row_stride + k * column_stride].splat::<S>();
+                let a = rows[r][k].splat::<S>();
                 for v in 0..V {
                     sums[r][v] = a.mul_add(factors[v], sums[r][v]);
                 }
