@@ -88,8 +88,7 @@ wrong-inputs out="target/wrong_inputs.md":
 # Formatting and lints, as CI sees them
 lint:
     cargo fmt --check
-    cargo clippy --all-targets -- -D warnings
-    cargo clippy --no-default-features --features cli,zenoh,security --lib --bins --test live -- -D warnings
+    cargo clippy --all-targets --features zenoh,security -- -D warnings
 
 # Benchmarks: ticks and their tail, replay, training; then replay beside the same work in Python, with a profile of it
 bench repetitions="3":
