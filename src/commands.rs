@@ -54,6 +54,8 @@ use crate::bag;
 use crate::leave;
 use crate::location;
 use crate::model::first_run;
+#[cfg(feature = "ros")]
+use crate::protocol::Protocol;
 use crate::report::terminal::{Voice, fitted, set_voice, stderr_columns, stdout_columns, voice};
 
 /// Pose-aware tactile force: taxels and joint angles in, wrench and contact out.
@@ -267,6 +269,14 @@ fn exit(program: &str, outcome: Result<Outcome, Failure>) -> u8 {
             1
         }
     }
+}
+
+/// The protocol in a file of this machine, or the paper's.
+#[cfg(feature = "ros")]
+fn protocol(file: Option<&Path>) -> Result<Protocol, Failure> {
+    let Some(file) = file else { return Ok(Protocol::paper()) };
+    location::only_read_here(file).map_err(|error| Failure(format!("{}: {error}", file.display())))?;
+    Ok(Protocol::load(file)?)
 }
 
 /// Refuses an output that can't be written, or that is there and is not to be replaced.

@@ -1,13 +1,13 @@
 //! Loads a protocol from a YAML file.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
 use super::{CheckMovement, Checks, ForceLevels, Name, Protocol, Settings, Substage, Task};
-use crate::location;
 
 /// Size limit of the file; the paper's protocol takes a fiftieth of it.
 pub const MAX_BYTES: u64 = 512 << 10;
@@ -135,7 +135,7 @@ impl Protocol {
     pub fn load(path: &Path) -> Result<Self, ProtocolError> {
         let failed = |reason: String| ProtocolError::Read { path: path.to_path_buf(), reason };
         let mut text = String::new();
-        let file = location::open(path).map_err(|error| failed(error.to_string()))?;
+        let file = File::open(path).map_err(|error| failed(error.to_string()))?;
         file.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(|error| failed(error.to_string()))?;
         if text.len() as u64 > MAX_BYTES {
             return Err(failed(format!("it has more than {MAX_BYTES} bytes")));

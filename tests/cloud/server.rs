@@ -103,9 +103,10 @@ impl Cloud {
         names.filter(|name| name.starts_with(".upload")).count()
     }
 
-    /// What is left in the folder for temporary files.
+    /// What is left in the folder for temporary files, but for the file that ONNX Runtime leaves there.
     pub fn n_temporary(&self) -> usize {
-        std::fs::read_dir(self.folder.path().join("tmp")).unwrap().count()
+        let names = std::fs::read_dir(self.folder.path().join("tmp")).unwrap().map(|entry| entry.unwrap().file_name());
+        names.filter(|name| name != ".ses").count()
     }
 
     /// A `tpf` that is about to run with the server's credentials, and no others.

@@ -24,7 +24,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("model", &["fusion", "kernels", "location", "units"]),
     ("msg", &["fusion", "hand", "units"]),
     ("eval", &["fusion", "units"]),
-    ("protocol", &["location", "random", "units"]),
+    ("protocol", &["random", "units"]),
     ("collect", &["protocol", "units"]),
     ("sim", &["protocol", "random", "units"]),
     ("train", &["eval", "files", "fusion", "kernels", "model", "units"]),
