@@ -135,7 +135,7 @@ mod tests {
             assert_eq!(tree.type_name(), form.type_name());
             let mut cdr = Vec::new();
             HandMessage::new(form, &[], &[], Stamp(1)).to_cdr_into(&mut cdr);
-            let (_, n_left) = read_value(&tree, &cdr).expect(form.type_name());
+            let (_, n_left) = read_value(&tree, &cdr).unwrap_or_else(|error| panic!("{form:?}: {error}"));
             assert!(n_left < 4, "{form:?}: {n_left} bytes are left");
         }
     }
