@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -37,6 +38,26 @@ def test_a_program_that_uses_it_is_checked(tmp_path: Path) -> None:
         "tpf.replay('bag', 'glove.yaml', models='x')  # type: ignore[call-arg]\n"
     )
     mypy("--warn-unused-ignores", program)
+
+
+def test_the_notebook_and_the_pages_of_the_book_are_checked(tmp_path: Path) -> None:
+    notebook = json.loads((ROOT / "python/examples/forces_of_a_bag.ipynb").read_text())
+    programs = {"notebook": ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]}
+    for page in ("python", "many-bags"):
+        text = (ROOT / f"docs/src/how-to/{page}.md").read_text()
+        programs[page.replace("-", "_")] = re.findall(r"^```python\n(.*?)^```", text, re.S | re.M)
+    for name, blocks in programs.items():
+        assert blocks, name
+        (tmp_path / f"{name}.py").write_text("\n".join(blocks))
+    mypy(*(tmp_path / f"{name}.py" for name in programs))
+
+
+def test_the_stub_is_what_the_native_module_has(tmp_path: Path) -> None:
+    allowed = tmp_path / "allowed"
+    allowed.write_text("tactile_pose_fusion._core.__all__\n")  # made by PyO3, of everything
+    words = [sys.executable, "-m", "mypy.stubtest", "--ignore-disjoint-bases", "--allowlist", str(allowed)]
+    run = subprocess.run([*words, _core.__name__], capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
 
 
 def test_the_stub_names_what_the_native_module_has() -> None:
