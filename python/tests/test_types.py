@@ -7,8 +7,10 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from conftest import ROOT, TIMEOUT_S
 
 import tactile_pose_fusion as tpf
@@ -17,18 +19,25 @@ from tactile_pose_fusion import _core
 PACKAGE = ROOT / "python/python/tactile_pose_fusion"
 
 
-def mypy(*args: object) -> None:
-    words = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", "/dev/null", *map(str, args)]
-    run = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT_S, check=False, cwd=ROOT / "python")
-    assert run.returncode == 0, run.stdout + run.stderr
+@pytest.fixture(scope="module")
+def mypy(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., None]:
+    """Runs mypy, which reads NumPy's types once for all tests."""
+    cache = tmp_path_factory.mktemp("mypy")
+
+    def check(*args: object) -> None:
+        words = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(cache), *map(str, args)]
+        run = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT_S, check=False, cwd=ROOT / "python")
+        assert run.returncode == 0, run.stdout + run.stderr
+
+    return check
 
 
-def test_the_package_is_typed() -> None:
+def test_the_package_is_typed(mypy: Callable[..., None]) -> None:
     assert (Path(tpf.__file__).parent / "py.typed").exists()
     mypy(PACKAGE)
 
 
-def test_a_program_that_uses_it_is_checked(tmp_path: Path) -> None:
+def test_a_program_that_uses_it_is_checked(mypy: Callable[..., None], tmp_path: Path) -> None:
     program = tmp_path / "program.py"
     program.write_text(
         "import tactile_pose_fusion as tpf\n"
@@ -40,7 +49,7 @@ def test_a_program_that_uses_it_is_checked(tmp_path: Path) -> None:
     mypy("--warn-unused-ignores", program)
 
 
-def test_the_notebook_and_the_pages_of_the_book_are_checked(tmp_path: Path) -> None:
+def test_the_notebook_and_the_pages_of_the_book_are_checked(mypy: Callable[..., None], tmp_path: Path) -> None:
     notebook = json.loads((ROOT / "python/examples/forces_of_a_bag.ipynb").read_text())
     programs = {"notebook": ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]}
     for page in ("python", "many-bags"):
