@@ -26,6 +26,10 @@ python-test *args:
 python-wheel *args:
     scripts/python-wheel {{args}}
 
+# Install that wheel where neither Rust nor a compiler is, use it, and tell how long it took
+python-fresh *args:
+    scripts/python-fresh {{args}}
+
 # Run many synthetic bags on a real Ray cluster, on Dask and as shards, with faults; `just fleet-test --release 1000` for a thousand
 fleet-test *args:
     scripts/fleet-test {{args}}
@@ -98,6 +102,12 @@ bench repetitions="3":
     cargo bench --bench replay --bench train
     taskset --cpu-list 0 cargo bench --bench tick
     target/peer-venv/bin/python benches/peer/compare.py target/release/tpf --repetitions {{repetitions}}
+
+# The Python package beside `tpf`, beside the core's own tick and beside pure Python, with the wheel of `just python-wheel`
+bench-python *args:
+    scripts/python-venv target/peer-venv benches/peer/requirements.txt
+    target/peer-venv/bin/pip install --quiet --no-deps --force-reinstall $(ls -t target/release-wheels/*_$(uname -m).whl | head -1)
+    target/peer-venv/bin/python benches/peer/package.py {{args}}
 
 # Remake the fixture that holds our network against PyTorch (needs torch from PyPI)
 train-fixture:

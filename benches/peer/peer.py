@@ -193,7 +193,7 @@ def write(path, stamps, received, epochs, force, base, flags, age, mdf):
                 "since": time_of[since], "force": force, "force_base": base,
                 "artifact": nan if flag & STALE_POSE else base - force, "on_threshold": FORCE_ON,
                 "off_threshold": FORCE_OFF, "mdf": mdf, "pose_age": age * 1e-9, "age": nan,
-                "flags": flag,
+                "flags": flag, "adaptation": 0, "artifact_change": nan, "touch": nan, "touch_on": nan, "touch_off": nan,
             }
             array = {"header": {"stamp": stamp, "frame_id": ""}, "contacts": [contact]}
             writer.write_message(f"{NODE}/contacts", contact_schema, array, log_time, log_time, idx)

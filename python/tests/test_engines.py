@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import ROOT, TIMEOUT_S, run_tpf
@@ -103,6 +104,24 @@ def test_a_task_that_fails_says_why_in_one_line(work: Path, tmp_path: Path) -> N
         many.merge([many.partial([bag], params, options=["--whole"])], [bag, str(work / "bags/user2")])
     with pytest.raises(ValueError, match="no partials"):
         many.merge([], [bag])
+
+
+def test_too_little_memory_ends_a_task_whatever_fails_first(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # With a little less than is enough, threads can't begin; Rust's backtraces then need memory, too.
+    monkeypatch.setenv("RUST_BACKTRACE", "1")
+    model, n_died = ROOT / "models/glove3_tactile_only.onnx", 0
+    for megabytes in range(40, 1000, 3):
+        limits: dict[str, Any] = {"memory_limit": megabytes * 1_000_000, "timeout_s": 120}
+        try:
+            many.partial([work / "bags/user1"], work / "glove.yaml", model=model, options=["--whole"], **limits)
+        except many.ProcessDied as died:
+            assert str(died).startswith(f"out of memory with the {megabytes} MB that it may have: ") and "\n" not in str(died)
+            n_died += 1
+        else:
+            break
+    assert n_died > 0
+    with pytest.raises(many.ProcessDied, match=r"^tpf was not done after 0\.01 s, and was ended$"):
+        many.partial([work / "bags/user1"], work / "glove.yaml", timeout_s=0.01)
 
 
 def test_parameters_go_along_to_a_machine_that_has_other_ones(tmp_path: Path) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, run_tpf
+from conftest import ROOT, run_tpf, tpf_out
 
 import tactile_pose_fusion as tpf
-from tactile_pose_fusion import many
+from tactile_pose_fusion import _ray_tasks, many
 from tactile_pose_fusion import ray as tpf_ray
 
 ray = pytest.importorskip("ray")
@@ -108,6 +109,29 @@ def test_a_bag_that_ends_every_worker_is_named_and_the_others_are_scored(bags: l
     assert scores == json.loads(one.stdout)
 
 
+def test_no_wait_is_without_end(bags: list[str], params: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(tpf_ray.TaskFailed, match=r"lost 2 times, the last time: tpf was not done after 0\.01 s, and was ended$"):
+        tpf_ray.evaluate(bags[:1], params, model=MODEL, options=["--whole"], max_retries=1, timeout_s=0.01)
+    monkeypatch.setattr(_ray_tasks, "_LOOK_EVERY_S", 0.2)
+    monkeypatch.setattr(_ray_tasks, "_MACHINE_WITHIN_S", 1.0)
+    with pytest.warns(tpf.TactilePoseFusionWarning, match="waiting 1 s for one"):
+        with pytest.raises(tpf_ray.TaskFailed, match=r"no machine of the Ray cluster has the 99 CPUs and 1 MB .*: 2 CPUs .*none came"):
+            tpf_ray.evaluate(bags, params, model=MODEL, cpus_per_task=99, memory_per_task=1_000_000)
+
+    def hang(chunk: list[str], attempt: int) -> None:
+        time.sleep(3600)
+
+    monkeypatch.setattr(_ray_tasks, "_RAY_TAKES_S", 2.0)
+    tasks = _ray_tasks.Tasks(1, 2, 1, 1, None, timeout_s=0.5)
+    taken: list[object] = []
+    with pytest.raises(tpf_ray.TaskFailed, match=r"^no task ended within 2 s, 2 times in a row: the workers of the Ray cluster hang"):
+        _ray_tasks.drive("hang", hang, _ray_tasks.batches(bags, 1), tasks, lambda _, result: taken.append(result), False)
+    assert not taken
+    # The cluster is as before.
+    scores = tpf_ray.evaluate(bags[:1], params, model=MODEL, options=["--whole"])
+    assert scores == json.loads(tpf_out("eval", bags[0], "--params-file", params, "--model", MODEL, "--whole", "--json"))
+
+
 def test_partials_are_kept_where_they_are_asked_for(bags: list[str], params: Path, tmp_path: Path) -> None:
     kept = tmp_path / "partials"
     tpf_ray.evaluate(bags, params, model=MODEL, options=["--whole"], partials=kept)
@@ -129,6 +153,7 @@ def test_what_is_no_bags_fault_is_said_in_one_line(bags: list[str], params: Path
         ({"max_in_flight": 0}, "max_in_flight is at least 1, got 0"),
         ({"max_retries": -1}, "max_retries and cpus_per_task are at least 0"),
         ({"memory_per_task": 0}, "memory_per_task is at least 1, got 0"),
+        ({"timeout_s": 0}, "timeout_s is above 0 and below 1e9, got 0"),
     ]:
         with pytest.raises(ValueError, match=told):
             tpf_ray.evaluate(bags, params, **wrong)  # type: ignore[arg-type]

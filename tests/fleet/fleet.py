@@ -1,6 +1,6 @@
 """Many synthetic bags on a real Ray cluster of several raylets, and as processes of a shard each, with faults.
 
-fleet.py [--bags N] [--workers 1,2] [--long-minutes M] [--model MODEL] [--keep FOLDER]: N short sessions of synthetic gloves,
+fleet.py [--bags N] [--workers 1,2] [--bags-per-task K] [--long-minutes M] [--model MODEL] [--keep FOLDER]: N short sessions of synthetic gloves,
 three of which are damaged (cut off, garbage, empty), and a long one that needs more memory than a task may have. A raylet is
 killed in the middle. Leaves with 1 where the merged result is not, byte for byte, that of one process over the same bags, or
 where a bag that failed is not named. Then it prints what it took, as the tables of docs/validation. Runs only inside
@@ -47,6 +47,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bags", type=int, default=12)
     parser.add_argument("--workers", default="2", help="numbers of workers whose throughput is measured, none if empty")
+    parser.add_argument("--bags-per-task", type=int, default=1)
     parser.add_argument("--long-minutes", type=float, default=27.7)
     parser.add_argument("--model", type=Path, default=ROOT / "models/glove3_tactile_only.onnx")
     parser.add_argument("--memory-mb", type=int, help="what a task may have; measured unless given")
@@ -135,7 +136,7 @@ class Fleet:
         return many.partial(some, PARAMS, model=self.args.model, options=self.options, memory_limit=limit)
 
     def evaluate(self, some: list[str], **more: Any) -> dict[str, Any]:
-        more.setdefault("progress", False)
+        more = {"progress": False, "bags_per_task": self.args.bags_per_task, **more}
         return tpf_ray.evaluate(some, PARAMS, model=self.args.model, options=self.options, **more)
 
     def throughput(self, n: int, expected: str) -> None:

@@ -26,7 +26,8 @@ def main() -> None:
         sys.exit("tpf: the worker that began this process is gone")
     if limit > 0:
         resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-    # Only now: what it loads is within the limit.
+        # Where memory ends while Rust prints a backtrace, it waits forever for the lock that it holds itself.
+        os.environ["RUST_BACKTRACE"] = "0"
     from ._cli import main as tpf
 
     tpf()

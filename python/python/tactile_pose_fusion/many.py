@@ -32,6 +32,16 @@ _INPUT_LOST = 3
 #: Other exit codes that `tpf` chooses by itself: an error, and a wrong command line.
 _REFUSED = (1, 2)
 
+#: What a line says where memory is too little, for a thread too: who is given a limit fails at whatever comes first.
+_NO_MEMORY = (
+    "memory allocation of",
+    "MemoryError",
+    "out of memory",
+    "Cannot allocate memory",
+    "Resource temporarily unavailable",
+    "failed to spawn thread",
+)
+
 AnyPath = Union[str, "os.PathLike[str]"]
 
 
@@ -40,7 +50,7 @@ class TaskFailed(RuntimeError):
 
 
 class ProcessDied(RuntimeError):
-    """The process of a task was ended: it had too little memory, or was killed. Another attempt may succeed."""
+    """The process of a task was ended: too little memory or time, or somebody killed it. Another attempt may succeed."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +90,7 @@ def partial(
     options: Sequence[str] = (),
     jobs: int = 1,
     memory_limit: int | None = None,
+    timeout_s: float | None = None,
 ) -> bytes:
     """Statistics of some bags, as `tpf eval --partial` writes them: the work of one task of an evaluation.
 
@@ -90,18 +101,19 @@ def partial(
         options: More options of `tpf eval`, such as `["--whole", "--touch", "force"]`.
         jobs: Threads.
         memory_limit: The most memory that `tpf` may have, bytes.
+        timeout_s: The most time that `tpf` may take, s.
 
     Returns:
         A Parquet file. Bags that can't be scored are in it, with the reason.
 
     Raises:
         TaskFailed: Another reason than the bags.
-        ProcessDied: `tpf` was killed, or had too little memory.
+        ProcessDied: `tpf` was killed, or had too little memory or time.
     """
     with tempfile.TemporaryDirectory(prefix="tpf-partial-") as folder:
         out = Path(folder, "out.parquet")
         words = ["eval", *_words(bags), "--partial", str(out), "--jobs", str(jobs), *options]
-        _run([*words, *_common(params_file, model, folder)], memory_limit)
+        _run([*words, *_common(params_file, model, folder)], memory_limit, timeout_s)
         return out.read_bytes()
 
 
@@ -113,7 +125,7 @@ def merge(partials: Iterable[bytes | AnyPath], bags: Sequence[AnyPath]) -> dict[
         bags: All bags that must be there. The result has their order.
 
     Returns:
-        What `tpf eval --json` prints. Bags that can't be scored are in `failed`.
+        What `tpf eval --json` prints. If bags can't be scored, they are in `failed`.
 
     Raises:
         TaskFailed: A bag is missing or twice, or partials were not made alike.
@@ -145,6 +157,7 @@ def replay(
     resume: bool = False,
     jobs: int = 1,
     memory_limit: int | None = None,
+    timeout_s: float | None = None,
 ) -> list[dict[str, Any]]:
     """Replays each bag to `NAME.mcap` in a folder, as `tpf replay --each`: the work of one task.
 
@@ -158,18 +171,19 @@ def replay(
         resume: Keep outputs that are already there and whole.
         jobs: Threads.
         memory_limit: The most memory that `tpf` may have, bytes.
+        timeout_s: The most time that `tpf` may take, s.
 
     Returns:
         For each bag: `bag`, and either `output` with its `summary` or `kept`, or `error`.
 
     Raises:
         TaskFailed: Another reason than the bags.
-        ProcessDied: `tpf` was killed, or had too little memory.
+        ProcessDied: `tpf` was killed, or had too little memory or time.
     """
     with tempfile.TemporaryDirectory(prefix="tpf-replay-") as folder:
         words = ["replay", *_words(bags), "--each", "-o", os.fspath(output), "--json", "--jobs", str(jobs), *options]
         words += ["--overwrite"] * overwrite + ["--resume"] * resume
-        found: list[dict[str, Any]] = json.loads(_run([*words, *_common(params_file, model, folder)], memory_limit))
+        found: list[dict[str, Any]] = json.loads(_run([*words, *_common(params_file, model, folder)], memory_limit, timeout_s))
         return found
 
 
@@ -182,6 +196,7 @@ def export_shard(
     model: AnyPath | None = None,
     options: Sequence[str] = (),
     memory_limit: int | None = None,
+    timeout_s: float | None = None,
 ) -> dict[str, Any]:
     """Writes one shard of a LeRobot dataset, as `tpf export --lerobot --shard`: the work of one task of an export.
 
@@ -193,17 +208,18 @@ def export_shard(
         model: The model that makes estimates.
         options: More options of `tpf export`, such as `["--fps", "20"]`.
         memory_limit: The most memory that `tpf` may have, bytes.
+        timeout_s: The most time that `tpf` may take, s.
 
     Returns:
         What `tpf export --json` prints.
 
     Raises:
         TaskFailed: Another reason than the bags.
-        ProcessDied: `tpf` was killed, or had too little memory.
+        ProcessDied: `tpf` was killed, or had too little memory or time.
     """
     with tempfile.TemporaryDirectory(prefix="tpf-export-") as folder:
         words = ["export", *_words(bags), "--lerobot", os.fspath(output), "--shard", f"{shard[0]}/{shard[1]}", "--json"]
-        return _object(_run([*words, *options, *_common(params_file, model, folder)], memory_limit))
+        return _object(_run([*words, *options, *_common(params_file, model, folder)], memory_limit, timeout_s))
 
 
 def join(output: AnyPath, shards: Sequence[AnyPath]) -> dict[str, Any]:
@@ -236,15 +252,18 @@ def _object(text: str) -> dict[str, Any]:
     return result
 
 
-def _run(words: Sequence[str], memory_limit: int | None = None) -> str:
+def _run(words: Sequence[str], memory_limit: int | None = None, timeout_s: float | None = None) -> str:
     """What `tpf` prints, run in a process that ends with this one."""
     command = [sys.executable, "-m", "tactile_pose_fusion._child", str(os.getpid()), str(memory_limit or 0), *words]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        raise ProcessDied(f"tpf was not done after {timeout_s:g} s, and was ended") from None
     if run.returncode in (0, _INPUT_LOST):
         return run.stdout
     lines = run.stderr.strip().splitlines()
     line = lines[-1] if lines else f"tpf ended with {run.returncode}"
-    no_memory = next((line for line in lines if "memory allocation of" in line or line.startswith("MemoryError")), None)
+    no_memory = next((line for line in reversed(lines) if any(words in line for words in _NO_MEMORY)), None)
     if no_memory is not None:
         limit = f" with the {memory_limit / 1e6:.0f} MB that it may have" if memory_limit else ""
         raise ProcessDied(f"out of memory{limit}: {no_memory}")
