@@ -13,6 +13,7 @@ pub mod parity;
 pub mod scored;
 pub mod skip;
 pub mod tpf;
+pub mod view;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
