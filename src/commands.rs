@@ -39,6 +39,7 @@ mod split;
 mod terminal;
 #[cfg(feature = "train")]
 mod train;
+mod view;
 mod zero;
 
 use std::borrow::Cow;
@@ -96,6 +97,7 @@ enum Command {
     Simulate(simulate::Args),
     #[cfg(feature = "train")]
     Train(train::Args),
+    View(view::Args),
 }
 
 /// How much of a live recording may be lost when the process is killed.
@@ -162,6 +164,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Simulate(args) => simulate::run(&args),
         #[cfg(feature = "train")]
         Command::Train(args) => train::run(&args),
+        Command::View(args) => view::run(&args),
     }
 }
 

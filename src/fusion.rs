@@ -34,7 +34,7 @@ pub use config::{
 pub use contact::{Contact, ContactDetector, ContactEvent};
 pub use counters::{Count, Counters, TactileCount};
 pub use error::{FusionError, SetupError};
-pub use estimate::{Estimate, Flags, Tick};
+pub use estimate::{Estimate, Flags, Tick, TickTaxels};
 pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
 pub use features::{FeatureWindow, NewestWindow, TaxelFeatures};
 pub use frames::{Frame, FrameCutter, TactileCounters};
@@ -104,6 +104,7 @@ struct PendingTick {
     received: Stamp,
     age_ns: Option<i64>,
     regions: Vec<(usize, Readiness)>,
+    taxels: TickTaxels,
 }
 
 impl Fusion {
@@ -374,6 +375,7 @@ impl Fusion {
         let max_age_ns = self.cfg.timing.max_age.map(|max_age| nanos(max_age).unsigned_abs());
         let late = tick.age_ns.zip(max_age_ns).is_some_and(|(age_ns, max_ns)| age_ns.unsigned_abs() > max_ns);
         tick.regions.clear();
+        tick.taxels.clear();
         let PendingFrame { stamp, epoch, number, ref values, ref faults } = *frame;
         for (&region_idx, &faults) in source.regions.iter().zip(faults) {
             let region = &mut self.regions[region_idx];
@@ -388,6 +390,9 @@ impl Fusion {
                 self.models[model].push(lane, region.window());
             }
             tick.regions.push((region_idx, readiness));
+            if self.cfg.keep_taxels {
+                region.keep_taxels(&seen, &self.cfg.regions[region_idx].taxels, &mut tick.taxels);
+            }
         }
         self.waiting.push_back(tick);
     }
@@ -403,7 +408,7 @@ impl Fusion {
             model.run()?;
         }
         for _ in 0..n_ticks {
-            let Some(pending) = self.waiting.pop_front() else { break };
+            let Some(mut pending) = self.waiting.pop_front() else { break };
             let mut tick = self.spare_ticks.pop().unwrap_or_else(|| Tick {
                 source: TactileSourceIdx(0),
                 stamp: Stamp(0),
@@ -412,11 +417,13 @@ impl Fusion {
                 received: Stamp(0),
                 age_ns: None,
                 estimates: Vec::new(),
+                taxels: TickTaxels::default(),
             });
             tick.source = TactileSourceIdx(pending.source);
             (tick.stamp, tick.received) = (pending.stamp, pending.received);
             (tick.epoch, tick.number, tick.age_ns) = (pending.epoch, pending.number, pending.age_ns);
             tick.estimates.clear();
+            std::mem::swap(&mut tick.taxels, &mut pending.taxels);
             for &(region_idx, ref readiness) in &pending.regions {
                 let region = &mut self.regions[region_idx];
                 let Place { model, lane, .. } = region.place;

@@ -39,6 +39,7 @@ mod yaml;
 pub use ask::{Answer, Ask, InitError, Question};
 pub use document::{Document, document};
 pub use error::InitFileError;
+pub use fingers::finger;
 pub use plan::ModelFile;
 pub use write::{Request, Written, write};
 

@@ -155,4 +155,6 @@ pub mod train;
 #[cfg(feature = "train")]
 pub mod training;
 pub mod units;
+#[cfg(feature = "cli")]
+pub mod view;
 pub mod zero;

@@ -24,7 +24,7 @@ pub use calibrate::{CalibrateFeedback, CalibrateGoal, CalibrateResult};
 pub use cdr::CdrError;
 pub use definition::canonical_type_name;
 pub use interfaces::{ContactArray, ContactState, Stage, TaxelArray};
-pub use outgoing::{EstimateTopics, Outgoing, Slot};
+pub use outgoing::{EstimateTopics, Outgoing, Slot, adaptation_code};
 pub use schema::definition_text;
 pub use standard::{
     Duration, Float32MultiArray, Float64MultiArray, Header, JointState, MultiArrayDimension, MultiArrayLayout, Point,

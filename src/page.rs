@@ -6,7 +6,7 @@ mod style;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 pub use figure::{Density, Figure, Heat, longest_step};
-pub use style::Style;
+pub use style::{COLOURS, Style};
 
 /// A page of sections.
 #[derive(Debug)]
@@ -115,7 +115,7 @@ impl Page {
                     // Whatever a bag or a file name may hold, the page fetches nothing.
                     meta http-equiv="Content-Security-Policy" content=(style::POLICY);
                     title { (self.title) @if self.is_synthetic { " (synthetic)" } }
-                    style { (PreEscaped(style::SHEET)) }
+                    style { (PreEscaped(COLOURS)) (PreEscaped(style::SHEET)) }
                     @if has_figures { (figure::script()) }
                 }
                 body {

@@ -9,6 +9,7 @@ const GROUPS: [(&str, &[(&str, &str)]); 5] = [
         &[
             ("demo", "run everything once, on a synthetic glove"),
             ("inspect", "show what is in a bag or a model"),
+            ("view", "look at a bag or a running node in the browser"),
             ("monitor", "watch a running node in the terminal"),
             ("doctor", "find what is wrong with a graph, or what a node would lack"),
             ("characterize", "measure what a glove does when the hand moves"),

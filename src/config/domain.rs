@@ -203,7 +203,16 @@ impl Config {
             "frozen" => Following::Frozen,
             _ => Following::On,
         };
-        let fusion = FusionConfig { tactile_sources, joint_sources, regions, timing, receipts, following, batch: 1 };
+        let fusion = FusionConfig {
+            tactile_sources,
+            joint_sources,
+            regions,
+            timing,
+            receipts,
+            following,
+            batch: 1,
+            keep_taxels: false,
+        };
         Ok(Config {
             fusion,
             tactile,

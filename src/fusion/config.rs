@@ -173,4 +173,6 @@ pub struct FusionConfig {
     pub following: Following,
     /// Frames run in one inference call; 1 gives each frame its own, and the same bytes live and offline.
     pub batch: usize,
+    /// True if ticks also hold the taxels of their frame, for those who look at them.
+    pub keep_taxels: bool,
 }

@@ -158,4 +158,25 @@ pub struct Tick {
     pub age_ns: Option<i64>,
     /// One a region of the source, in the order of the configuration.
     pub estimates: Vec<Estimate>,
+    /// What the regions read, where [`FusionConfig::keep_taxels`](super::FusionConfig::keep_taxels) asks for it.
+    pub taxels: TickTaxels,
+}
+
+/// The taxels of a frame, one region after the other in the order of [`Tick::estimates`]; empty where they are not kept.
+///
+/// # Shapes
+/// `[taxels of all regions of the source]` each.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TickTaxels {
+    /// As sent, at the stamp of the frame.
+    pub reading: Vec<f32>,
+    /// What a model is given: above the zero, without the artifact where it is taken out. NaN where the frame is no input.
+    pub feature: Vec<f32>,
+}
+
+impl TickTaxels {
+    pub(super) fn clear(&mut self) {
+        self.reading.clear();
+        self.feature.clear();
+    }
 }

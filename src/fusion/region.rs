@@ -6,7 +6,7 @@ use super::artifact::{Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, Fo
 use super::calibration::Baseline;
 use super::config::{RegionConfig, TactileSource};
 use super::contact::{ContactDetector, ContactEvent};
-use super::estimate::{Estimate, Flags};
+use super::estimate::{Estimate, Flags, TickTaxels};
 use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
 use super::gain::ForceGain;
@@ -256,6 +256,16 @@ impl Region {
         let artifact_change = self.artifact_change();
         let touch_margin = self.artifact.as_ref().map_or(0.0, ArtifactFilter::touch_margin);
         Readiness { run: true, base_only, after_reset, pose_age_ns, flags, adaptation, artifact_change, touch_margin }
+    }
+
+    /// Adds its taxels of the frame that [`Region::handle_frame`] was given last.
+    pub(super) fn keep_taxels(&self, frame: &Frame<'_>, taxels: &[usize], kept: &mut TickTaxels) {
+        kept.reading.extend(taxels.iter().map(|&taxel_idx| frame.values[taxel_idx]));
+        let is_input = |last: &LastGood| last.epoch == frame.epoch && last.number == frame.number;
+        match self.last.as_ref().is_some_and(is_input) {
+            true => kept.feature.extend_from_slice(&self.tactile),
+            false => kept.feature.extend(taxels.iter().map(|_| f32::NAN)),
+        }
     }
 
     /// The window that [`Region::handle_frame`] said to run.

@@ -36,7 +36,7 @@ fn words(name: &str) -> Vec<String> {
 }
 
 /// The finger that a name speaks of.
-pub(super) fn finger(name: &str) -> Option<&'static str> {
+pub fn finger(name: &str) -> Option<&'static str> {
     let of = |word: &String| WORDS.iter().find(|(known, _)| word.starts_with(known)).map(|(_, finger)| *finger);
     words(name).iter().find_map(of)
 }

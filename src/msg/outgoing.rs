@@ -174,14 +174,7 @@ impl Outgoing {
         state.pose_age = estimate.pose_age_ns.map_or(f64::NAN, |age_ns| age_ns as f64 * 1e-9);
         state.age = tick.age_ns.map_or(f64::NAN, |age_ns| age_ns as f64 * 1e-9);
         state.flags = estimate.flags.bits();
-        state.adaptation = match estimate.adaptation {
-            Adaptation::Off => ContactState::ADAPTATION_OFF,
-            Adaptation::Frozen => ContactState::ADAPTATION_FROZEN,
-            Adaptation::Learning => ContactState::ADAPTATION_LEARNING,
-            Adaptation::Waiting => ContactState::ADAPTATION_WAITING,
-            Adaptation::Capped => ContactState::ADAPTATION_CAPPED,
-            Adaptation::Noisy => ContactState::ADAPTATION_NOISY,
-        };
+        state.adaptation = adaptation_code(estimate.adaptation);
         state.artifact_change = estimate.artifact_change.unwrap_or(f64::NAN);
         state.touch = estimate.touch.unwrap_or(f64::NAN);
     }
@@ -206,6 +199,18 @@ fn silence(state: &mut ContactState) {
     state.age = f64::NAN;
     state.flags = ContactState::STALE_TACTILE;
     (state.adaptation, state.artifact_change) = (ContactState::ADAPTATION_OFF, f64::NAN);
+}
+
+/// The value of a message for what became of an artifact.
+pub fn adaptation_code(adaptation: Adaptation) -> u8 {
+    match adaptation {
+        Adaptation::Off => ContactState::ADAPTATION_OFF,
+        Adaptation::Frozen => ContactState::ADAPTATION_FROZEN,
+        Adaptation::Learning => ContactState::ADAPTATION_LEARNING,
+        Adaptation::Waiting => ContactState::ADAPTATION_WAITING,
+        Adaptation::Capped => ContactState::ADAPTATION_CAPPED,
+        Adaptation::Noisy => ContactState::ADAPTATION_NOISY,
+    }
 }
 
 fn or_nan(force: Option<Newton>) -> f64 {

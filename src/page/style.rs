@@ -5,7 +5,7 @@ pub(super) const POLICY: &str =
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:";
 
 /// The colours have names, which plots use too. `paper` is the class of the root while it is printed.
-pub(super) const SHEET: &str = "
+pub const COLOURS: &str = "
 :root { color-scheme: light dark; --paper: #ffffff; --ink: #1a1a1a; --muted: #555555; --faint: #999999; --grid: #e4e4e4;
   --code: #f4f4f4; --link: #005a92; --banner: #fff3cd; --synthetic: #7a5f00; --good: #00694c; --bad: #a83c00; --low: #e9f1f8;
   --truth: #000000; --c0: #0072b2; --c1: #e69f00; --c2: #009e73; --c3: #cc79a7; --c4: #56b4e9; --c5: #d55e00; --c6: #8c8000; }
@@ -14,6 +14,10 @@ pub(super) const SHEET: &str = "
   --bad: #ff9a5c; --low: #1b2a38; --truth: #ffffff; --c0: #4aa8e8; --c1: #f0b53a; --c2: #2fc79a; --c3: #e19ac2; --c4: #9ad3f5;
   --c5: #f08046; --c6: #c9bd3c; } }
 :root.paper { color-scheme: light; }
+";
+
+/// Everything else of the looks.
+pub(super) const SHEET: &str = "
 body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 68rem; margin: 0 auto;
   padding: 1rem; }
 h1 { font-size: 1.6rem; line-height: 1.25; margin: 0 0 .5rem; overflow-wrap: anywhere; }

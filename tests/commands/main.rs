@@ -29,3 +29,4 @@ mod three_axes;
 mod train_command;
 #[cfg(feature = "train")]
 mod unannotated;
+mod view;

@@ -11,19 +11,9 @@ use super::skip::{python, skipped};
 /// Width of a sheet of A4 or Letter without its margins, px.
 const PAPER_PX: f64 = 680.0;
 
-/// What a browser shows of a page: wide, as on a phone, dark, and on paper. Where there is no browser the test is skipped, or fails when
-/// `TPF_REQUIRE_BROWSER` is set.
+/// What a browser shows of a page: wide, as on a phone, dark, and on paper; none where there is no browser.
 pub fn look(page: &Path) -> Option<Value> {
-    let python = python()?;
-    let chromium = std::env::var("CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_owned());
-    if !Path::new(&chromium).exists() {
-        let missing = format!("{chromium} is not here; install Debian's chromium, or set CHROMIUM");
-        assert!(std::env::var_os("TPF_REQUIRE_BROWSER").is_none(), "{missing}");
-        skipped(&missing);
-        return None;
-    }
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/look_at_page.py");
-    let output = Command::new(python).arg(script).arg(page).output().unwrap();
+    let output = chromium("look_at_page.py")?.arg(page).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
     for view in ["wide", "phone", "dark"] {
@@ -44,4 +34,20 @@ pub fn look(page: &Path) -> Option<Value> {
         }
     }
     Some(seen)
+}
+
+/// A script of tests/python that drives Chromium. Where there is no browser the test is skipped, or fails when
+/// `TPF_REQUIRE_BROWSER` is set.
+pub fn chromium(script: &str) -> Option<Command> {
+    let python = python()?;
+    let chromium = std::env::var("CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_owned());
+    if !Path::new(&chromium).exists() {
+        let missing = format!("{chromium} is not here; install Debian's chromium, or set CHROMIUM");
+        assert!(std::env::var_os("TPF_REQUIRE_BROWSER").is_none(), "{missing}");
+        skipped(&missing);
+        return None;
+    }
+    let mut command = Command::new(python);
+    command.arg(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python")).join(script));
+    Some(command)
 }

@@ -109,6 +109,7 @@ pub fn config(n_taxels: usize, regions: Vec<RegionConfig>) -> FusionConfig {
         receipts: Receipts::Unknown,
         following: Following::default(),
         batch: 1,
+        keep_taxels: false,
     }
 }
 

@@ -14,6 +14,7 @@ pub mod scored;
 pub mod skip;
 pub mod sqlite;
 pub mod tpf;
+pub mod view;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

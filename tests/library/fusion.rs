@@ -82,6 +82,58 @@ fn a_model_without_a_base_branch_gives_nothing_on_a_stale_pose() {
 }
 
 #[test]
+fn taxels_that_are_kept_are_those_of_their_frame_and_change_no_estimate() {
+    let mut samples = steady(30, 0, 30);
+    samples.insert(40, Sample::tactile(200.0, &[f32::NAN, 1.0]));
+    samples.retain(
+        |sample| !matches!(sample, Sample::Tactile { at_ns, values } if *at_ns == 200 * MS && values[0] == 20.0),
+    );
+    for batch in [1, 7] {
+        let ticks = |keep_taxels: bool| {
+            // The second region has its taxels in another order.
+            let regions = vec![region("index", &[0, 1], &["dip"]), region("thumb", &[1, 0], &["dip"])];
+            let cfg = FusionConfig { keep_taxels, batch, ..config(2, regions) };
+            let mut core = Fusion::new(cfg, vec![Sum::boxed(4, 2, 1)]).unwrap();
+            let mut ticks = Vec::new();
+            for (idx, sample) in samples.iter().enumerate() {
+                if idx == 10 {
+                    core.handle_baseline(TactileSourceIdx(0), Baseline::from_median(vec![2.0, -1.0])).unwrap();
+                }
+                core.handle(sample.event());
+                while let Some(tick) = core.poll().unwrap() {
+                    ticks.push(tick.clone());
+                }
+            }
+            core.handle_end();
+            while let Some(tick) = core.poll().unwrap() {
+                ticks.push(tick.clone());
+            }
+            ticks
+        };
+        let (kept, plain) = (ticks(true), ticks(false));
+        let estimates = |ticks: &[Tick]| ticks.iter().map(|tick| tick.estimates.clone()).collect::<Vec<_>>();
+        assert_eq!(estimates(&kept), estimates(&plain));
+        assert!(plain.iter().all(|tick| tick.taxels == TickTaxels::default()));
+        assert_eq!(kept.len(), 30);
+        for (k, tick) in kept.iter().enumerate() {
+            let first = if k == 20 { f32::NAN } else { k as f32 };
+            let second = if k == 20 { 1.0 } else { 0.0 };
+            let same = |a: &[f32], b: &[f32]| {
+                a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+            };
+            assert!(same(&tick.taxels.reading, &[first, second, second, first]), "{k}: {:?}", tick.taxels);
+            let is_input = tick.estimates[0].flags != Flags::UNCALIBRATED && k != 20;
+            let expected = if is_input { [first - 2.0, 1.0, 1.0, first - 2.0] } else { [f32::NAN; 4] };
+            assert!(same(&tick.taxels.feature, &expected), "{k}: {:?}", tick.taxels);
+        }
+        assert!(
+            kept[0].estimates[0].flags == Flags::UNCALIBRATED
+                && kept[20].estimates[0].flags.contains(Flags::NON_FINITE)
+        );
+    }
+}
+
+#[test]
 fn a_frame_far_from_its_receipt_is_late_where_receipts_are_those_of_a_live_run() {
     let samples = steady(30, 0, 30);
     let run = |receipts: Receipts, max_age: Option<std::time::Duration>, delay_ms: i64| {

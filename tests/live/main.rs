@@ -30,5 +30,7 @@ mod node_play;
 mod node_security;
 #[cfg(feature = "ros")]
 mod node_stop;
+#[cfg(feature = "ros")]
+mod node_view;
 #[cfg(feature = "zenoh")]
 mod node_zenoh;

@@ -152,6 +152,25 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
     ("ros", &["config", "fusion", "leave", "model", "msg", "units", "zero"]),
     (
+        "view",
+        &[
+            "bag",
+            "config",
+            "fusion",
+            "init",
+            "leave",
+            "msg",
+            "observer",
+            "page",
+            "recording",
+            "replay",
+            "ros",
+            "sessions",
+            "units",
+            "zero",
+        ],
+    ),
+    (
         "commands",
         &[
             "bag",
@@ -187,6 +206,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "train",
             "training",
             "units",
+            "view",
             "zero",
         ],
     ),

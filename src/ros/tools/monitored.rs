@@ -125,6 +125,12 @@ impl Monitored {
         now.nanos_since(region.received) as f64 > SILENT_S * NANOS_PER_SEC as f64
     }
 
+    /// How long ago contacts came last, s; `None` before the first.
+    pub fn age_s(&self, now: Stamp) -> Option<f64> {
+        let last = self.regions.values().map(|region| region.received).max()?;
+        Some(now.nanos_since(last) as f64 / NANOS_PER_SEC as f64)
+    }
+
     /// How long ago the node last said how it is, where that is too long; it does so once a second.
     pub fn diagnostics_late_s(&self, now: Stamp) -> Option<f64> {
         let age_s = now.nanos_since(self.diagnosed) as f64 / NANOS_PER_SEC as f64;
