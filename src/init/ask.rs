@@ -53,7 +53,7 @@ pub enum InitError {
     },
     /// A model that needs other joint angles.
     #[error(
-        "{model} takes the joint angles {expected}, and for region {region} the bags have {got}; leave --model out, or give one that was trained on these"
+        "{model} takes the joint angles {expected}, and for region {region} the bags have {got}; give a model that was trained on these, or none"
     )]
     ModelJoints {
         /// The model.

@@ -5,6 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use super::error::InitFileError;
 use super::plan::ModelFile;
 use crate::bag::shown;
+use crate::hand::JOINTS;
 use crate::inspect::{BagReport, Likelihood};
 use crate::model;
 
@@ -57,10 +58,13 @@ fn fits(n_taxels: usize, joints: Option<&[String]>, bags: &[BagReport]) -> bool 
     let taxels = bags.iter().flat_map(|bag| &bag.candidates.tactile);
     let mut taxels = taxels.filter(|one| one.likelihood == Likelihood::Likely);
     let has_taxels = taxels.any(|one| one.n_taxels == Some(n_taxels as u64));
-    let has_points = bags.iter().any(|bag| !bag.candidates.hands.is_empty());
+    let mut hands = bags.iter().flat_map(|bag| &bag.candidates.hands);
+    let has_points = hands.any(|one| one.likelihood == Likelihood::Likely);
     let angles = || bags.iter().flat_map(|bag| &bag.candidates.joints).flat_map(|one| &one.angles);
-    let is_there = |joint: &String| angles().any(|angle| angle.name.as_ref() == Some(joint));
-    has_taxels && (has_points || joints.unwrap_or_default().iter().all(is_there))
+    let is_there = |joint: &String| {
+        has_points && JOINTS.contains(&joint.as_str()) || angles().any(|angle| angle.name.as_ref() == Some(joint))
+    };
+    has_taxels && joints.unwrap_or_default().iter().all(is_there)
 }
 
 fn onnx_files(folder: &Path) -> Vec<PathBuf> {

@@ -497,4 +497,12 @@ fn a_file_for_a_model_has_the_models_joints_or_is_refused() {
     assert!(!text().contains("glove1.onnx") && load(folder).fusion.regions[0].joints == other, "{}", text());
     made(Some(&INDEX), &[]).ok();
     assert!(text().contains("glove1.onnx"), "{}", text());
+    // Points of a hand are no joints of another device.
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    LinearModel::new(64, 6, 4).metadata("joints", r#"["knee", "hip", "ankle", "toe"]"#).write(folder, "robot.onnx");
+    let points = simulated(folder, "1", "keypoints21");
+    init(folder, &points, &["--yes"]).ok();
+    let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
+    assert!(!text.contains("robot.onnx") && load(folder).fusion.regions[0].joints == INDEX, "{text}");
 }

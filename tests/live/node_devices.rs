@@ -11,35 +11,10 @@ use std::path::Path;
 use common::bags::messages;
 use common::devices::{DEVICES, Device, outcomes};
 use common::tpf::tpf;
-use node_common::{Live, peer};
-use tactile_pose_fusion::bag::BagReader;
+use node_common::{Live, peer, write_definitions};
 
 const ANY_REST: [&str; 2] = ["-p", "calibration.max_force:=1000.0"];
 const ALIKE: [&str; 4] = ["--batch", "1", "--backend", "rten"];
-
-/// Leaves the definitions of a bag's types where a node finds them: as a driver's package installs them.
-fn write_definitions(folder: &Path, bag: &str) {
-    let mut reader = BagReader::open(&[folder.join(bag)]).unwrap();
-    while reader.next_message().unwrap().is_some() {}
-    for channel in reader.channels() {
-        let schema = channel.schema.as_ref().unwrap();
-        let text = String::from_utf8(schema.data.to_vec()).unwrap();
-        let mut name = schema.name.clone();
-        for part in text.split(&"=".repeat(80)) {
-            let text = match part.trim_start().strip_prefix("MSG: ") {
-                Some(named) => {
-                    let (short, text) = named.split_once('\n').unwrap();
-                    name = short.replacen('/', "/msg/", 1);
-                    text
-                }
-                None => part,
-            };
-            let path = folder.join("definitions").join(format!("{name}.msg"));
-            fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, text).unwrap();
-        }
-    }
-}
 
 fn start(folder: &Path, device: &Device) -> Live {
     device.write(folder);

@@ -14,7 +14,7 @@ use std::time::Duration;
 use common::bags::{Bag, at, decoded};
 use common::onnx::LinearModel;
 use common::tpf::tpf;
-use node_common::{Live, peer_command};
+use node_common::{Live, peer_command, write_definitions};
 use tactile_pose_fusion::hand::NamedLayout;
 use tactile_pose_fusion::msg::{ContactArray, Float32MultiArray, MultiArrayLayout};
 
@@ -50,32 +50,6 @@ fn write_params(folder: &Path, taxels: &str, hand: &str) {
     fs::write(folder.join("params.yaml"), params).unwrap();
 }
 
-/// The definitions of the devices' types, as their packages install them.
-fn write_definitions(folder: &Path) {
-    let texts = [
-        ("teleop_ros2_interfaces", "HandJointPoses", "std_msgs/Header header\nHandJointPose[] joints\n"),
-        ("teleop_ros2_interfaces", "HandJointPose", "string name\ngeometry_msgs/Pose pose\nbool valid\n"),
-        (
-            "manus_ros2_msgs",
-            "ManusGlove",
-            "int32 glove_id\nstring side\nint32 raw_node_count\nManusRawNode[] raw_nodes\nint32 ergonomics_count\n\
-             ManusErgonomics[] ergonomics\ngeometry_msgs/Quaternion raw_sensor_orientation\nint32 raw_sensor_count\n\
-             geometry_msgs/Pose[] raw_sensor\n",
-        ),
-        (
-            "manus_ros2_msgs",
-            "ManusRawNode",
-            "int32 node_id\nint32 parent_node_id\nstring joint_type\nstring chain_type\ngeometry_msgs/Pose pose\n",
-        ),
-        ("manus_ros2_msgs", "ManusErgonomics", "string type\nfloat32 value\n"),
-    ];
-    for (package, name, text) in texts {
-        let path = folder.join(format!("definitions/{package}/msg/{name}.msg"));
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, text).unwrap();
-    }
-}
-
 /// Holds what a node recorded against a replay of it; the frames that had a pose, and their forces, N.
 fn forces_as_in_replay(folder: &Path, what: &str) -> Vec<f64> {
     tpf(folder, &["replay", "live.mcap", "--params-file", "params.yaml", "-o", "again.mcap", "--overwrite"]).ok();
@@ -94,7 +68,6 @@ fn the_simulators_hand_in_every_form_gives_live_what_its_recording_gives_in_repl
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     LinearModel::new(8, 6, 4).gains(0.001, 0.5).metadata("unit", "N").write(folder, "model.onnx");
-    write_definitions(folder);
     let forms = [
         ("openxr", "topic: /hand/poses, type: geometry_msgs/msg/PoseArray, hand.layout: openxr, hand.side: right"),
         (
@@ -114,10 +87,11 @@ fn the_simulators_hand_in_every_form_gives_live_what_its_recording_gives_in_repl
     for (form, hand) in forms {
         write_params(folder, "topic: /glove/taxels", hand);
         let glove = ["simulate", "--glove", "1", "--seed", "5", "--minutes", "2", "--hand", form];
+        tpf(folder, &[&glove[..], &["--users", "1", "--sessions", "1", "-o", form]].concat()).ok();
+        let bag = format!("{form}/glove1_user01_session1");
+        write_definitions(folder, &bag);
         if !folder.join("zero.yaml").exists() {
-            tpf(folder, &[&glove[..], &["--users", "1", "--sessions", "1", "-o", "sim"]].concat()).ok();
-            let bag = "sim/glove1_user01_session1";
-            tpf(folder, &["calibrate", bag, "--params-file", "params.yaml", "-o", "zero.yaml"]).ok();
+            tpf(folder, &["calibrate", &bag, "--params-file", "params.yaml", "-o", "zero.yaml"]).ok();
         }
         let _ = fs::remove_file(folder.join("live.mcap"));
         // The frames that never move are told once, before the node is there.

@@ -57,6 +57,30 @@ pub fn write_setup(folder: &Path, taxel_type: &str, extra: &str) {
     tpf(folder, &[&["calibrate", "session.mcap"], &args[..]].concat()).ok();
 }
 
+/// Leaves the definitions of a bag's types where a node finds them: as a driver's package installs them.
+pub fn write_definitions(folder: &Path, bag: &str) {
+    let mut reader = tactile_pose_fusion::bag::BagReader::open(&[folder.join(bag)]).unwrap();
+    while reader.next_message().unwrap().is_some() {}
+    for channel in reader.channels() {
+        let schema = channel.schema.as_ref().unwrap();
+        let text = String::from_utf8(schema.data.to_vec()).unwrap();
+        let mut name = schema.name.clone();
+        for part in text.split(&"=".repeat(80)) {
+            let text = match part.trim_start().strip_prefix("MSG: ") {
+                Some(named) => {
+                    let (short, text) = named.split_once('\n').unwrap();
+                    name = short.replacen('/', "/msg/", 1);
+                    text
+                }
+                None => part,
+            };
+            let path = folder.join("definitions").join(format!("{name}.msg"));
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+    }
+}
+
 /// A node that runs until it is stopped, or dropped.
 pub struct Live {
     child: Child,

@@ -13,22 +13,11 @@ import rclpy
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float64, int32, sequence, uint32
+from cyclonedds.idl.types import float64, sequence
 from cyclonedds.pub import DataWriter, Publisher
 from cyclonedds.topic import Topic
+from messages import Header, Time
 from std_msgs.msg import Float32MultiArray
-
-
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    sec: int32
-    nanosec: uint32
-
-
-@dataclass
-class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    stamp: Time
-    frame_id: str
 
 
 @dataclass

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use super::super::live::RosArguments;
 use super::super::{Failure, Outcome, interrupt, print, say, tell};
 use crate::leave;
-use crate::msg::{Stage, TFMessage, TaxelArray, Text, WireType, WrenchStamped, definition_text, from_cdr};
+use crate::msg::{Stage, TFMessage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
 use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::hand::Finger;
@@ -83,11 +83,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let of_glove = |topic: &str| place.topic(topic.trim_start_matches('/'));
     let taxels = listening.speak(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
     let tree = args.hand.type_tree();
-    let hand_type = match definition_text(tree.type_name()) {
-        Some(_) => known(tree.type_name()),
-        None => TopicType::Defined(&tree),
-    };
-    let joints = listening.speak(&of_glove(args.hand.topic())?, hand_type, Delivery::Data)?;
+    let joints = listening.speak(&of_glove(args.hand.topic())?, TopicType::Defined(&tree), Delivery::Data)?;
     let under = match spec.conditions.fingers {
         Fingers::Index => vec![None],
         Fingers::All => Finger::ALL.into_iter().map(Some).collect(),

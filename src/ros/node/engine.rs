@@ -259,10 +259,10 @@ impl Running {
         self.received = stamp.max(self.received.offset(1));
         // Without a core the message is not handled, and replay must not handle it either.
         if self.engine.recorder.is_some() {
-            let tells_frames = self.bindings[input].iter().any(|binding| matches!(binding, SampleBinding::Frames(..)));
+            let tells_frames = |binding: &SampleBinding| matches!(binding, SampleBinding::Frames(..));
             if self.core.is_some() {
                 self.record(Record::Input { input, received: self.received, cdr: cdr.clone() });
-            } else if tells_frames {
+            } else if self.bindings[input].iter().any(tells_frames) {
                 self.unrecorded_frames.push_back((input, self.received, cdr.clone()));
                 if self.unrecorded_frames.len() > MAX_UNRECORDED_FRAMES {
                     self.unrecorded_frames.pop_front();
