@@ -22,6 +22,10 @@ test-all:
 python-test *args:
     scripts/python-test {{args}}
 
+# Test bags and outputs by URI against a real S3 server on this machine, with faults
+cloud-test:
+    scripts/cloud-test
+
 # Build the wheel and the sdist of the Python package as they are released, into target/release-wheels, and check them
 python-wheel *args:
     scripts/python-wheel {{args}}

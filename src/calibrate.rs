@@ -107,6 +107,7 @@ fn judge(
 ) -> Result<(), CalibrateError> {
     let mut reader = BagReader::open(bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    inputs.read_only_these(&mut reader);
     'rest: while let Some(message) = reader.next_message()? {
         check(observer)?;
         for part in inputs.parts(message.channel)? {

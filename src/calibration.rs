@@ -1,14 +1,14 @@
 //! The calibration file: baselines of a glove on a hand, stored so that a session need not start in the air again.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::files;
+use crate::files::{self, NewFile};
 use crate::fusion::{ArtifactFit, Baseline, ForceGain, TactileSource};
+use crate::location;
 
 const FORMAT: &str = "tactile_pose_fusion/calibration/1";
 
@@ -90,7 +90,7 @@ impl Calibration {
     ) -> Result<Calibration, CalibrationFileError> {
         let path_buf = || path.to_path_buf();
         let mut text = String::new();
-        let read = File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_string(&mut text));
+        let read = location::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_string(&mut text));
         read.map_err(|source| CalibrationFileError::Read { path: path_buf(), source })?;
         let malformed = |reason: String| CalibrationFileError::Malformed { path: path_buf(), reason };
         if text.len() as u64 > MAX_BYTES {
@@ -138,13 +138,15 @@ impl Calibration {
     /// # Errors
     /// [`CalibrationFileError::Exists`] if the file exists, [`CalibrationFileError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), CalibrationFileError> {
-        match self.written_beside(path)?.persist_noclobber(path) {
-            Ok(_) => Ok(()),
-            Err(failed) if failed.error.kind() == std::io::ErrorKind::AlreadyExists => {
-                Err(CalibrationFileError::Exists { path: path.to_path_buf() })
-            }
-            Err(failed) => Err(CalibrationFileError::Write { path: path.to_path_buf(), source: failed.error }),
-        }
+        self.written_for(path)?.put_in_place_if_new().map_err(|error| new_error(path, error))
+    }
+
+    /// Checks that a new calibration file can be written: before somebody calibrates, not after.
+    ///
+    /// # Errors
+    /// As [`save`](Self::save).
+    pub fn check_new(path: &Path) -> Result<(), CalibrationFileError> {
+        location::check_output(path, false).map(drop).map_err(|error| new_error(path, error))
     }
 
     /// Writes a calibration file and replaces an existing one. The new file appears complete or not at all.
@@ -152,18 +154,21 @@ impl Calibration {
     /// # Errors
     /// [`CalibrationFileError::Write`].
     pub fn replace(&self, path: &Path) -> Result<(), CalibrationFileError> {
-        let persisted = self.written_beside(path)?.persist(path);
-        let failed = |failed: tempfile::PersistError| failed.error;
-        persisted
-            .map(|_| ())
-            .map_err(failed)
-            .map_err(|source| CalibrationFileError::Write { path: path.into(), source })
+        let written = self.written_for(path)?.put_in_place();
+        written.map_err(|source| CalibrationFileError::Write { path: path.into(), source })
     }
 
-    fn written_beside(&self, path: &Path) -> Result<tempfile::NamedTempFile, CalibrationFileError> {
+    fn written_for(&self, path: &Path) -> Result<NewFile, CalibrationFileError> {
         let write_error = |source| CalibrationFileError::Write { path: path.to_path_buf(), source };
         let text = serde_saphyr::to_string(self).map_err(|error| write_error(std::io::Error::other(error)))?;
-        files::written_beside(path, text.as_bytes()).map_err(write_error)
+        files::written_for(path, text.as_bytes()).map_err(write_error)
+    }
+}
+
+fn new_error(path: &Path, source: std::io::Error) -> CalibrationFileError {
+    match source.kind() {
+        std::io::ErrorKind::AlreadyExists => CalibrationFileError::Exists { path: path.to_path_buf() },
+        _ => CalibrationFileError::Write { path: path.to_path_buf(), source },
     }
 }
 

@@ -15,12 +15,11 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
-use tempfile::NamedTempFile;
 
 pub use self::cells::{Cells, Kind};
 pub use self::csv::CsvFile;
 pub use self::read::TableReader;
-use crate::files;
+use crate::files::NewFile;
 
 /// A table that can't be written.
 #[derive(Debug, thiserror::Error)]
@@ -45,7 +44,7 @@ pub struct ColumnFile {
     path: PathBuf,
     columns: Vec<(String, Kind)>,
     writer: SerializedFileWriter<File>,
-    file: NamedTempFile,
+    file: NewFile,
 }
 
 impl ColumnFile {
@@ -64,8 +63,7 @@ impl ColumnFile {
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_key_value_metadata(Some(notes))
             .build();
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let file = files::temporary_in(folder, ".tpf-").map_err(failed)?;
+        let file = NewFile::create(path).map_err(failed)?;
         let handle = file.as_file().try_clone().map_err(failed)?;
         let writer = SerializedFileWriter::new(handle, schema, Arc::new(properties)).map_err(in_file)?;
         let columns = columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect();
@@ -126,8 +124,7 @@ impl ColumnFile {
         let ColumnFile { path, writer, file, .. } = self;
         let closed = writer.close();
         closed.map_err(|error| ColumnsError::Parquet { path: path.clone(), error })?;
-        let persisted = file.as_file().sync_all().and_then(|()| file.persist(&path).map_err(|failed| failed.error));
-        persisted.map(|_| ()).map_err(|error| ColumnsError::Io { path, error })
+        file.put_in_place().map_err(|error| ColumnsError::Io { path, error })
     }
 }
 

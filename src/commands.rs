@@ -45,6 +45,7 @@ mod zero;
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
@@ -52,7 +53,10 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::bag;
 use crate::leave;
+use crate::location;
 use crate::model::first_run;
+#[cfg(feature = "ros")]
+use crate::protocol::Protocol;
 use crate::report::terminal::{Voice, fitted, set_voice, stderr_columns, stdout_columns, voice};
 
 /// Pose-aware tactile force: taxels and joint angles in, wrench and contact out.
@@ -209,7 +213,7 @@ static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
 
 /// Parses a command line. What is asked of the command line itself, and usage errors, are printed; `Err` is the exit code.
 fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Cli, u8> {
-    let args: Vec<OsString> = args.into_iter().collect();
+    let args: Vec<OsString> = args.into_iter().map(location::in_word).collect();
     let _ = WORDS.set(args.clone()); // a process has one command line
     let parsed = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
     parsed.map_err(|error| {
@@ -268,6 +272,24 @@ fn exit(program: &str, outcome: Result<Outcome, Failure>) -> u8 {
             1
         }
     }
+}
+
+/// The protocol in a file of this machine, or the paper's.
+#[cfg(feature = "ros")]
+fn protocol(file: Option<&Path>) -> Result<Protocol, Failure> {
+    let Some(file) = file else { return Ok(Protocol::paper()) };
+    location::only_read_here(file).map_err(|error| Failure(format!("{}: {error}", file.display())))?;
+    Ok(Protocol::load(file)?)
+}
+
+/// Refuses an output that can't be written, or that is there and is not to be replaced.
+fn check_output(path: &Path, overwrite: bool) -> Result<(), Failure> {
+    location::check_output(path, overwrite).map(drop).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => {
+            Failure(format!("{} is there already; give another name, or --overwrite", path.display()))
+        }
+        _ => Failure(format!("{}: {error}", path.display())),
+    })
 }
 
 /// Writes a result to stdout, at the width of a terminal.

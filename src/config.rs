@@ -9,7 +9,6 @@ mod scalar;
 mod text;
 mod yaml;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -18,6 +17,8 @@ pub use error::{ConfigError, ParamError};
 pub use names::{NameError, NodeName, resolve_name};
 pub use param_file::{Origin, Param, ParamTree, parse_param_file, parse_param_files};
 pub use scalar::ParamValue;
+
+use crate::location;
 
 /// Default for the node's full name.
 pub const DEFAULT_NODE: &str = "/tactile_pose_fusion";
@@ -48,7 +49,7 @@ pub fn load_tree<P: AsRef<Path>>(paths: &[P], node_fqn: &str) -> Result<ParamTre
 fn read(path: &Path) -> Result<String, ConfigError> {
     let refuse = |reason: String| ConfigError::Read { file: text::printable(&path.to_string_lossy()), reason };
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|e| refuse(e.to_string()))?;
+    let file = location::open(path).map_err(|e| refuse(e.to_string()))?;
     file.take(yaml::MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(|e| refuse(e.to_string()))?;
     if bytes.len() > yaml::MAX_BYTES {
         return Err(refuse(format!("it has more than {} bytes", yaml::MAX_BYTES)));

@@ -1,4 +1,6 @@
-//! Files and folders that appear whole under their name or not at all.
+//! Files and folders that appear whole under their name or not at all, on this machine or in a store.
+//!
+//! What goes to a URI is written to the folder for temporary files first, and sent when it is complete.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -6,14 +8,87 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempDir};
 
-/// A hidden file beside `path` that holds `bytes` and is on the disk: whoever asked for it gives it its name.
+use crate::location;
+
+/// A file that has no name yet; dropped, it is gone.
+#[derive(Debug)]
+pub struct NewFile {
+    out: PathBuf,
+    temp: NamedTempFile,
+    /// Whether something had its name when it was begun.
+    replaces: bool,
+}
+
+impl NewFile {
+    /// A hidden file beside `out`, or a temporary one where `out` is a URI, whose store is asked whether it takes the file.
+    ///
+    /// # Errors
+    /// The system's error if it can't be made, or one line on what the store said.
+    pub fn create(out: &Path) -> io::Result<Self> {
+        let replaces = location::check_output(out, true)?;
+        Self::begin(out, replaces)
+    }
+
+    fn begin(out: &Path, replaces: bool) -> io::Result<Self> {
+        let temp = match location::local(out) {
+            Some(here) => temporary_in(parent_of(&here), ".tpf-")?,
+            None => temporary_in(&std::env::temp_dir(), "tpf-")?,
+        };
+        Ok(NewFile { out: out.to_path_buf(), temp, replaces })
+    }
+
+    /// Where its bytes are until it has its name.
+    pub fn path(&self) -> &Path {
+        self.temp.path()
+    }
+
+    /// The file that is written to.
+    pub fn as_file(&self) -> &File {
+        self.temp.as_file()
+    }
+
+    /// Gives it its name, in place of what is there. In a store it replaces only what was there when it was begun.
+    ///
+    /// # Errors
+    /// The system's error, or the store's; what was there is then as it was.
+    pub fn put_in_place(self) -> io::Result<()> {
+        self.temp.as_file().sync_all()?;
+        match location::local(&self.out) {
+            Some(here) => self.temp.persist(here).map(|_| ()).map_err(|failed| failed.error),
+            None => location::put(self.temp.path(), &self.out, self.replaces),
+        }
+    }
+
+    /// Gives it its name, if nothing has that name.
+    ///
+    /// # Errors
+    /// `AlreadyExists`, the system's error, or the store's.
+    pub fn put_in_place_if_new(self) -> io::Result<()> {
+        self.temp.as_file().sync_all()?;
+        match location::local(&self.out) {
+            Some(here) => self.temp.persist_noclobber(here).map(|_| ()).map_err(|failed| failed.error),
+            None => location::put(self.temp.path(), &self.out, false),
+        }
+    }
+}
+
+impl Write for NewFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.temp.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.temp.flush()
+    }
+}
+
+/// A file that is to be at `path` and holds `bytes`: whoever asked for it gives it its name.
 ///
 /// # Errors
 /// The system's error if it can't be made or written.
-pub fn written_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
-    let mut file = temporary_in(parent_of(path), ".tpf-")?;
+pub fn written_for(path: &Path, bytes: &[u8]) -> io::Result<NewFile> {
+    let mut file = NewFile::begin(path, true)?;
     file.write_all(bytes)?;
-    file.as_file().sync_all()?;
     Ok(file)
 }
 
@@ -22,7 +97,15 @@ pub fn written_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
 /// # Errors
 /// The system's error; the existing file is then unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    written_beside(path, bytes)?.persist(path).map(|_| ()).map_err(|failed| failed.error)
+    written_for(path, bytes)?.put_in_place()
+}
+
+/// Makes a folder for outputs, if it is not there. In a store there is nothing to make.
+///
+/// # Errors
+/// The system's error.
+pub fn make_folder(folder: &Path) -> io::Result<()> {
+    location::local(folder).map_or(Ok(()), std::fs::create_dir_all)
 }
 
 /// A temporary file, with the permissions that any new file gets.
@@ -54,18 +137,24 @@ pub fn temporary_folder_in(parent: &Path, prefix: &str) -> io::Result<TempDir> {
 pub struct NewFolder {
     out: PathBuf,
     temp: TempDir,
+    last: &'static [&'static str],
 }
 
 impl NewFolder {
-    /// A hidden folder beside `out`, which is not there.
+    /// A hidden folder beside `out`, which is not there. To a store, the files that are named `last` are sent behind the
+    /// others: without them it is no whole folder of its kind.
     ///
     /// # Errors
     /// `AlreadyExists` if it is, or the system's error.
-    pub fn create(out: &Path) -> io::Result<Self> {
-        refuse_existing(out)?;
-        let name = out.file_name().ok_or_else(|| io::Error::other("is no name for a folder"))?;
-        let temp = temporary_folder_in(parent_of(out), &format!(".{}.", name.to_string_lossy()))?;
-        Ok(NewFolder { out: out.to_path_buf(), temp })
+    pub fn create(out: &Path, last: &'static [&'static str]) -> io::Result<Self> {
+        location::check_output(out, false)?;
+        let Some(here) = location::local(out) else {
+            let temp = temporary_folder_in(&std::env::temp_dir(), "tpf-")?;
+            return Ok(NewFolder { out: out.to_path_buf(), temp, last });
+        };
+        let name = here.file_name().ok_or_else(|| io::Error::other("is no name for a folder"))?;
+        let temp = temporary_folder_in(parent_of(&here), &format!(".{}.", name.to_string_lossy()))?;
+        Ok(NewFolder { out: here.to_path_buf(), temp, last })
     }
 
     /// Where to write to.
@@ -78,20 +167,16 @@ impl NewFolder {
     /// # Errors
     /// `AlreadyExists` when something has that name by now, or the system's error.
     pub fn put_in_place(self) -> io::Result<()> {
-        let NewFolder { out, temp } = self;
-        refuse_existing(&out)?;
+        let NewFolder { out, temp, last } = self;
+        location::check_output(&out, false)?;
+        if location::is_remote(&out) {
+            return location::put_folder(temp.path(), &out, last);
+        }
         std::fs::rename(temp.path(), &out)?;
         let _ = temp.keep(); // it has another name now, and nothing is to be removed
         // The name is on the disk only when its folder is; not every file system lets a folder be synced.
         let _ = File::open(parent_of(&out)).and_then(|parent| parent.sync_all());
         Ok(())
-    }
-}
-
-fn refuse_existing(out: &Path) -> io::Result<()> {
-    match std::fs::symlink_metadata(out) {
-        Ok(_) => Err(io::Error::new(io::ErrorKind::AlreadyExists, "is there already")),
-        Err(_) => Ok(()),
     }
 }
 
@@ -107,15 +192,15 @@ mod tests {
     fn a_folder_has_its_name_when_it_is_whole_and_takes_that_of_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("dataset");
-        let new = NewFolder::create(&out).unwrap();
+        let new = NewFolder::create(&out, &[]).unwrap();
         std::fs::write(new.path().join("file"), b"").unwrap();
         assert!(!out.exists());
         new.put_in_place().unwrap();
         assert!(out.join("file").exists());
-        assert_eq!(NewFolder::create(&out).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(NewFolder::create(&out, &[]).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
 
         let other = folder.path().join("other");
-        let late = NewFolder::create(&other).unwrap();
+        let late = NewFolder::create(&other, &[]).unwrap();
         std::fs::create_dir(&other).unwrap();
         assert_eq!(late.put_in_place().unwrap_err().kind(), io::ErrorKind::AlreadyExists);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing hidden is left");

@@ -134,6 +134,7 @@ pub mod init;
 pub mod inspect;
 mod kernels;
 pub mod leave;
+pub mod location;
 pub mod model;
 pub mod msg;
 pub mod observer;

@@ -4,7 +4,6 @@
 //! a runtime opens it, and trial runs check what the file can't guarantee. The result is a [`Regressor`], which is the
 //! runtime, or our own code if it gives the same forces, and a [`ModelInfo`].
 
-use std::fs::File;
 use std::io::Read;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -21,6 +20,7 @@ use self::onnx::{Message, ModelProto};
 use self::paper::Paper;
 use self::session::{Runtime, Session};
 use crate::fusion::{ForceAxes, ForceUnit, Regressor};
+use crate::location;
 
 mod causal;
 mod comparison;
@@ -270,7 +270,7 @@ fn read(path: &Path) -> Result<Vec<u8>, ModelError> {
     let failed = |reason| ModelError::Read { path: path.to_path_buf(), reason };
     let limit = MAX_FILE_MIB << 20;
     let mut bytes = Vec::new();
-    File::open(path).map_err(failed)?.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
+    location::open(path).map_err(failed)?.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > limit {
         return Err(ModelError::TooLarge { path: path.to_path_buf(), limit_mib: MAX_FILE_MIB });
     }

@@ -9,8 +9,7 @@ mod modelled;
 mod shard;
 mod touches;
 
-use std::fs::File;
-use std::io::Read;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -24,6 +23,7 @@ pub use shard::{Shard, ShardError};
 pub use touches::{KnownForces, RegionTouches, force_gains};
 
 use crate::bag::{BagError, BagReader, Recordings, recordings_at, shown};
+use crate::location;
 use crate::observer::Observer;
 
 /// Name of a session in results: the name of its bag without folder and extension.
@@ -59,7 +59,7 @@ pub fn fingerprint(bag: &Path) -> Result<String, SessionError> {
 
 /// Adds the content of a file to a hash.
 pub(crate) fn hash_file(hash: &mut Sha256, path: &Path) -> std::io::Result<()> {
-    let mut file = File::open(path)?;
+    let mut file = location::open(path)?;
     let mut buffer = vec![0; 1 << 20];
     loop {
         match file.read(&mut buffer)? {

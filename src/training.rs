@@ -24,6 +24,7 @@ use crate::config::Config;
 use crate::eval::{Part, Split, SplitBy};
 use crate::files;
 use crate::fusion::ForceAxes;
+use crate::location;
 use crate::observer::Observer;
 use crate::sessions::InAir;
 use crate::train::{
@@ -114,6 +115,7 @@ impl Request {
         if self.train.light_touches > 0.0 && self.train.kind != Kind::Adaptive {
             return Err(TrainingError::LightTouches);
         }
+        location::only_here(&path).map_err(|error| TrainingError::at(&path, &error))?;
         if self.axes == ForceAxes::Patch && self.train.kind == Kind::Adaptive {
             return Err(TrainingError::AdaptiveAxes);
         }

@@ -4,6 +4,7 @@ mod cli;
 mod error;
 mod estimates;
 mod parameters;
+mod places;
 mod prepare;
 mod streaming;
 mod work;
@@ -20,6 +21,8 @@ mod _core {
     use super::estimates::{Column, Estimates};
     #[pymodule_export]
     use super::parameters::Parameters;
+    #[pymodule_export]
+    use super::places::{is_remote, place};
     #[pymodule_export]
     use super::prepare::{init, inspect, train};
     #[pymodule_export]

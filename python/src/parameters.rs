@@ -7,6 +7,7 @@ use tactile_pose_fusion::config::{Config, Origin, ParamTree, ParamValue, load_tr
 use tactile_pose_fusion::model::BackendChoice;
 
 use crate::error::{Kind, exception, raise};
+use crate::work;
 
 /// Topics, taxels, joints, models and thresholds: what parameter files say.
 #[pyclass(frozen, module = "tactile_pose_fusion._core")]
@@ -20,8 +21,14 @@ pub(crate) struct Parameters {
 impl Parameters {
     #[new]
     #[pyo3(signature = (files, overrides, node, backend))]
-    fn new(files: Vec<PathBuf>, overrides: Vec<String>, node: &str, backend: Option<&str>) -> PyResult<Self> {
-        let mut tree = load_tree(&files, node).map_err(|error| raise(&error))?;
+    fn new(
+        py: Python<'_>,
+        files: Vec<PathBuf>,
+        overrides: Vec<String>,
+        node: &str,
+        backend: Option<&str>,
+    ) -> PyResult<Self> {
+        let mut tree = work::quietly(py, || load_tree(&files, node))?;
         for rule in &overrides {
             let set = tree.set_override(rule).map_err(|error| exception(Kind::Parameter, error.to_string()))?;
             if !set {

@@ -17,6 +17,7 @@ use tactile_pose_fusion::zero::from_file;
 use crate::error::{Kind, exception, raise};
 use crate::estimates::{Estimates, Track, take};
 use crate::parameters::Parameters;
+use crate::work;
 
 /// A glove: parameters, and models that can be loaded.
 #[pyclass(frozen, module = "tactile_pose_fusion._core")]
@@ -30,7 +31,7 @@ impl Glove {
     #[new]
     fn new(py: Python<'_>, parameters: &Parameters) -> PyResult<Self> {
         let cfg = parameters.config();
-        let models = py.detach(|| glove::Models::load(&cfg)).map_err(|error| raise(&GloveError::from(error)))?;
+        let models = work::quietly(py, || glove::Models::load(&cfg).map_err(GloveError::from))?;
         let notes = models.runtimes(&cfg).into_iter().chain(models.notes(&cfg)).collect();
         Ok(Glove { cfg, notes })
     }
@@ -59,12 +60,11 @@ impl Glove {
     fn core(&self, py: Python<'_>, batch: usize) -> PyResult<Core> {
         let mut cfg = self.cfg.clone();
         cfg.fusion.batch = batch.clamp(1, 4096);
-        let made = py.detach(|| {
+        let (fusion, infos) = work::quietly(py, || {
             let models = glove::Models::load(&cfg)?;
             let fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
             Ok::<_, GloveError>((fusion, models.infos))
-        });
-        let (fusion, infos) = made.map_err(|error| raise(&error))?;
+        })?;
         let tracks = vec![Track::default(); cfg.fusion.regions.len()];
         Ok(Core { state: Mutex::new(State { fusion, tracks }), cfg, infos })
     }
@@ -167,11 +167,10 @@ impl Core {
 
     /// Takes the zero of a calibration file; returns what a person should know, a line each.
     fn load_calibration(&self, py: Python<'_>, path: PathBuf) -> PyResult<Vec<String>> {
-        py.detach(|| {
-            let zero = from_file(&path, &self.cfg, &known(&self.cfg, &self.infos)).map_err(|error| raise(&error))?;
-            zero.install(&mut self.state().fusion).map_err(|error| raise(&error))?;
-            Ok(zero.notes)
-        })
+        let zero = work::quietly(py, || from_file(&path, &self.cfg, &known(&self.cfg, &self.infos)))?;
+        let installed = py.detach(|| zero.install(&mut self.state().fusion));
+        installed.map_err(|error| raise(&error))?;
+        Ok(zero.notes)
     }
 
     /// Takes taxels, joint angles or both.

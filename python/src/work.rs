@@ -3,11 +3,11 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use tactile_pose_fusion::observer::Observer;
+use tactile_pose_fusion::observer::{Observer, cancelled_by};
 use tactile_pose_fusion::train::Progress;
 
 use crate::error::{Refusal, raise};
@@ -22,7 +22,8 @@ pub(crate) struct Watch {
     steps: Mutex<Vec<String>>,
     done: AtomicU64,
     total: AtomicU64,
-    is_cancelled: AtomicBool,
+    /// Also ends waiting for a store.
+    is_cancelled: Arc<AtomicBool>,
 }
 
 impl Observer for Watch {
@@ -78,13 +79,31 @@ pub(crate) fn run<T: Send, E: Refusal + Send>(
     watcher: &Bound<'_, PyAny>,
     work: impl FnOnce(&Watch) -> Result<T, E> + Send,
 ) -> PyResult<T> {
-    let py = watcher.py();
+    wait_for(watcher.py(), &mut |watch| watch.tell(watcher), work)
+}
+
+/// Does work that tells nothing, and may take a while where a file is not on this machine.
+///
+/// # Errors
+/// The exception of the work's own error, or of Ctrl-C.
+pub(crate) fn quietly<T: Send, E: Refusal + Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T, E> + Send,
+) -> PyResult<T> {
+    wait_for(py, &mut |_| py.check_signals(), |_| work())
+}
+
+fn wait_for<T: Send, E: Refusal + Send>(
+    py: Python<'_>,
+    tell: &mut dyn FnMut(&Watch) -> PyResult<()>,
+    work: impl FnOnce(&Watch) -> Result<T, E> + Send,
+) -> PyResult<T> {
     let watch = Watch::default();
     let (done, is_done) = channel();
     let (result, raised) = std::thread::scope(|scope| -> PyResult<_> {
         let watch = &watch;
         let body = move || {
-            let result = work(watch);
+            let result = cancelled_by(Some(Arc::clone(&watch.is_cancelled)), || work(watch));
             let _ = done.send(()); // whoever waits also looks whether this thread is there
             result
         };
@@ -94,7 +113,7 @@ pub(crate) fn run<T: Send, E: Refusal + Send>(
         loop {
             let waited = py.detach(|| is_done.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK_EVERY));
             if raised.is_none()
-                && let Err(error) = watch.tell(watcher)
+                && let Err(error) = tell(watch)
             {
                 watch.is_cancelled.store(true, Ordering::Relaxed);
                 raised = Some(error);

@@ -134,7 +134,7 @@ impl Inputs {
         let needed: Vec<&str> = taxels.chain(joints).chain(truth).collect();
         reader.watch_order(&needed);
         if let Some(folder) = &topics.message_definitions {
-            reader.look_for_definitions_in(folder);
+            reader.look_for_definitions_in(folder)?;
         }
         reader.scan(&needed)?;
         for name in &needed {
@@ -227,6 +227,11 @@ impl Inputs {
             count(&mut self.counters, &channel.topic, std::mem::take(parts));
         }
         input
+    }
+
+    /// Lets a reader pass over what means nothing here. Returns whether something is left out.
+    pub fn read_only_these(&self, reader: &mut BagReader) -> bool {
+        reader.read_only(&self.topics())
     }
 
     /// The topics that mean anything here.

@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use super::error::{BagError, one_line};
 use super::qos::{self, QosProfile};
+use crate::location;
 
 /// Name of the file within a bag folder.
 pub(super) const METADATA_FILE: &str = "metadata.yaml";
@@ -49,7 +50,7 @@ impl Listing {
 /// [`BagError::Metadata`] when it is none.
 pub(super) fn read(path: &Path) -> Result<Listing, BagError> {
     let metadata = |why: String| BagError::Metadata { path: path.to_path_buf(), why };
-    let file = std::fs::File::open(path).map_err(|error| BagError::io(path, "open", error))?;
+    let file = location::open(path).map_err(|error| BagError::io(path, "open", error))?;
     let mut text = Vec::new();
     file.take(MAX_METADATA_BYTES).read_to_end(&mut text).map_err(|error| BagError::io(path, "read", error))?;
     let text = String::from_utf8(text).map_err(|_| metadata("is not UTF-8 text".to_owned()))?;

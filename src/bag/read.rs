@@ -22,7 +22,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::error::{BagError, one_line};
-use crate::msg::definition::Definitions;
+use crate::location::{self, Place};
+use crate::msg::definition::Definitions as Types;
 use crate::units::Stamp;
 use channels::ChannelTable;
 pub use channels::{BagChannel, BagSchema, SchemaError};
@@ -31,8 +32,8 @@ use head::{Head, MESSAGE_HEAD_LEN};
 pub use locate::{Recordings, recordings_at};
 pub use loss::Loss;
 use loss::Losses;
-use order::{Chunks, Late};
-use storage::{Order, Storage, first_log_time};
+use order::{ChunkPlace, Chunks, Late, Only, Order};
+use storage::{Storage, first_log_time};
 
 /// The longest record that is read, in bytes. A message over it is passed over and noted as a loss.
 ///
@@ -118,7 +119,11 @@ struct Input {
 
 /// One file of a recording.
 struct Part {
+    place: Place,
+    /// Name of the file.
     path: PathBuf,
+    /// Where its chunks are, as its index says, and its channels: of a file that is not on this machine.
+    index: Option<Only>,
     /// Log time of its first message, where it matters and is known.
     begin: Option<Stamp>,
     order: Order,
@@ -151,7 +156,7 @@ pub struct BagReader {
     notes: Vec<String>,
     summary: BagSummary,
     /// Files without a list of their channels, with their inputs.
-    unlisted: Vec<(usize, PathBuf)>,
+    unlisted: Vec<(usize, Place)>,
     /// The input, and the file of those that it has open, whose record was handed out last; it reads on when the next one
     /// is asked for.
     handed_out: Option<(usize, usize)>,
@@ -186,7 +191,7 @@ impl BagReader {
         let mut reader = BagReader {
             inputs: Vec::new(),
             as_written,
-            table: ChannelTable::new(Definitions::of_this_machine(None)),
+            table: ChannelTable::new(Types::of_this_machine(None)),
             losses: Losses::default(),
             notes: Vec::new(),
             summary: BagSummary { lists_channels: true, n_messages: Some(0), ..BagSummary::default() },
@@ -208,15 +213,16 @@ impl BagReader {
         let input_idx = self.inputs.len();
         let located = locate::files(input)?;
         self.notes.extend(located.note);
-        let is_split = located.paths.len() > 1 && !self.as_written;
+        let is_split = located.places.len() > 1 && !self.as_written;
         let mut files = Vec::new();
         let mut first_error = None;
-        for path in located.paths {
-            let canonical = path.canonicalize().map_err(|error| BagError::io(&path, "open", error))?;
+        for place in located.places {
+            let path = place.path().to_path_buf();
+            let canonical = location::canonical(&path).map_err(|error| BagError::io(&path, "open", error))?;
             if !seen.insert(canonical) {
                 return Err(BagError::DuplicateInput { path });
             }
-            match self.inspect(path.clone(), input_idx, is_split) {
+            match self.inspect(place, input_idx, is_split) {
                 Ok(part) => files.push(part),
                 // A recorder that was killed leaves its last file without a first byte on the disk.
                 Err(error @ BagError::NotABag { .. }) if located.unlisted => {
@@ -237,25 +243,43 @@ impl BagReader {
     }
 
     /// Look at the begin and the end of one file.
-    fn inspect(&mut self, path: PathBuf, input: usize, is_split: bool) -> Result<Part, BagError> {
-        let as_written = self.as_written;
-        let mut file = Storage::open(&path, Order { as_written, ..Order::default() })?;
+    fn inspect(&mut self, place: Place, input: usize, is_split: bool) -> Result<Part, BagError> {
+        let (as_written, path) = (self.as_written, place.path().to_path_buf());
+        let mut file = Storage::open(&place, Order { as_written, ..Order::default() })?;
         file.check_header()?;
         self.bytes_total = self.bytes_total.saturating_add(file.size());
-        let Some(of_file) = storage::summary(&path, input, &mut self.table)? else {
-            self.unlisted.push((input, path.clone()));
+        if place.is_remote()
+            && let Some(copy) = place.copy()
+        {
+            let n_bytes = copy.metadata().map_or(0, |metadata| metadata.len());
+            self.notes.push(format!(
+                "{}: read from a copy of {n_bytes} bytes in the folder for temporary files",
+                path.display()
+            ));
+        }
+        let Some(of_file) = storage::summary(&place, input, &mut self.table)? else {
+            self.unlisted.push((input, place.clone()));
             self.summary = BagSummary::default();
-            let begin = if is_split { first_log_time(&path)? } else { None };
-            return Ok(Part { path, begin, order: Order { as_written, ..Order::default() } });
+            let begin = if is_split { first_log_time(&place)? } else { None };
+            return Ok(Part { place, path, index: None, begin, order: Order { as_written, ..Order::default() } });
         };
         let begin = match &of_file.statistics {
             _ if !is_split => None,
             Some(statistics) => statistics.span.map(|(first, _)| first),
-            None => first_log_time(&path)?,
+            None => first_log_time(&place)?,
         };
+        if is_split {
+            place.forget_ends(); // of hundreds of files
+        }
+        let is_indexed = place.is_remote() && of_file.is_indexed;
+        let index = of_file.definitions.filter(|_| is_indexed).map(|definitions| Only {
+            places: of_file.chunks.clone(),
+            notes: of_file.notes,
+            definitions,
+        });
         let chunks = if as_written { None } else { Chunks::to_be_ordered(of_file.chunks) };
-        let order = Order { chunks, by_time: of_file.by_time, as_written };
-        let part = Part { path: path.clone(), begin, order };
+        let order = Order { chunks, by_time: of_file.by_time, as_written, ..Order::default() };
+        let part = Part { place, path: path.clone(), index, begin, order };
         if let Some(got) = of_file.unknown_compression {
             return Err(BagError::Compression { path, got });
         }
@@ -288,8 +312,8 @@ impl BagReader {
         // What is damaged is noted when the messages are read.
         let mut losses = Losses::default();
         let mut body = Vec::new();
-        for (input, path) in &self.unlisted {
-            let mut file = Storage::open(path, Order { as_written: true, ..Order::default() })?;
+        for (input, place) in &self.unlisted {
+            let mut file = Storage::open(place, Order { as_written: true, ..Order::default() })?;
             let mut n_known = usize::MAX;
             loop {
                 let known = self.table.all();
@@ -335,18 +359,44 @@ impl BagReader {
         }))
     }
 
+    /// Read these topics only, where that spares anything: of a file that is not on this machine and has an index, chunks
+    /// without a message of theirs are not asked for, and neither are attachments. All other files are read whole, so that
+    /// damage anywhere in them is said. Messages of other topics may still come. Only before messages are read.
+    ///
+    /// Returns whether something is left out.
+    pub fn read_only(&mut self, topics: &BTreeSet<String>) -> bool {
+        let table = self.table.all();
+        let is_wanted = |channel: usize| table.get(channel).is_some_and(|channel| topics.contains(&channel.topic));
+        let mut spares = false;
+        for part in self.inputs.iter_mut().flat_map(|input| &mut input.files) {
+            if let Some(Only { places, notes, definitions }) = &part.index {
+                let wanted = |place: &&ChunkPlace| place.may_hold(definitions, &is_wanted);
+                let (places, notes) = (places.iter().filter(wanted).cloned().collect(), notes.clone());
+                part.order.only = Some(Only { places, notes, definitions: definitions.clone() });
+                spares = true;
+            }
+        }
+        spares
+    }
+
     /// Watch that messages of these topics come in the order of time among each other; that they don't is a loss.
     pub fn watch_order(&mut self, topics: &[&str]) {
         self.watched.extend(topics.iter().map(|topic| (*topic).to_owned()));
     }
 
     /// Look for the types that the bag doesn't define in this folder too, before those of packages on `AMENT_PREFIX_PATH`.
-    pub fn look_for_definitions_in(&mut self, folder: &Path) {
-        self.table.look_among(Definitions::of_this_machine(Some(folder)));
+    ///
+    /// # Errors
+    /// [`BagError::Io`] where the folder is not on this machine.
+    pub fn look_for_definitions_in(&mut self, folder: &Path) -> Result<(), BagError> {
+        location::only_read_here(folder).map_err(|error| BagError::io(folder, "open", error))?;
+        let here = location::local(folder);
+        self.table.look_among(Types::of_this_machine(here.as_deref()));
+        Ok(())
     }
 
     /// Where types that the bag doesn't define are looked for.
-    pub fn definitions(&self) -> &Definitions {
+    pub fn definitions(&self) -> &Types {
         self.table.installed()
     }
 
@@ -478,7 +528,7 @@ impl BagReader {
                 return Ok(());
             }
             *next_file += 1;
-            let file = Storage::open(&part.path, std::mem::take(&mut part.order))?;
+            let file = Storage::open(&part.place, std::mem::take(&mut part.order))?;
             open.push(OpenFile { file, head: None, body: Vec::new() });
         }
     }

@@ -71,6 +71,7 @@ impl Loader<'_> {
         let mut topics = input_topics(&cfg);
         topics.truth = truths.iter().map(|truth| self.cfg.truth[*truth].clone()).collect();
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| in_bag(&error))?;
+        inputs.read_only_these(&mut reader);
         let zero = zero::find(self.request.zero, &cfg, &bags, &known(&cfg, &[]));
         let zero = zero.map_err(|error| in_bag(&error))?;
         zero.notes.iter().for_each(|note| self.observer.note(note));

@@ -2,16 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
-
 use super::{Cells, ColumnsError, Kind, check};
-use crate::files;
+use crate::files::NewFile;
 
 /// A CSV file that is being written. It gets its name only when it is complete. A cell without a value is empty.
 pub struct CsvFile {
     path: PathBuf,
     columns: Vec<(String, Kind)>,
-    writer: csv::Writer<NamedTempFile>,
+    writer: csv::Writer<NewFile>,
 }
 
 impl CsvFile {
@@ -20,8 +18,7 @@ impl CsvFile {
     /// # Errors
     /// [`ColumnsError`] if the file can't be created in the folder of `path`.
     pub fn create(path: &Path, columns: &[(&str, Kind)]) -> Result<Self, ColumnsError> {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let file = files::temporary_in(folder, ".tpf-");
+        let file = NewFile::create(path);
         let file = file.map_err(|error| ColumnsError::Io { path: path.to_path_buf(), error })?;
         let columns = columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect();
         let mut table = CsvFile { path: path.to_path_buf(), columns, writer: csv::Writer::from_writer(file) };
@@ -51,10 +48,7 @@ impl CsvFile {
         let CsvFile { path, mut writer, .. } = self;
         let flushed = writer.flush();
         let inner = writer.into_inner().map_err(|failed| std::io::Error::other(failed.to_string()));
-        let written = flushed.and(inner).and_then(|file| {
-            file.as_file().sync_all()?;
-            file.persist(&path).map(|_| ()).map_err(|failed| failed.error)
-        });
+        let written = flushed.and(inner).and_then(NewFile::put_in_place);
         written.map_err(|error| ColumnsError::Io { path, error })
     }
 

@@ -13,6 +13,7 @@ use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::Type;
 
 use super::{Cells, ColumnsError, Kind, seal};
+use crate::location::{self, LocalFile};
 use crate::units::Stamp;
 
 /// Maximum number of values of a column in a group: a list of a week at 100 Hz. The number in the file can't be
@@ -25,6 +26,8 @@ const BATCH: usize = 1024;
 /// A table to read. Bytes that are not a table give an error and never end the process.
 pub struct TableReader {
     path: PathBuf,
+    /// Where its bytes are.
+    local: LocalFile,
     columns: Vec<(String, Kind)>,
     reader: SerializedFileReader<File>,
 }
@@ -35,7 +38,9 @@ impl TableReader {
     /// # Errors
     /// [`ColumnsError`] if it can't be read, is incomplete, or has columns of a type that [`Kind`] doesn't have.
     pub fn open(path: &Path) -> Result<Self, ColumnsError> {
-        let file = File::open(path).map_err(|error| ColumnsError::Io { path: path.to_path_buf(), error })?;
+        let failed = |error| ColumnsError::Io { path: path.to_path_buf(), error };
+        let local = location::local_file(path).map_err(failed)?;
+        let file = File::open(local.path()).map_err(failed)?;
         let reader = guarded(path, || SerializedFileReader::new(file))?;
         let fields = reader.metadata().file_metadata().schema().get_fields();
         let column = |field: &Type| match kind_of(field) {
@@ -43,7 +48,7 @@ impl TableReader {
             None => Err(damaged(path, format!("column {} is of a kind that is not ours", field.name()))),
         };
         let columns = fields.iter().map(|field| column(field)).collect::<Result<_, _>>()?;
-        Ok(TableReader { path: path.to_path_buf(), columns, reader })
+        Ok(TableReader { path: path.to_path_buf(), local, columns, reader })
     }
 
     /// Opens a table that was sealed with [`ColumnFile::seal`](super::ColumnFile::seal), and checks that it is
@@ -55,7 +60,7 @@ impl TableReader {
         let table = Self::open(path)?;
         let Some(noted) = table.note(seal::NOTE) else { return Ok(table) };
         let groups = table.reader.metadata().row_groups().iter();
-        let found = seal::n_bytes(noted).map(|n_bytes| seal::of(path, n_bytes, groups)).transpose();
+        let found = seal::n_bytes(noted).map(|n_bytes| seal::of(table.local.path(), n_bytes, groups)).transpose();
         let found = found.map_err(|error| ColumnsError::Io { path: path.to_path_buf(), error })?;
         if found.as_deref() != Some(noted) {
             return Err(damaged(path, "it was changed after it was written".to_owned()));

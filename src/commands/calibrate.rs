@@ -98,6 +98,7 @@ fn known_forces(args: &Args, cfg: &Config) -> Result<Option<KnownForces>, Failur
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut cfg = args.params.load()?;
     args.models.apply(&mut cfg)?;
+    Calibration::check_new(&args.output)?;
     #[cfg(feature = "ros")]
     if args.live.live {
         return live::run(args, cfg);

@@ -10,6 +10,7 @@ use super::monitor::seconds;
 use super::progress::Progress;
 use super::{Failure, Outcome, print, say};
 use crate::config::{DEFAULT_NODE, NodeName, ParamTree, ParamValue};
+use crate::location;
 use crate::ros::{CallError, Caller, NodeParameter};
 use crate::units::NANOS_PER_SEC;
 
@@ -79,6 +80,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             ["nothing", "FILE", "nothing, NAME, or NAME VALUE"][*takes.end()]
         )));
     }
+    if let (What::Load, [file]) = (args.what, &words[..]) {
+        location::only_read_here(Path::new(file)).map_err(|error| Failure(format!("{file}: {error}")))?;
+    }
     let setting = match words[..] {
         [name, value] => Some((name, parsed(name, value)?)),
         _ => None,
@@ -90,7 +94,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         (What::Tare, ..) => caller.tare(),
         (What::State, ..) => caller.state(),
         (What::Load, _, [file]) => {
-            // A file that is not here may be on the machine of the node.
+            // A file that is not here may be on the machine of the node, which takes no URI.
             let here = Path::new(file).canonicalize().map(|path| path.display().to_string());
             let file = ParamValue::Str(here.unwrap_or_else(|_| (*file).to_owned()));
             caller.set_parameter("calibration.file", &file).map(|set| format!("in use: {}", value(&set)))

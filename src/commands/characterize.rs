@@ -7,7 +7,7 @@ use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::zero::ZeroArgs;
-use super::{Failure, Outcome, interrupt, print, say, tell};
+use super::{Failure, Outcome, check_output, interrupt, print, say, tell};
 use crate::characterization::{MIN_GAIN, Request, run as characterize};
 use crate::files;
 use crate::report::characterization;
@@ -43,9 +43,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen();
-    if let Some(path) = args.report.as_deref().filter(|path| path.exists() && !args.overwrite) {
-        return Err(Failure(format!("{} is there already; give another name, or --overwrite", path.display())));
-    }
+    args.report.as_deref().map_or(Ok(()), |path| check_output(path, args.overwrite))?;
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
     let bags = find_bags(&args.bags)?;
     let request = Request {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::Failure;
+use super::{Failure, check_output};
 use crate::eval::Check;
 use crate::files;
 use crate::report::checks::{json_lines, junit};
@@ -22,6 +22,11 @@ impl CheckArgs {
     /// Whether checks are asked for at all.
     pub(super) fn are_wanted(&self) -> bool {
         self.junit.is_some() || self.jsonl.is_some()
+    }
+
+    /// Refuses files that can't be written, before any work is done.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        [&self.junit, &self.jsonl].into_iter().flatten().try_for_each(|path| check_output(path, true))
     }
 
     /// Writes the checks to each file that is asked for. What lies there from a run before is replaced.

@@ -6,6 +6,7 @@ use clap_complete::Shell;
 
 use super::{Failure, Outcome, command, print_as_it_is};
 use crate::files;
+use crate::location;
 
 /// Writes what a shell completes to stdout, or man pages into a folder.
 #[derive(Debug, clap::Args)]
@@ -27,6 +28,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     if let Some(folder) = &args.man {
         let at = |error: std::io::Error| Failure(format!("{}: {error}", folder.display()));
+        location::only_here(folder).map_err(at)?;
         std::fs::create_dir_all(folder).map_err(at)?;
         // As clap has it without groups: a man page lists commands in its own way.
         let mut whole = super::plain_command();

@@ -11,6 +11,7 @@ use crate::config::{self, Config};
 use crate::evaluate::{self, Evaluated, Request};
 use crate::files;
 use crate::glove;
+use crate::location;
 use crate::model;
 use crate::replay::{self, Options, Recording};
 use crate::report::{evaluation, picture};
@@ -147,6 +148,7 @@ impl Folder<'_> {
     /// Makes the folder. One that is there is used only if a demo made it.
     fn prepare(&self) -> Result<(), Failure> {
         let failed = |error: std::io::Error| Failure(format!("{}: {error}", self.path.display()));
+        location::only_here(self.path).map_err(failed)?;
         let marker = self.path.join(MARKER);
         if self.path.exists() && !marker.exists() {
             return Err(Failure(format!(

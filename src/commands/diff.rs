@@ -28,6 +28,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    args.checks.check()?;
     let default = DiffConfig::default();
     let cfg = default.with_tolerance(Newton(args.tolerance_n))?;
     let Compared { diff: found, losses } = compare(&args.a, &args.b, cfg, &Said)?;

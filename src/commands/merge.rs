@@ -9,6 +9,7 @@ use super::sessions::find_bags;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::evaluate::{self, Expected};
 use crate::export;
+use crate::location::{self, Entry};
 
 /// Puts together what several processes did: partials of `tpf eval --partial`, or shards of a dataset. The result is the same
 /// as that of one process over all bags, byte for byte.
@@ -66,7 +67,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     delivery.check(&[])?;
     let bags = args.expect.as_deref().map(expected).transpose()?;
-    let folder = args.expect.as_deref().filter(|path| path.is_dir());
+    let folder = args.expect.as_deref().filter(|path| location::is_folder(path));
     let expected = bags.as_deref().map(|bags| Expected { bags, folder });
     let partials = partials(&args.partials)?;
     delivery.deliver(evaluate::merge(&partials, expected, &Shown::steps("merge"))?)
@@ -86,14 +87,13 @@ fn join(args: &Args, out: &Path) -> Result<Outcome, Failure> {
 fn partials(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut partials = Vec::new();
     for path in paths {
-        if !path.is_dir() {
+        if !location::is_folder(path) {
             partials.push(path.clone());
             continue;
         }
         let failed = |error: std::io::Error| Failure(format!("{}: {error}", path.display()));
         let mut found = Vec::new();
-        for entry in std::fs::read_dir(path).map_err(failed)? {
-            let entry = entry.map_err(failed)?.path();
+        for Entry { path: entry, .. } in location::list(path).map_err(failed)? {
             let is_hidden = entry.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
             if entry.extension().is_some_and(|extension| extension == "parquet") && !is_hidden {
                 found.push(entry);
@@ -110,11 +110,11 @@ fn partials(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 /// The bags that must be there.
 fn expected(path: &Path) -> Result<Vec<PathBuf>, Failure> {
-    if path.is_dir() {
+    if location::is_folder(path) {
         return find_bags(&[path.to_path_buf()]);
     }
     let failed = |error: std::io::Error| Failure(format!("{}: {error}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(failed)?;
+    let text = location::read_text(path).map_err(failed)?;
     let bags: Vec<PathBuf> = text.lines().map(str::trim).filter(|line| !line.is_empty()).map(PathBuf::from).collect();
     match bags.is_empty() {
         true => Err(Failure(format!("{}: no bag in this list; expected one path a line", path.display()))),

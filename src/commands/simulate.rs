@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use super::progress::Shown;
 use super::{Failure, Outcome, counted, interrupt, print, tell};
+use crate::files;
 use crate::hand::NamedLayout;
 use crate::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking, simulate};
 use crate::synthetic::{self, HandForm};
@@ -85,7 +86,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(spec) = specs.first() {
         simulate(spec)?; // what is wrong with one is wrong with all, and is told before a folder is made
     }
-    std::fs::create_dir_all(output)
+    files::make_folder(output)
         .map_err(|error| Failure(format!("{}: cannot make the folder: {error}", output.display())))?;
     tell("the data is synthetic: a physical model of a glove on a hand, no recording");
     let mut text = String::new();

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::EvaluateError;
+use crate::location;
 use crate::model;
 use crate::model::metadata::HELD_OUT;
 use crate::sessions::session_name;
@@ -71,8 +72,8 @@ pub fn folds_of(model: &Path) -> Vec<PathBuf> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.starts_with(&begin) && name.ends_with(".onnx")
     };
-    let entries = std::fs::read_dir(folder).into_iter().flatten();
-    let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_fold).collect();
+    let entries = location::list(folder).into_iter().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path).filter(is_fold).collect();
     paths.sort();
     paths
 }

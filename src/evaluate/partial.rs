@@ -17,6 +17,7 @@ use self::file::PartialFile;
 use self::fingerprint::Fingerprint;
 use super::{EvaluateError, Request, Series, Session, parts};
 use crate::config::Config;
+use crate::location;
 use crate::observer::{Observer, check};
 use crate::sessions::{Shard, fingerprint};
 
@@ -119,6 +120,6 @@ fn hex(hash: impl AsRef<[u8]>) -> String {
 /// SHA-256 of a file.
 fn sha256_of(path: &Path) -> Result<String, EvaluateError> {
     use sha2::{Digest, Sha256};
-    let bytes = std::fs::read(path).map_err(|error| EvaluateError::File { path: PathBuf::from(path), error })?;
+    let bytes = location::read(path).map_err(|error| EvaluateError::File { path: PathBuf::from(path), error })?;
     Ok(hex(Sha256::digest(bytes)))
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use super::EvaluateError;
 use super::plan::{Plan, Session};
 use crate::bag::BagReader;
-use crate::observer::check;
+use crate::observer::{cancel_flag, cancelled_by, check};
 use crate::sessions::Core;
 
 /// From one look at the progress to the next.
@@ -30,13 +30,14 @@ pub(super) fn run(
     // A bag that can't be opened says so when it is its turn.
     let size = |bag: &PathBuf| BagReader::open(std::slice::from_ref(bag)).map_or(0, |reader| reader.bytes_total());
     let total = bags.iter().map(size).sum();
+    let cancel = cancel_flag();
     std::thread::scope(|scope| {
         let (sender, sessions) = channel();
         for _ in 0..jobs.clamp(1, bags.len().max(1)) {
-            let (sender, next, done, first) = (sender.clone(), &next, &done, &first);
+            let (sender, next, done, first, cancel) = (sender.clone(), &next, &done, &first, cancel.clone());
             scope.spawn(move || {
                 let cores = first.lock().ok().and_then(|mut first| first.take());
-                work(plan, cores, bags, next, done, &sender);
+                cancelled_by(cancel, || work(plan, cores, bags, next, done, &sender));
             });
         }
         drop(sender);

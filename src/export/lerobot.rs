@@ -72,7 +72,7 @@ impl Dataset {
     /// # Errors
     /// [`ExportError::Io`] if `out` exists, or if a write fails.
     pub fn create(out: &Path, spec: DatasetSpec) -> Result<Self, ExportError> {
-        let folder = NewFolder::create(out).map_err(io(out))?;
+        let folder = NewFolder::create(out, &["info.json"]).map_err(io(out))?;
         Ok(Dataset {
             out: out.to_path_buf(),
             folder,

@@ -157,6 +157,7 @@ fn read_samples(
 ) -> Result<(Samples, Vec<String>, Vec<String>), ExportError> {
     let mut reader = BagReader::open(&[bag.to_path_buf()])?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    inputs.read_only_these(&mut reader);
     let mut samples = Samples::new(&cfg.fusion);
     loop {
         check(observer)?;

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
+use crate::bag::shown;
+use crate::location;
 use crate::model::BackendChoice;
 use crate::sessions::{InAir, Shard};
 use crate::zero::Wanted;
@@ -76,19 +78,23 @@ impl Targets<'_> {
     /// [`ExportError::NoFolder`], [`ExportError::DatasetExists`] or [`ExportError::TableExists`].
     pub fn check(&self) -> Result<(), ExportError> {
         for path in self.paths() {
+            let Some(path) = location::local(path) else { continue };
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir());
             if let Some(folder) = folder {
-                return Err(ExportError::NoFolder { path: path.to_owned(), folder: folder.to_owned() });
+                return Err(ExportError::NoFolder { path: path.to_path_buf(), folder: folder.to_owned() });
             }
         }
-        if let Some(path) = self.lerobot.filter(|path| path.symlink_metadata().is_ok()) {
-            return Err(ExportError::DatasetExists { path: path.to_owned() });
+        let tables = [self.parquet, self.csv].into_iter().flatten().map(|path| (path, self.overwrite));
+        for (path, overwrite) in self.lerobot.map(|path| (path, false)).into_iter().chain(tables) {
+            location::check_output(path, overwrite).map_err(|error| match error.kind() {
+                std::io::ErrorKind::AlreadyExists if self.lerobot == Some(path) => {
+                    ExportError::DatasetExists { path: path.to_owned() }
+                }
+                std::io::ErrorKind::AlreadyExists => ExportError::TableExists { path: path.to_owned() },
+                _ => ExportError::Io { path: shown(path), error },
+            })?;
         }
-        let mut tables = [self.parquet, self.csv].into_iter().flatten();
-        match tables.find(|path| path.exists() && !self.overwrite) {
-            Some(path) => Err(ExportError::TableExists { path: path.to_owned() }),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     pub(super) fn paths(&self) -> impl Iterator<Item = &Path> {

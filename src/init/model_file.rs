@@ -7,6 +7,7 @@ use super::plan::ModelFile;
 use crate::bag::shown;
 use crate::hand::JOINTS;
 use crate::inspect::{BagReport, Likelihood};
+use crate::location;
 use crate::model;
 
 /// Most files in a folder that are tried.
@@ -92,10 +93,16 @@ fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, InitF
 pub(super) fn relative(path: &Path, folder: &Path) -> Result<String, InitFileError> {
     let refuse = |path: &Path, reason: String| InitFileError::Path { path: path.to_path_buf(), reason };
     let full = |path: &Path| path.canonicalize().map_err(|error| refuse(path, error.to_string()));
+    let utf8 = |path: &Path| path.to_str().map(str::to_owned);
+    let no_text = || refuse(path, "a parameter file can't hold this path: it is not UTF-8".to_owned());
+    // From a URI no way leads to a file of this machine, nor the other way round.
+    if location::is_remote(folder) || location::is_remote(path) {
+        let whole = if location::is_remote(path) { path.to_path_buf() } else { full(path)? };
+        return utf8(&whole).ok_or_else(no_text);
+    }
     let (path, folder) = (full(path)?, full(folder)?);
     let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| Component::ParentDir);
     let relative: PathBuf = up.chain(path.components().skip(shared)).collect();
-    let text = relative.to_str().map(str::to_owned);
-    text.ok_or_else(|| refuse(&path, "a parameter file can't hold this path: it is not UTF-8".to_owned()))
+    utf8(&relative).ok_or_else(no_text)
 }

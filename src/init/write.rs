@@ -10,6 +10,7 @@ use crate::bag::printable;
 use crate::config::{Config, DEFAULT_NODE, parse_param_files};
 use crate::files;
 use crate::inspect::{BagReport, yaml_text};
+use crate::location;
 
 /// A parameter file to write.
 #[derive(Debug, Clone, Copy)]
@@ -35,11 +36,19 @@ impl<'a> Request<'a> {
     /// Checks that nothing is in the way of the file: before bags are read, not after.
     ///
     /// # Errors
-    /// [`InitFileError::Exists`].
+    /// [`InitFileError::Exists`], and [`InitFileError::Path`] where a URI can't be used.
     pub fn check(&self) -> Result<(), InitFileError> {
-        match self.output.exists() && !self.overwrite {
-            true => Err(InitFileError::Exists { path: self.output.to_path_buf() }),
-            false => Ok(()),
+        let path = || self.output.to_path_buf();
+        if let Some(folder) = self.message_definitions {
+            let refuse = |error: std::io::Error| InitFileError::Path { path: folder.into(), reason: error.to_string() };
+            location::only_read_here(folder).map_err(refuse)?;
+        }
+        match location::check_output(self.output, self.overwrite) {
+            Ok(_) => Ok(()),
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+                Err(InitFileError::Exists { path: path() })
+            }
+            Err(error) => Err(InitFileError::Path { path: path(), reason: format!("cannot write: {error}") }),
         }
     }
 
@@ -101,12 +110,9 @@ fn put(request: &Request<'_>, text: &[u8]) -> Result<(), InitFileError> {
     if request.overwrite {
         return files::replace(path, text).map_err(cannot);
     }
-    let beside = files::written_beside(path, text).map_err(cannot)?;
-    match beside.persist_noclobber(path) {
-        Ok(_) => Ok(()),
-        Err(failed) if failed.error.kind() == std::io::ErrorKind::AlreadyExists => {
-            Err(InitFileError::Exists { path: path.to_path_buf() })
-        }
-        Err(failed) => Err(cannot(failed.error)),
-    }
+    let file = files::written_for(path, text).map_err(cannot)?;
+    file.put_in_place_if_new().map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => InitFileError::Exists { path: path.to_path_buf() },
+        _ => cannot(error),
+    })
 }

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::report::{BagReport, InspectError};
 use crate::bag::{Recordings, recordings_at};
+use crate::location;
 use crate::model::{self, ModelInfo};
 use crate::observer::Observer;
 
@@ -38,7 +39,9 @@ pub fn recordings(paths: &[PathBuf]) -> (Vec<PathBuf>, Vec<String>) {
     let mut notes = Vec::new();
     for path in paths {
         match recordings_at(path) {
-            Ok(Recordings { paths, note }) if paths.iter().any(|one| one.parent() == Some(path) && one.is_file()) => {
+            Ok(Recordings { paths, note })
+                if paths.iter().any(|one| one.parent() == Some(path) && location::is_file(one)) =>
+            {
                 found.extend(paths);
                 notes.extend(note);
             }

@@ -11,6 +11,7 @@ use super::stamps::StampStats;
 use super::topic::Topic;
 use super::view::View;
 use crate::bag::{BagError, BagReader, BagStats, TopicStats, printable, shown};
+use crate::location;
 use crate::model::ModelError;
 use crate::observer::{Cancelled, Observer, check};
 use crate::units::NANOS_PER_SEC;
@@ -84,7 +85,7 @@ impl BagReport {
     /// [`InspectError`] when the bag can't be read, or the observer cancels.
     pub fn read(path: &Path, definitions: Option<&Path>, observer: &dyn Observer) -> Result<Self, InspectError> {
         let mut reader = BagReader::open_as_written(&[path.to_path_buf()])?;
-        definitions.iter().for_each(|folder| reader.look_for_definitions_in(folder));
+        definitions.map_or(Ok(()), |folder| reader.look_for_definitions_in(folder))?;
         reader.notes().iter().for_each(|note| observer.note(&printable(note)));
         let mut gather = Gather::new(reader.definitions().clone());
         loop {
@@ -196,7 +197,7 @@ fn views<'a>(gather: &'a Gather, reports: &'a [TopicReport]) -> Vec<View<'a>> {
 /// Names of the files behind a path: within a folder, as they lie in it.
 fn files(path: &Path, reader: &BagReader) -> Vec<String> {
     let name = |file: &Path| match file.strip_prefix(path) {
-        Ok(within) if path.is_dir() => within.display().to_string(),
+        Ok(within) if location::is_folder(path) => within.display().to_string(),
         _ => file.file_name().map_or_else(|| shown(file), |name| name.to_string_lossy().into_owned()),
     };
     reader.files().map(name).collect()

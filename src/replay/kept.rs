@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::ReplayError;
-use crate::bag::BagReader;
+use crate::bag::{BagError, BagReader};
 use crate::config::Config;
+use crate::location;
 use crate::msg::EstimateTopics;
 
 /// Whether `output` is there already: a whole bag with the topics that a replay with these parameters writes.
@@ -16,7 +17,7 @@ use crate::msg::EstimateTopics;
 /// [`ReplayError`] when something else is there: no bag, a bag that is cut off, or one without these topics.
 pub fn is_there(cfg: &Config, output: &Path) -> Result<bool, ReplayError> {
     let path = || PathBuf::from(output);
-    if std::fs::symlink_metadata(output).is_err() {
+    if !location::exists(output).map_err(|source| BagError::Io { path: path(), action: "open", source })? {
         return Ok(false);
     }
     let reader = BagReader::open(&[path()])?;

@@ -7,6 +7,7 @@ use std::sync::{Condvar, Mutex, PoisonError};
 use super::error::ReplayError;
 use super::stages::{Core, Fused, Read, Reading, Writing};
 use crate::bag::BagError;
+use crate::observer::{cancel_flag, cancelled_by};
 
 /// Queue of portions for the core: enough for the time in which the models process thousands of frames.
 const QUEUED: usize = 64;
@@ -47,8 +48,9 @@ fn overlapped(
     let in_flight = InFlight::default();
     let (to_core, from_reading) = sync_channel(QUEUED);
     let (to_writing, from_core) = sync_channel(QUEUED_FUSED);
+    let cancel = cancel_flag();
     std::thread::scope(|scope| {
-        let reading = scope.spawn(|| read(reading, to_core, &in_flight));
+        let reading = scope.spawn(|| cancelled_by(cancel, || read(reading, to_core, &in_flight)));
         let writing = scope.spawn(|| write(writing, from_core));
         let fused = fuse(core, from_reading, to_writing, progress);
         // A thread ends when the other end of its queue is dropped, which has happened by now.

@@ -136,7 +136,10 @@ pub(super) fn busy_seconds(reading: &Reading, core: &Core<'_>, writing: &Writing
 
 impl Reading {
     /// Reads these topics, or everything.
-    pub(super) fn new(reader: BagReader, topics: Option<BTreeSet<String>>) -> Self {
+    pub(super) fn new(mut reader: BagReader, topics: Option<BTreeSet<String>>) -> Self {
+        if let Some(topics) = &topics {
+            reader.read_only(topics);
+        }
         Reading { reader, topics, wanted: BTreeMap::new(), busy: Duration::ZERO }
     }
 

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::SessionError;
-use crate::bag::{BagReader, ContactReader};
+use crate::bag::{BagChannel, BagReader, ContactReader};
 use crate::eval::{Diff, DiffConfig, EstimateRecord, diff};
 use crate::fusion::{Adaptation, ContactEvent, Flags};
 use crate::msg::{ContactArray, ContactState, Time, WireType, WrenchStamped, from_cdr};
@@ -46,7 +47,12 @@ struct Records {
 
 impl Records {
     fn open(path: &Path, observer: &dyn Observer) -> Result<Self, SessionError> {
-        let reader = BagReader::open(&[path.to_path_buf()])?;
+        let mut reader = BagReader::open(&[path.to_path_buf()])?;
+        let is_read = |channel: &&Arc<BagChannel>| {
+            [WrenchStamped::TYPE_NAME, ContactArray::TYPE_NAME].contains(&channel.type_name())
+        };
+        let topics = reader.channels().iter().filter(is_read).map(|channel| channel.topic.clone()).collect();
+        reader.read_only(&topics);
         reader.notes().iter().for_each(|note| observer.note(note));
         let (wrenches, waiting) = (BTreeMap::new(), Vec::new().into_iter());
         let contacts = ContactReader::default();

@@ -164,6 +164,7 @@ impl Seen {
         let (joints, joint_sources) = (Vec::new(), Vec::new());
         let topics = InputTopics { joints, joint_sources, truth, told: None, ..input_topics(cfg) };
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| at(error.to_string()))?;
+        inputs.read_only_these(&mut reader);
         let mut tracks: Vec<TruthTrack> = sources.into_iter().map(TruthTrack::new).collect();
         let (mut start, mut end) = (Stamp(i64::MAX), Stamp(i64::MIN));
         let mut annotations = Annotations::default();

@@ -84,7 +84,9 @@ impl Labelled {
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| in_bag(&error))?;
         let sources: Vec<_> = there.iter().map(|idx| cfg.truth_sources[*idx].clone()).collect();
         let mut labels = Labels::new(&sources);
-        let mut last = Stamp(i64::MIN);
+        let is_whole = !inputs.read_only_these(&mut reader);
+        let span = reader.summary().span.filter(|_| !is_whole);
+        let mut last = span.map_or(Stamp(i64::MIN), |(_, last)| last);
         let listener = Listener::<SessionError> {
             on_tick: &mut |_, _| {},
             on_other: &mut |message| {

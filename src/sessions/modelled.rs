@@ -74,6 +74,7 @@ pub fn run_models(
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
+    inputs.read_only_these(&mut reader);
     let wanted = zero;
     let zero = zero::find(wanted, cfg, &bags, &known(cfg, infos)).map_err(|error| in_bag(&error))?;
     zero.notes.iter().for_each(|note| observer.note(note));
@@ -163,6 +164,7 @@ pub fn read_estimates(
     let mut reader = BagReader::open(&[bag.to_path_buf()])?;
     let topics = InputTopics { taxels: Vec::new(), joints: Vec::new(), joint_sources: Vec::new(), ..input_topics(cfg) };
     let mut inputs = Inputs::new(topics, &mut reader)?;
+    reader.read_only(&inputs.topics().into_iter().chain([topic.to_owned()]).collect());
     let columns = RefCell::new(vec![EstimateTrack::default(); cfg.fusion.regions.len()]);
     let mut contacts = ContactReader::default();
     // `NODE/contacts` and `NODE/REGION/wrench` are of the same node.

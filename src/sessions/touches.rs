@@ -58,6 +58,7 @@ pub fn force_gains(
     let mut reader = BagReader::open(bags)?;
     let truth = if *known == KnownForces::Sensor { cfg.truth.clone() } else { Vec::new() };
     let mut inputs = Inputs::new(InputTopics { truth, ..input_topics(cfg) }, &mut reader)?;
+    inputs.read_only_these(&mut reader);
     let mut labels = Labels::new(&cfg.truth_sources);
     let mut tracks = vec![EstimateTrack::default(); cfg.fusion.regions.len()];
     let listener = Listener::<SessionError> {

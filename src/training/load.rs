@@ -91,6 +91,7 @@ impl<'c> Loader<'c> {
         topics.truth = vec![self.cfg.truth[self.truth_idx].clone()];
         let mut reader = BagReader::open(&bags)?;
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| TrainingError::at(bag, &error))?;
+        inputs.read_only_these(&mut reader);
         if !inputs.has_annotations() {
             return Err(TrainingError::at(
                 bag,

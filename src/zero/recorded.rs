@@ -86,6 +86,7 @@ fn of_file(
     if is_annotated {
         let mut reader = BagReader::open(bags)?;
         let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+        inputs.read_only_these(&mut reader);
         let rest = annotated_rest(&mut reader, &mut inputs)?;
         zero.check = Some(check(&zero.from, cfg, vec![rest; cfg.fusion.tactile_sources.len()]));
     }
@@ -101,6 +102,7 @@ fn from_bag(
 ) -> Result<Zero, ZeroError> {
     let mut reader = BagReader::open(bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    inputs.read_only_these(&mut reader);
     let limits = limits(&cfg.calibration);
     let Baselines { baselines, spans_s: seconds, rest } =
         collect_baselines(&mut reader, &mut inputs, &cfg.fusion, zero_load, &limits)?;
@@ -132,6 +134,7 @@ fn fit_artifacts(
     let mut collector = ArtifactCollector::new(&cfg.fusion, &artifacts, &donning.baselines, rest, times)?;
     let mut reader = BagReader::open(bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    inputs.read_only_these(&mut reader);
     'bag: while let Some(message) = reader.next_message()? {
         for part in inputs.parts(message.channel)? {
             let Input::Event(event) = inputs.decode(&message, part) else { continue };

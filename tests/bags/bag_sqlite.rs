@@ -352,7 +352,7 @@ fn a_type_that_the_bag_does_not_define_is_one_that_is_installed() {
         reader.channels().iter().map(|channel| channel.schema.as_ref().unwrap().data.len()).collect()
     };
     assert_eq!(lengths(&reader), [0, 0, 0]);
-    reader.look_for_definitions_in(&folder.join("prefix/share"));
+    reader.look_for_definitions_in(&folder.join("prefix/share")).unwrap();
     let found = lengths(&reader);
     assert!(found[0] > 100 && found[1] == found[0] && found[2] == 0, "{found:?}");
     for channel in reader.channels() {

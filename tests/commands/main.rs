@@ -29,4 +29,5 @@ mod three_axes;
 mod train_command;
 #[cfg(feature = "train")]
 mod unannotated;
+mod uris;
 mod view;

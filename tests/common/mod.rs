@@ -5,6 +5,7 @@ pub mod bags;
 pub mod browser;
 pub mod compared;
 pub mod devices;
+pub mod doors;
 pub mod fake;
 pub mod graphs;
 pub mod layouts;

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 VERSION: str
 
+def place(given: str) -> str: ...
+def is_remote(given: str) -> bool: ...
+
 class TactilePoseFusionError(Exception):
     """Something can't be done; the text is one line that says why and what to do."""
 

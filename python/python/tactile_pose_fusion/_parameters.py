@@ -10,7 +10,7 @@ from typing import Union
 from . import _core
 from ._watch import warn
 
-#: A file or folder.
+#: A file or folder, or a URI of one: `s3://`, `gs://`, `az://`, `http(s)://`, `file://`.
 Path = Union[str, "os.PathLike[str]"]
 #: Recordings: one, or several.
 Paths = Union[Path, Sequence[Path]]
@@ -57,13 +57,18 @@ class Parameters:
 def paths(given: Paths) -> list[str]:
     """A list of paths, whether one is given or several."""
     if isinstance(given, (str, os.PathLike)):
-        return [os.fspath(given)]
-    return [os.fspath(path) for path in given]
+        return [place(given)]
+    return [place(path) for path in given]
+
+
+def place(given: Path) -> str:
+    """A path or URI as the native half takes it."""
+    return _core.place(os.fspath(given))
 
 
 def optional(given: Path | None) -> str | None:
     """A path, if there is one."""
-    return None if given is None else os.fspath(given)
+    return None if given is None else place(given)
 
 
 def parameters(given: Parameters | Path) -> Parameters:

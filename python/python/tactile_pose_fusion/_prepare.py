@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Union
 
 from . import _core
-from ._parameters import InAir, Parameters, Path, Paths, in_air_text, optional, parameters, paths
+from ._parameters import InAir, Parameters, Path, Paths, in_air_text, optional, parameters, paths, place
 from ._watch import Progress, Watcher, warn
 
 
@@ -109,7 +108,7 @@ def init(
     with Watcher("inspect", progress) as watcher:
         found, warnings = _core.init(
             paths(bags),
-            os.fspath(output),
+            place(output),
             optional(model),
             None if answer is None else asked,
             optional(message_definitions),
@@ -118,7 +117,7 @@ def init(
         )
     warn(warnings)
     regions, topics, has_truth = found
-    return Initialized(os.fspath(output), regions, topics, has_truth)
+    return Initialized(place(output), regions, topics, has_truth)
 
 
 @dataclass(frozen=True)
@@ -237,6 +236,6 @@ def train(
         "overwrite": overwrite,
     }
     with Watcher("train", progress, on_validation) as watcher:
-        report, held_out = _core.train(paths(bags), os.fspath(output), parameters(params)._core, training, watcher)
+        report, held_out = _core.train(paths(bags), place(output), parameters(params)._core, training, watcher)
     scores = None if held_out is None else json.loads(held_out)
-    return Trained(os.fspath(output), json.loads(report), scores)
+    return Trained(place(output), json.loads(report), scores)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._estimates import Estimates
-from ._parameters import Parameters, Path, parameters
+from ._parameters import Parameters, Path, parameters, place
 from ._watch import warn
 
 #: Stamps in ns since the epoch: one, or `[n]`.
@@ -94,7 +94,7 @@ class Core:
         Raises:
             CalibrationError: It is of another glove, or was judged with another model.
         """
-        warn(self._core.load_calibration(str(path)))
+        warn(self._core.load_calibration(place(path)))
 
     def taxels(self, stamp_ns: Stamps, values: ArrayLike, *, source: str | None = None) -> Estimates:
         """Takes one sample of taxels, or a block of them.

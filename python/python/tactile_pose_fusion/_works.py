@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Union
 
 from . import _core
 from ._estimates import Estimates
-from ._parameters import InAir, Parameters, Path, Paths, in_air_text, optional, parameters, paths
+from ._parameters import InAir, Parameters, Path, Paths, in_air_text, optional, parameters, paths, place
 from ._watch import Progress, Watcher, warn
 
 
@@ -91,7 +90,7 @@ def replay_to(
     with Watcher("replay", progress) as watcher:
         summary, warnings = _core.replay_to(
             paths(bags),
-            os.fspath(output),
+            place(output),
             parameters(params)._core,
             optional(model),
             optional(calibration),
@@ -158,7 +157,7 @@ def evaluate(
         raise _core.ParameterError(f"known_touches: expected at least 3, got {known_touches}")
     scoring = {
         "model": optional(model),
-        "compare": [os.fspath(path) for path in compare],
+        "compare": [place(path) for path in compare],
         "split": split,
         "test_share": test_share,
         "held_out": held_out,
@@ -263,7 +262,7 @@ def calibrate(
     with Watcher("calibrate", False) as watcher:
         zero, gains = _core.calibrate(
             paths(bags),
-            os.fspath(output),
+            place(output),
             parameters(params)._core,
             optional(model),
             calibrate_first_s,
@@ -273,7 +272,7 @@ def calibrate(
             zero_load_below_n,
             watcher,
         )
-    return Calibrated(os.fspath(output), zero, {gain[0]: ForceGain(gain[1], gain[2], gain[3], gain[4]) for gain in gains})
+    return Calibrated(place(output), zero, {gain[0]: ForceGain(gain[1], gain[2], gain[3], gain[4]) for gain in gains})
 
 
 def characterize(
@@ -364,7 +363,7 @@ def export_lerobot(
         TactilePoseFusionError: The line says what is wrong; there is no output then.
         KeyboardInterrupt: At Ctrl-C; there is no output then.
     """
-    wanted: dict[str, Any] = {"lerobot": os.fspath(output), "parquet": None, "csv": None, "overwrite": False, "truth": None}
+    wanted: dict[str, Any] = {"lerobot": place(output), "parquet": None, "csv": None, "overwrite": False, "truth": None}
     wanted |= {"fps": fps, "tactile_window_ms": tactile_window_ms, "task": task, "model": optional(model)}
     wanted |= {"calibration": optional(calibration), "calibrate_first_s": calibrate_first_s}
     wanted |= {"in_air": in_air_text(in_air), "zero_load_below_n": zero_load_below_n}
@@ -465,7 +464,7 @@ def simulate(
     """
     with Watcher("simulate", progress) as watcher:
         return _core.simulate(
-            os.fspath(output), glove, user, session, seed, minutes, activity, tracking, axes, overwrite, watcher
+            place(output), glove, user, session, seed, minutes, activity, tracking, axes, overwrite, watcher
         )
 
 

@@ -24,6 +24,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Union
 
+from . import _core
+
 __all__ = ["ParamsFile", "ProcessDied", "TaskFailed", "export_shard", "join", "merge", "partial", "replay"]
 
 #: `tpf` exits with it when it is done and some input was lost: a bag that can't be used is named in the result.
@@ -58,23 +60,28 @@ class ParamsFile:
     """A parameter file that goes with a task to another machine.
 
     Attributes:
-        path: Where it is on the machine that read it.
-        content: Its bytes.
+        path: Where it is on the machine that read it, or a URI.
+        content: Its bytes; `None` of a URI, which each task reads by itself.
     """
 
     path: str
-    content: bytes
+    content: bytes | None
 
     @classmethod
     def read(cls, path: AnyPath) -> ParamsFile:
-        """Reads it on this machine."""
-        return cls(os.path.abspath(path), Path(path).read_bytes())
+        """Reads it on this machine, unless it is a URI."""
+        place = _core.place(os.fspath(path))
+        if _core.is_remote(place):
+            return cls(place, None)
+        return cls(os.path.abspath(place), Path(place).read_bytes())
 
     def on_this_machine(self, folder: str) -> str:
         """Its path on the machine of a task: its own, where the same file is there, else a copy in `folder`.
 
         Paths in a parameter file are relative to it: name models by absolute paths, or have the same files everywhere.
         """
+        if self.content is None:
+            return self.path
         own = Path(self.path)
         if not own.is_file() or own.read_bytes() != self.content:
             own = Path(folder, own.name)
@@ -121,7 +128,7 @@ def merge(partials: Iterable[bytes | AnyPath], bags: Sequence[AnyPath]) -> dict[
     """Scores of all bags from the partials of some each, as `tpf merge`.
 
     Args:
-        partials: What `partial` returned, or files of it, in any order.
+        partials: What `partial` returned, or files of it, as paths or URIs, in any order.
         bags: All bags that must be there. The result has their order.
 
     Returns:
@@ -131,19 +138,23 @@ def merge(partials: Iterable[bytes | AnyPath], bags: Sequence[AnyPath]) -> dict[
         TaskFailed: A bag is missing or twice, or partials were not made alike.
     """
     with tempfile.TemporaryDirectory(prefix="tpf-merge-") as folder:
-        files = []
+        files: list[Path] = []
+        uris: list[str] = []
         for idx, one in enumerate(partials):
             path = Path(folder, f"{idx:08}.parquet")
             if isinstance(one, bytes):
                 path.write_bytes(one)
+            elif _core.is_remote(os.fspath(one)):
+                uris.append(os.fspath(one))
+                continue
             else:
-                path.symlink_to(os.path.abspath(one))
+                path.symlink_to(os.path.abspath(_core.place(os.fspath(one))))
             files.append(path)
-        if not files:
+        if not files and not uris:
             raise ValueError("no partials; expected at least one")
         expected = Path(folder, "bags.txt")
         expected.write_text("".join(f"{bag}\n" for bag in _words(bags)), encoding="utf-8")
-        return _object(_run(["merge", folder, "--expect", str(expected), "--json"]))
+        return _object(_run(["merge", *([folder] if files else []), *uris, "--expect", str(expected), "--json"]))
 
 
 def replay(

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from . import many
+from . import _core, many
 from ._ray_tasks import Batch, Tasks, batches, drive
 from ._watch import Progress
 from .many import AnyPath, ParamsFile, TaskFailed
@@ -54,9 +54,9 @@ def evaluate(
     """Scores bags on the Ray cluster that this process is connected to; starts a local one if it is to none.
 
     Args:
-        uris: Bags, one recording each, under paths that all machines of the cluster have; with a ``tpf`` that reads
-            them, URIs of a store. The result has their order.
-        params_file: The ROS 2 parameter file. Its content goes with each task.
+        uris: Bags, one recording each, under paths that all machines of the cluster have, or URIs. The result has their
+            order.
+        params_file: The ROS 2 parameter file. Its content goes with each task; of a URI each task reads it.
         model: ONNX file to score, under a path that all machines have; without it as ``tpf eval``.
         options: More options of ``tpf eval``, such as ``["--whole", "--touch", "force"]``.
         partials: A new folder, in which the partials are kept for ``tpf merge --report``; without it they are temporary.
@@ -73,10 +73,12 @@ def evaluate(
         ended every worker.
 
     Raises:
-        ValueError: No bag, or a number below its least.
+        ValueError: No bag, a URI as partials, or a number below its least.
         TaskFailed: Another reason than the bags, or no bag could be scored.
     """
     bags = _bags(uris)
+    if partials is not None and _core.is_remote(os.fspath(partials)):
+        raise ValueError(f"{partials}: the partials are kept on this machine: give a path, and copy them")
     tasks = Tasks(bags_per_task, max_in_flight, max_retries, cpus_per_task, memory_per_task, timeout_s)
     params = ParamsFile.read(params_file)
     jobs, words = tasks.threads, list(options)
@@ -88,7 +90,7 @@ def evaluate(
     with tempfile.TemporaryDirectory(prefix="tpf-partials-") as temporary:
         folder = Path(temporary)
         if partials is not None:
-            folder = Path(partials)
+            folder = Path(_core.place(os.fspath(partials)))
             folder.mkdir(parents=True)  # one that is there may hold other partials
 
         def keep(batch: Batch, partial: bytes) -> None:
@@ -126,9 +128,9 @@ def replay(
     """Replays each bag to ``NAME.mcap`` in a folder, as ``tpf replay --each``.
 
     Args:
-        uris: Bags, one recording each, under paths that all machines of the cluster have.
-        output: Folder of the outputs, which all machines have.
-        params_file: The ROS 2 parameter file. Its content goes with each task.
+        uris: Bags, one recording each, under paths that all machines of the cluster have, or URIs.
+        output: Folder of the outputs, which all machines have, or its URI.
+        params_file: The ROS 2 parameter file. Its content goes with each task; of a URI each task reads it.
         model: Model instead of the only one of the parameters, under a path that all machines have.
         options: More options of ``tpf replay``, such as ``["--merge"]``.
         overwrite: Replace outputs that are already there.
@@ -212,11 +214,13 @@ def export(
         ``output``, and the ``bags`` that are in the dataset; those that are not are in ``failed`` with the reason.
 
     Raises:
-        ValueError: No bag, or a number below its least.
+        ValueError: No bag, a URI as output, or a number below its least.
         FileExistsError: The output is there already.
         TaskFailed: Another reason than the bags, or a shard was lost at every attempt. No dataset is left.
     """
-    bags, out = _bags(uris), Path(output).absolute()
+    if _core.is_remote(os.fspath(output)):
+        raise ValueError(f"{output}: the shards lie beside the dataset, in a folder of all machines: give a path, and copy it")
+    bags, out = _bags(uris), Path(_core.place(os.fspath(output))).absolute()
     if out.exists():
         raise FileExistsError(f"{out}: is there already, and a dataset is never replaced: remove it, or choose another name")
     if n_shards is not None and n_shards < 1:

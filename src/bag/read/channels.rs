@@ -167,7 +167,7 @@ fn likeness(channel: &BagChannel) -> u64 {
 pub(super) const MAX_DEFINITION_BYTES: usize = 256 << 20;
 
 /// What the schema and channel ids of one file mean.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Definitions {
     schemas: BTreeMap<u16, Arc<BagSchema>>,
     channels: BTreeMap<u16, usize>,

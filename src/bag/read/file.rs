@@ -2,6 +2,7 @@
 
 mod ordered;
 
+use std::collections::{BTreeSet, VecDeque};
 use std::path::Path;
 
 use mcap::MAGIC;
@@ -13,7 +14,7 @@ use super::fields::Fields;
 use super::foreign::not_mcap;
 use super::head::{self, Head};
 use super::loss::Losses;
-use super::order::Chunks;
+use super::order::{ChunkPlace, Only, Order};
 use super::source::Source;
 use super::unpacked::Unpacked;
 use super::window::Window;
@@ -58,6 +59,10 @@ pub(super) struct McapFile {
     /// Messages of the chunk that are unpacked.
     window: Window,
     ordered: Option<Ordered>,
+    /// The chunks and notes that are still to be read, where that isn't all of the file.
+    only: Option<VecDeque<u64>>,
+    /// Whether it has come to the first chunk of a file of which only some are read.
+    among_chunks: bool,
     definitions: Definitions,
     n_messages: u64,
     /// Messages of channels that the file does not define: how many, and the first one's place and channel.
@@ -68,26 +73,41 @@ pub(super) struct McapFile {
 
 impl McapFile {
     /// Open `path`, which begins with the MCAP magic. Its messages come as they stand, or else each chunk's in the order of
-    /// time, and `chunks` in the order given.
-    pub(super) fn open(
-        path: &Path,
-        unpacked: Unpacked,
-        chunks: Option<Chunks>,
-        as_written: bool,
-    ) -> Result<Self, BagError> {
+    /// time, and the chunks in the order given.
+    pub(super) fn open(path: &Path, unpacked: Unpacked, order: Order) -> Result<Self, BagError> {
+        let Order { chunks, as_written, only, .. } = order;
         let mut source = Source::open(path, unpacked)?;
         let mut magic = Vec::new();
         source.read_up_to(MAGIC.len() as u64, &mut magic)?;
         if magic != MAGIC {
-            return Err(not_mcap(path));
+            return Err(not_mcap(path, &mut source));
         }
+        let mut ordered = chunks.map(Ordered::new);
+        let mut definitions = Definitions::default();
+        let only = only.map(|Only { places, notes, definitions: known }| {
+            source.plan(places.iter().map(ChunkPlace::span).collect());
+            definitions = known;
+            let chunks: BTreeSet<u64> = places.iter().map(|place| place.offset).collect();
+            let notes = notes.into_iter();
+            // Chunks that are put in order are no part of the way through the file.
+            let stops: BTreeSet<u64> = match &mut ordered {
+                Some(ordered) => {
+                    ordered.read_only(&chunks);
+                    notes.collect()
+                }
+                None => notes.chain(chunks).collect(),
+            };
+            VecDeque::from_iter(stops)
+        });
         Ok(McapFile {
             source,
             as_written,
             chunk: None,
             window: Window::default(),
-            ordered: chunks.map(Ordered::new),
-            definitions: Definitions::default(),
+            ordered,
+            only,
+            among_chunks: false,
+            definitions,
             n_messages: 0,
             unknown_channel: None,
             data_ended: false,
@@ -254,7 +274,23 @@ impl McapFile {
         Ok(None)
     }
 
+    /// Goes on to the next chunk of those that are read; `false` behind the last.
+    fn skip_to_wanted(&mut self) -> Result<bool, BagError> {
+        let Some(only) = &mut self.only else { return Ok(true) };
+        while only.front().is_some_and(|offset| *offset < self.source.pos) {
+            only.pop_front();
+        }
+        match only.front() {
+            Some(&offset) => self.source.seek_to(offset).map(|()| true),
+            None => Ok(false),
+        }
+    }
+
     fn next_of_file(&mut self, body: &mut Vec<u8>, cx: &mut Context<'_>) -> Result<Option<Head>, BagError> {
+        if self.among_chunks && !self.skip_to_wanted()? {
+            self.finish(cx);
+            return Ok(None);
+        }
         let start = self.source.pos;
         let mut head = [0; RECORD_HEAD_LEN as usize];
         if !self.source.read_exact(&mut head)? {
@@ -263,6 +299,17 @@ impl McapFile {
         }
         let [opcode, len @ ..] = head;
         let len = u64::from_le_bytes(len);
+        if self.among_chunks && !matches!(opcode, op::CHUNK | op::METADATA) {
+            let what = format!("there is nothing to be read at byte {start}, where the index has something");
+            cx.losses.push(&self.source.path, start, what);
+            return Ok(None);
+        }
+        if opcode == op::CHUNK && self.only.is_some() && !self.among_chunks {
+            // From here on only what is wanted is read; notes in front of the first chunk were read on the way.
+            self.among_chunks = true;
+            self.source.seek_to(start)?;
+            return Ok(None);
+        }
         if opcode == 0 || (opcode > op::DATA_END && opcode < 0x80) {
             self.garbage(start, &format!("opcode {opcode:#04x} is none of MCAP's"), cx);
             return Ok(None);

@@ -1,25 +1,22 @@
 //! Files that are no bag: what they look like instead.
 
-use std::io::Read;
 use std::path::Path;
 
 use mcap::MAGIC;
 
 use super::BagError;
-use super::unpacked::{SQLITE_MAGIC, Unpacked};
+use super::source::Source;
+use super::unpacked::SQLITE_MAGIC;
 use crate::bag::error::one_line;
 use crate::bag::layout::METADATA_FILE;
 
 const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
 
 /// The error for a file that doesn't begin as MCAP does: it says what the file looks like.
-pub(super) fn not_mcap(path: &Path) -> BagError {
+pub(super) fn not_mcap(path: &Path, source: &mut Source) -> BagError {
     let mut start = Vec::new();
-    let read = Unpacked::open(path).map(|unpacked| unpacked.file.take(64).read_to_end(&mut start));
-    match read {
-        Err(error) => return error,
-        Ok(Err(error)) => return BagError::io(path, "read", error),
-        Ok(Ok(_)) => {}
+    if let Err(error) = source.seek_to(0).and_then(|()| source.read_up_to(64, &mut start)) {
+        return error;
     }
     let is_listing = path.file_name().is_some_and(|name| name == METADATA_FILE);
     let why = if start.is_empty() {

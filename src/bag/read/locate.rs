@@ -9,6 +9,7 @@ use super::names::natural_order;
 use super::storage::{first_log_time, summary};
 use crate::bag::error::one_line;
 use crate::bag::layout::{self, METADATA_FILE};
+use crate::location::{self, Entry, Found, Place};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
 /// How files of bags end; a `.zstd` or `.zst` may follow.
@@ -21,7 +22,7 @@ const MAX_PAUSE_NS: i64 = NANOS_PER_SEC;
 /// The files of one input, in the order in which they are read.
 #[derive(Debug)]
 pub(super) struct Files {
-    pub(super) paths: Vec<PathBuf>,
+    pub(super) places: Vec<Place>,
     /// The recorder left no list of files: it was stopped in mid-write, so a file may be empty.
     pub(super) unlisted: bool,
     /// What a person should know about how they were found.
@@ -39,51 +40,52 @@ pub struct Recordings {
 
 /// The files behind `input`: itself, or those of a bag folder.
 pub(super) fn files(input: &Path) -> Result<Files, BagError> {
-    let metadata = std::fs::metadata(input).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => BagError::NotFound { path: input.to_path_buf() },
+    let found = location::find(input).map_err(|error| match error.kind() {
+        // A store also says so of a bucket, in more words.
+        std::io::ErrorKind::NotFound if error.get_ref().is_none_or(|why| why.to_string() == "not found") => {
+            BagError::NotFound { path: input.to_path_buf() }
+        }
         _ => BagError::io(input, "open", error),
     })?;
-    if metadata.is_dir() {
-        return folder(input);
+    match found {
+        Found::Folder => folder(input),
+        Found::File(place) => Ok(Files { places: vec![place], unlisted: false, note: None }),
+        Found::Other => Err(not_a_bag(input, "it is no regular file, which a bag must be".to_owned())),
     }
-    if !metadata.is_file() {
-        return Err(not_a_bag(input, "it is no regular file, which a bag must be".to_owned()));
-    }
-    Ok(Files { paths: vec![input.to_path_buf()], unlisted: false, note: None })
 }
 
 fn folder(folder: &Path) -> Result<Files, BagError> {
     let listing_path = folder.join(METADATA_FILE);
-    if listing_path.is_file() {
-        return Ok(Files { paths: listed(folder, &listing_path)?, unlisted: false, note: None });
+    if is_file(&listing_path)? {
+        return Ok(Files { places: listed(folder, &listing_path)?, unlisted: false, note: None });
     }
     let Contents { mut files, .. } = contents(folder)?;
     if files.is_empty() {
         return Err(not_a_bag(folder, "the folder holds no .mcap or .db3 file and no metadata.yaml".to_owned()));
     }
-    files.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+    files.sort_by(by_name);
     if files.len() == 1 {
-        return Ok(Files { paths: files, unlisted: true, note: None });
+        return Ok(Files { places: files, unlisted: true, note: None });
     }
     if !are_parts_of_one(&files)? {
-        let names = files.iter().map(|path| name_of(path)).collect();
+        let names = files.iter().map(|place| name_of(place.path())).collect();
         return Err(BagError::Several { path: folder.to_path_buf(), names });
     }
     let note = format!(
         "{}: no metadata.yaml; {} to {} follow one another in number and time and are read as one split recording",
         folder.display(),
-        name_of(&files[0]),
-        name_of(&files[files.len() - 1])
+        name_of(files[0].path()),
+        name_of(files[files.len() - 1].path())
     );
-    Ok(Files { paths: files, unlisted: true, note: Some(note) })
+    Ok(Files { places: files, unlisted: true, note: Some(note) })
 }
 
 /// Whether files are the parts of one recording whose recorder didn't come to list them: named `NAME_0.mcap`,
 /// `NAME_1.mcap` and so on, each going on where the one before it ends.
-fn are_parts_of_one(files: &[PathBuf]) -> Result<bool, BagError> {
+fn are_parts_of_one(files: &[Place]) -> Result<bool, BagError> {
     let mut before: Option<(String, u64)> = None;
-    for path in files {
-        let file_name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    for place in files {
+        let file_name = place.path().file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let Some((name, number)) = bag_stem(&file_name).and_then(|stem| stem.rsplit_once('_')) else {
             return Ok(false);
         };
@@ -94,11 +96,11 @@ fn are_parts_of_one(files: &[PathBuf]) -> Result<bool, BagError> {
         before = Some((name.to_owned(), number));
     }
     let mut end: Option<Stamp> = None;
-    for (idx, path) in files.iter().enumerate() {
+    for (idx, place) in files.iter().enumerate() {
         let is_last = idx + 1 == files.len();
-        let span = match summary(path, 0, &mut ChannelTable::default())?.and_then(|found| found.statistics) {
+        let span = match summary(place, 0, &mut ChannelTable::default())?.and_then(|found| found.statistics) {
             Some(statistics) => statistics.span,
-            None if is_last => first_log_time(path).unwrap_or_default().map(|first| (first, first)),
+            None if is_last => first_log_time(place).unwrap_or_default().map(|first| (first, first)),
             None => return Ok(false),
         };
         let Some((begin, last)) = span else {
@@ -113,6 +115,25 @@ fn are_parts_of_one(files: &[PathBuf]) -> Result<bool, BagError> {
     Ok(true)
 }
 
+/// The file at a path. That a store can't be asked doesn't mean that it is not there.
+fn file_at(path: &Path) -> Result<Option<Place>, BagError> {
+    match location::find(path) {
+        Ok(Found::File(place)) => Ok(Some(place)),
+        Err(error) if location::is_remote(path) && error.kind() != std::io::ErrorKind::NotFound => {
+            Err(BagError::io(path, "open", error))
+        }
+        Ok(_) | Err(_) => Ok(None),
+    }
+}
+
+fn is_file(path: &Path) -> Result<bool, BagError> {
+    file_at(path).map(|found| found.is_some())
+}
+
+fn by_name(a: &Place, b: &Place) -> std::cmp::Ordering {
+    natural_order(&a.path().to_string_lossy(), &b.path().to_string_lossy())
+}
+
 fn name_of(path: &Path) -> String {
     path.file_name().map(|name| one_line(&name.to_string_lossy())).unwrap_or_default()
 }
@@ -120,23 +141,22 @@ fn name_of(path: &Path) -> String {
 /// What of a folder's entries tells whether it is a bag.
 #[derive(Default)]
 struct Contents {
-    files: Vec<PathBuf>,
+    files: Vec<Place>,
     folders: Vec<PathBuf>,
 }
 
 fn contents(folder: &Path) -> Result<Contents, BagError> {
     let unlisted = |error| BagError::io(folder, "list", error);
     let mut contents = Contents::default();
-    for entry in std::fs::read_dir(folder).map_err(unlisted)? {
-        let path = entry.map_err(unlisted)?.path();
+    for Entry { path, found } in location::list(folder).map_err(unlisted)? {
         if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.')) {
             continue; // hidden: written by someone at this moment, or left by what synchronizes files
         }
         let is_bag = path.file_name().is_some_and(|name| bag_stem(&name.to_string_lossy()).is_some());
-        if path.is_dir() {
-            contents.folders.push(path);
-        } else if is_bag && path.is_file() {
-            contents.files.push(path);
+        match found {
+            Found::Folder => contents.folders.push(path),
+            Found::File(place) if is_bag => contents.files.push(place),
+            Found::File(_) | Found::Other => {}
         }
     }
     Ok(contents)
@@ -156,7 +176,7 @@ fn bag_stem(name: &str) -> Option<&str> {
 /// # Errors
 /// [`BagError`] when a folder can't be listed.
 pub fn recordings_at(path: &Path) -> Result<Recordings, BagError> {
-    if !path.is_dir() || path.join(METADATA_FILE).is_file() {
+    if !location::is_folder(path) || is_file(&path.join(METADATA_FILE))? {
         return Ok(Recordings { paths: vec![path.to_path_buf()], note: None });
     }
     let Recordings { mut paths, note } = in_folder(path)?;
@@ -164,7 +184,7 @@ pub fn recordings_at(path: &Path) -> Result<Recordings, BagError> {
     let mut folders = contents(path)?.folders;
     folders.sort();
     for folder in folders {
-        if folder.join(METADATA_FILE).is_file() {
+        if is_file(&folder.join(METADATA_FILE))? {
             paths.push(folder);
             continue;
         }
@@ -182,12 +202,13 @@ pub fn recordings_at(path: &Path) -> Result<Recordings, BagError> {
 fn in_folder(path: &Path) -> Result<Recordings, BagError> {
     let mut files = contents(path)?.files;
     if files.is_empty() {
-        return Ok(Recordings { paths: files, note: None });
+        return Ok(Recordings { paths: Vec::new(), note: None });
     }
     match folder(path) {
         Ok(Files { note, .. }) => Ok(Recordings { paths: vec![path.to_path_buf()], note }),
         Err(BagError::Several { names, .. }) => {
-            files.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+            files.sort_by(by_name);
+            let files = files.iter().map(|place| place.path().to_path_buf()).collect();
             let note = format!("{}: {} recordings, each by itself: {}", path.display(), names.len(), names.join(", "));
             Ok(Recordings { paths: files, note: Some(note) })
         }
@@ -195,7 +216,7 @@ fn in_folder(path: &Path) -> Result<Recordings, BagError> {
     }
 }
 
-fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> {
+fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<Place>, BagError> {
     let listing = layout::read(listing_path)?;
     let refuse = |why: String| Err(BagError::Metadata { path: listing_path.to_path_buf(), why });
     if !matches!(listing.storage_identifier.as_str(), "mcap" | "sqlite3") {
@@ -215,20 +236,22 @@ fn listed(folder: &Path, listing_path: &Path) -> Result<Vec<PathBuf>, BagError> 
     if listing.relative_file_paths.is_empty() {
         return refuse("relative_file_paths is empty: rebuild it with `ros2 bag reindex`".to_owned());
     }
-    let mut paths = Vec::new();
+    let mut places = Vec::new();
     for relative in &listing.relative_file_paths {
         let path = folder.join(relative);
         // Bags of early layouts name the folder in the path as well.
         let in_folder = Path::new(relative).file_name().map(|name| folder.join(name));
         // A recorder that was stopped has packed files that it lists by their names of before.
         let packed = folder.join(format!("{relative}.zstd"));
-        match [Some(path), in_folder, Some(packed)].into_iter().flatten().find(|path| path.is_file()) {
-            Some(path) => paths.push(path),
+        let names = [Some(path), in_folder, Some(packed)].into_iter().flatten();
+        let mut found = names.map(|path| file_at(&path)).filter_map(Result::transpose);
+        match found.next().transpose()? {
+            Some(place) => places.push(place),
             None => {
                 let relative = one_line(relative);
                 return refuse(format!("lists {relative}, which is not there: put it back, or `ros2 bag reindex`"));
             }
         }
     }
-    Ok(paths)
+    Ok(places)
 }

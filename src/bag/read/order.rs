@@ -2,9 +2,11 @@
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::Part;
+use super::channels::Definitions;
 use super::fields::Fields;
 use super::loss::Losses;
 use super::names::natural_order;
@@ -30,9 +32,11 @@ pub(super) struct ChunkPlace {
     pub(super) offset: u64,
     /// Bytes of the chunk record.
     pub(super) len: u64,
+    /// Bytes of the indexes behind it.
+    pub(super) indexes_len: u64,
     unpacked: u64,
     /// Ids of the channels that it has messages of.
-    channels: Vec<u16>,
+    pub(super) channels: Vec<u16>,
 }
 
 impl ChunkPlace {
@@ -41,9 +45,20 @@ impl ChunkPlace {
         let mut fields = Fields(body);
         let (first, last, offset, len) = (fields.u64()?, fields.u64()?, fields.u64()?, fields.u64()?);
         let channels = fields.count_map()?.into_keys().collect();
-        let _message_indexes_len = fields.u64()?;
+        let indexes_len = fields.u64()?;
         let _compression = (fields.string()?, fields.u64()?);
-        Some(ChunkPlace { first, last, offset, len, unpacked: fields.u64()?, channels })
+        Some(ChunkPlace { first, last, offset, len, indexes_len, unpacked: fields.u64()?, channels })
+    }
+
+    /// Whether a channel that is wanted has messages in it; `true` where the index doesn't say.
+    pub(super) fn may_hold(&self, definitions: &Definitions, is_wanted: &dyn Fn(usize) -> bool) -> bool {
+        let known = |id: &u16| definitions.channel(*id);
+        self.channels.is_empty() || self.channels.iter().any(|id| known(id).is_none_or(is_wanted))
+    }
+
+    /// The bytes of the chunk record.
+    pub(super) fn span(&self) -> Range<u64> {
+        self.offset..self.offset.saturating_add(self.len)
     }
 
     fn is_empty(&self) -> bool {
@@ -99,6 +114,29 @@ impl Chunks {
         }
         Some(Chunks(places.into()))
     }
+}
+
+/// How a file is to be read.
+#[derive(Default)]
+pub(super) struct Order {
+    /// Chunks of an MCAP file in the order of time, where they don't stand in it.
+    pub(super) chunks: Option<Chunks>,
+    /// Whether the rows of a sqlite3 file don't stand in the order of time, and can be put in it.
+    pub(super) by_time: bool,
+    /// Whether messages come as they stand.
+    pub(super) as_written: bool,
+    /// What is to be read of an MCAP file, where that is not everything.
+    pub(super) only: Option<Only>,
+}
+
+/// The chunks that are read.
+pub(super) struct Only {
+    /// Those that may hold something that is wanted.
+    pub(super) places: Vec<ChunkPlace>,
+    /// Where named notes stand.
+    pub(super) notes: Vec<u64>,
+    /// The file's channels, some of which it may define in a chunk that is not read.
+    pub(super) definitions: Definitions,
 }
 
 /// Put the files of a recording in the order of their first messages, unless their names count up: then the recorder's
@@ -171,7 +209,7 @@ mod tests {
     use super::*;
 
     fn place(first: u64, last: u64, offset: u64, unpacked: u64) -> ChunkPlace {
-        ChunkPlace { first, last, offset, len: 1, unpacked, channels: vec![offset as u16] }
+        ChunkPlace { first, last, offset, len: 1, indexes_len: 0, unpacked, channels: vec![offset as u16] }
     }
 
     #[test]

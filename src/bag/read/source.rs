@@ -1,12 +1,15 @@
 //! The bytes of one file, with the place of the next one known.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use tempfile::TempPath;
 
 use super::BagError;
 use super::unpacked::Unpacked;
-use tempfile::TempPath;
+use crate::location::Reader;
 
 const READ_BUFFER: usize = 256 << 10;
 
@@ -14,8 +17,8 @@ const READ_BUFFER: usize = 256 << 10;
 pub(super) struct Source {
     pub(super) path: PathBuf,
     /// Removes a file that was unpacked once it is read.
-    _temporary: Option<TempPath>,
-    reader: BufReader<File>,
+    _temporary: Option<Arc<TempPath>>,
+    reader: BufReader<Reader>,
     /// The next byte of the file to be read.
     pub(super) pos: u64,
     /// Size of the file when it was last asked for, in bytes.
@@ -26,7 +29,7 @@ impl Source {
     /// The file that `path` was unpacked to.
     pub(super) fn open(path: &Path, unpacked: Unpacked) -> Result<Self, BagError> {
         let Unpacked { file, temporary, .. } = unpacked;
-        let size = file.metadata().map_err(|error| BagError::io(path, "open", error))?.len();
+        let size = file.size().map_err(|error| BagError::io(path, "open", error))?;
         let reader = BufReader::with_capacity(READ_BUFFER, file);
         Ok(Source { path: path.to_path_buf(), _temporary: temporary, reader, pos: 0, size })
     }
@@ -76,10 +79,15 @@ impl Source {
 
     /// Size of the file at this moment.
     pub(super) fn size_now(&mut self) -> u64 {
-        if let Ok(metadata) = self.reader.get_ref().metadata() {
-            self.size = metadata.len();
+        if let Ok(size) = self.reader.get_ref().size() {
+            self.size = size;
         }
         self.size
+    }
+
+    /// Say which stretches will be read, in order; of a file that is not on this machine, nothing else is asked for.
+    pub(super) fn plan(&mut self, stretches: Vec<Range<u64>>) {
+        self.reader.get_mut().plan(stretches);
     }
 
     pub(super) fn error(&self, error: io::Error) -> BagError {

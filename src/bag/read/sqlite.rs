@@ -22,6 +22,7 @@ use super::head::{Head, MESSAGE_HEAD_LEN};
 use super::unpacked::{SQLITE_MAGIC, Unpacked};
 use super::window::Window;
 use super::{BagError, RECORD_LIMIT, one_line};
+use crate::location::{self, Reader};
 use crate::units::Stamp;
 
 pub(super) use scan::summary;
@@ -30,17 +31,17 @@ pub(super) use scan::summary;
 const BATCH: usize = 1 << 20;
 
 /// Whether a file is one of sqlite3, by its first bytes.
-pub(super) fn is_sqlite(unpacked: &Unpacked) -> Result<bool, BagError> {
+pub(super) fn is_sqlite(unpacked: &mut Unpacked) -> Result<bool, BagError> {
     let head = head(unpacked).map_err(|error| BagError::io(&unpacked.path, "read", error))?;
     Ok(head.starts_with(SQLITE_MAGIC))
 }
 
 /// The first bytes of a file, up to the number of its pages.
-fn head(unpacked: &Unpacked) -> std::io::Result<Vec<u8>> {
-    let mut file = &unpacked.file;
+fn head(unpacked: &mut Unpacked) -> std::io::Result<Vec<u8>> {
+    let file = &mut unpacked.file;
     let mut head = Vec::new();
     file.rewind()?;
-    file.take(32).read_to_end(&mut head)?;
+    file.by_ref().take(32).read_to_end(&mut head)?;
     file.rewind()?;
     Ok(head)
 }
@@ -71,7 +72,9 @@ struct FileState {
 
 impl FileState {
     fn of(unpacked: &Unpacked) -> std::io::Result<Self> {
-        let metadata = unpacked.file.metadata()?;
+        // Always on this machine by now, and open, even where its name is gone.
+        let Reader::Local(file) = &unpacked.file else { return Err(std::io::Error::other("is not on this machine")) };
+        let metadata = file.metadata()?;
         Ok(FileState { size: metadata.len(), modified: metadata.modified().ok() })
     }
 }
@@ -88,8 +91,8 @@ impl LeftOut {
 
 impl SqliteFile {
     /// Open the bag that `path` was unpacked to; its messages come in the order of time, or as they stand.
-    pub(super) fn open(path: &Path, unpacked: Unpacked, by_time: bool) -> Result<Self, BagError> {
-        let bag = connect(path, &unpacked)?;
+    pub(super) fn open(path: &Path, mut unpacked: Unpacked, by_time: bool) -> Result<Self, BagError> {
+        let bag = connect(path, &mut unpacked)?;
         if by_time {
             // In a temporary file of sqlite's own, so that the order of a long bag takes no memory.
             let sort = "CREATE TEMP TABLE by_time (message INTEGER);
@@ -275,7 +278,7 @@ fn beside(path: &Path) -> Option<String> {
     let is_there = |suffix: &str| {
         let mut log = path.as_os_str().to_owned();
         log.push(suffix);
-        std::fs::metadata(&log).is_ok_and(|log| log.len() > 0)
+        location::open(Path::new(&log)).and_then(|log| log.size()).is_ok_and(|size| size > 0)
     };
     let (suffix, what) = holds.into_iter().find(|(suffix, _)| is_there(suffix))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().replace('\'', "'\\''");
@@ -310,7 +313,7 @@ fn not_a_bag(path: &Path, error: &dyn std::fmt::Display) -> BagError {
 }
 
 /// Connect to a file so that it is only read, whatever it holds.
-fn connect(path: &Path, unpacked: &Unpacked) -> Result<Connection, BagError> {
+fn connect(path: &Path, unpacked: &mut Unpacked) -> Result<Connection, BagError> {
     check_length(path, unpacked)?;
     let mut uri = String::from("file:");
     let absolute = std::path::absolute(&unpacked.path).map_err(|error| BagError::io(path, "open", error))?;
@@ -345,9 +348,9 @@ fn connect(path: &Path, unpacked: &Unpacked) -> Result<Connection, BagError> {
 }
 
 /// A file that is shorter than its head says is cut off.
-fn check_length(path: &Path, unpacked: &Unpacked) -> Result<(), BagError> {
+fn check_length(path: &Path, unpacked: &mut Unpacked) -> Result<(), BagError> {
     let io_error = |error| BagError::io(path, "read", error);
-    let size = unpacked.file.metadata().map_err(io_error)?.len();
+    let size = unpacked.file.size().map_err(io_error)?;
     let head = head(unpacked).map_err(io_error)?;
     let stated = match head.get(16..18).zip(head.get(28..32)) {
         Some((page, n_pages)) => {

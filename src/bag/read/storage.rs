@@ -7,23 +7,13 @@ use super::channels::ChannelTable;
 use super::file::{Context, McapFile};
 use super::head::{Head, MESSAGE_HEAD_LEN};
 use super::loss::Losses;
-use super::order::Chunks;
+use super::order::Order;
 use super::sqlite::{self, SqliteFile};
 use super::summary::{self, FileSummary};
 use super::unpacked::{Unpacked, ZSTD_MAGIC};
 use super::{BagError, RECORD_LIMIT};
+use crate::location::Place;
 use crate::units::Stamp;
-
-/// How a file is to be read.
-#[derive(Default)]
-pub(super) struct Order {
-    /// Chunks of an MCAP file in the order of time, where they don't stand in it.
-    pub(super) chunks: Option<Chunks>,
-    /// Whether the rows of a sqlite3 file don't stand in the order of time, and can be put in it.
-    pub(super) by_time: bool,
-    /// Whether messages come as they stand.
-    pub(super) as_written: bool,
-}
 
 /// A file that is being read.
 pub(super) enum Storage {
@@ -32,14 +22,15 @@ pub(super) enum Storage {
 }
 
 impl Storage {
-    /// Open the file at `path`, which may be packed with zstd as a whole.
-    pub(super) fn open(path: &Path, order: Order) -> Result<Self, BagError> {
-        let unpacked = Unpacked::open(path)?;
-        if sqlite::is_sqlite(&unpacked)? {
+    /// Open a file, which may be packed with zstd as a whole.
+    pub(super) fn open(place: &Place, order: Order) -> Result<Self, BagError> {
+        let path = place.path();
+        let mut unpacked = Unpacked::open(place)?;
+        if sqlite::is_sqlite(&mut unpacked)? {
             let file = SqliteFile::open(path, unpacked, order.by_time && !order.as_written)?;
             return Ok(Storage::Sqlite(Box::new(file)));
         }
-        Ok(Storage::Mcap(Box::new(McapFile::open(path, unpacked, order.chunks, order.as_written)?)))
+        Ok(Storage::Mcap(Box::new(McapFile::open(path, unpacked, order)?)))
     }
 
     /// Refuse a recording of ROS 1 by its header, before anything else is read.
@@ -119,17 +110,18 @@ fn unpack(body: &mut Vec<u8>) -> Result<(), String> {
 ///
 /// # Errors
 /// [`BagError::Io`] when the file can't be read, [`BagError::NotABag`] where a sqlite3 file holds no bag.
-pub(super) fn summary(path: &Path, input: usize, table: &mut ChannelTable) -> Result<Option<FileSummary>, BagError> {
-    let unpacked = Unpacked::open(path)?;
-    match sqlite::is_sqlite(&unpacked)? {
+pub(super) fn summary(place: &Place, input: usize, table: &mut ChannelTable) -> Result<Option<FileSummary>, BagError> {
+    let path = place.path();
+    let mut unpacked = Unpacked::open(place)?;
+    match sqlite::is_sqlite(&mut unpacked)? {
         true => sqlite::summary(path, unpacked, input, table).map(Some),
         false => summary::read(path, unpacked, input, table),
     }
 }
 
 /// Log time of the first message that stands in a file; `None` of a file without one.
-pub(super) fn first_log_time(path: &Path) -> Result<Option<Stamp>, BagError> {
-    let mut file = Storage::open(path, Order { as_written: true, ..Order::default() })?;
+pub(super) fn first_log_time(place: &Place) -> Result<Option<Stamp>, BagError> {
+    let mut file = Storage::open(place, Order { as_written: true, ..Order::default() })?;
     let (table, losses) = (&mut ChannelTable::default(), &mut Losses::default());
     let head = file.next(&mut Vec::new(), &mut Context { table, losses, input: 0, messages_only: true })?;
     Ok(match head {

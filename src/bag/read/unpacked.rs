@@ -1,12 +1,15 @@
-//! Files that are packed with zstd as a whole, as `ros2 bag record --compression-mode file` leaves them.
+//! Files that are packed with zstd as a whole, as `ros2 bag record --compression-mode file` leaves them, and `.db3` files that
+//! are not on this machine: both are read from a temporary file.
 
 use std::fs::File;
 use std::io::{self, Read, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tempfile::{NamedTempFile, TempPath};
 
 use super::{BagError, one_line};
+use crate::location::{self, Place, Reader};
 
 pub(super) const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 pub(super) const ZSTD_MAGIC: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
@@ -17,13 +20,15 @@ const MAX_RATIO: u64 = 1000;
 const UNPACKED_BASE: u64 = 64 << 20;
 const MAX_UNPACKED: u64 = 256 << 30;
 
-/// A file as its storage wrote it: the one at the path, or a temporary one that it was unpacked to.
+const COPY: &str = "copy to the folder for temporary files (TMPDIR)";
+
+/// A file as its storage wrote it: the one at the path, or a temporary one that it was unpacked or copied to.
 pub(super) struct Unpacked {
-    pub(super) file: File,
+    pub(super) file: Reader,
     /// Where `file` lies.
     pub(super) path: PathBuf,
-    /// Removes what was unpacked; `None` of a file that was not packed.
-    pub(super) temporary: Option<TempPath>,
+    /// Removes what was unpacked; `None` of a file that is read where it is.
+    pub(super) temporary: Option<Arc<TempPath>>,
 }
 
 impl Unpacked {
@@ -32,12 +37,19 @@ impl Unpacked {
     ///
     /// # Errors
     /// [`BagError::Io`] where it can't be read or unpacked, [`BagError::NotABag`] where it unpacks to too much.
-    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
-        let mut file = File::open(path).map_err(|error| BagError::io(path, "open", error))?;
+    pub(super) fn open(place: &Place) -> Result<Self, BagError> {
+        let path = place.path();
+        if let Some(copy) = place.copy() {
+            return Self::of_copy(path, copy);
+        }
+        let mut file = place.open().map_err(|error| BagError::io(path, "open", error))?;
         let mut magic = Vec::new();
-        let read = Read::by_ref(&mut file).take(ZSTD_MAGIC.len() as u64).read_to_end(&mut magic);
+        let read = Read::by_ref(&mut file).take(SQLITE_MAGIC.len() as u64).read_to_end(&mut magic);
         read.and_then(|_| file.rewind()).map_err(|error| BagError::io(path, "read", error))?;
-        if magic != ZSTD_MAGIC {
+        if place.is_remote() && magic == SQLITE_MAGIC {
+            return Self::copied(place, file);
+        }
+        if !magic.starts_with(ZSTD_MAGIC) {
             return Ok(Unpacked { file, path: path.to_path_buf(), temporary: None });
         }
         // A full disk too is that of the temporary files, not one that is written to.
@@ -45,7 +57,7 @@ impl Unpacked {
             let action = "unpack to the folder for temporary files (TMPDIR)";
             BagError::Io { path: path.to_path_buf(), action, source }
         };
-        let size = file.metadata().map_err(|error| BagError::io(path, "read", error))?.len();
+        let size = file.size().map_err(|error| BagError::io(path, "read", error))?;
         let limit = size.saturating_mul(MAX_RATIO).saturating_add(UNPACKED_BASE).min(MAX_UNPACKED);
         let mut out = NamedTempFile::new().map_err(unpack)?;
         let mut packed = zstd::stream::read::Decoder::new(file).map_err(unpack)?;
@@ -56,6 +68,10 @@ impl Unpacked {
                 Ok(0) => break,
                 Ok(n) => n,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                // What a store refuses to send isn't lost, but can't be read now.
+                Err(error) if location::is_refusal(&error) => {
+                    return Err(BagError::io(path, "read", error));
+                }
                 Err(error) if n_bytes == 0 => {
                     let why = format!("it is packed with zstd and can't be unpacked: {}", one_line(&error.to_string()));
                     return Err(BagError::NotABag { path: path.to_path_buf(), why });
@@ -72,8 +88,32 @@ impl Unpacked {
             }
             out.write_all(&buffer[..n]).map_err(unpack)?;
         }
-        let (mut file, temporary) = out.into_parts();
-        file.rewind().map_err(unpack)?;
-        Ok(Unpacked { file, path: temporary.to_path_buf(), temporary: Some(temporary) })
+        Self::kept(place, out)
+    }
+
+    /// Copy a file that isn't on this machine.
+    fn copied(place: &Place, mut file: Reader) -> Result<Self, BagError> {
+        let failed = |action, source| BagError::Io { path: place.path().to_path_buf(), action, source };
+        let mut out = NamedTempFile::new().map_err(|error| failed(COPY, error))?;
+        let mut buffer = vec![0; 1 << 20];
+        loop {
+            match file.read(&mut buffer).map_err(|error| failed("read", error))? {
+                0 => break,
+                n => out.write_all(&buffer[..n]).map_err(|error| failed(COPY, error))?,
+            }
+        }
+        Self::kept(place, out)
+    }
+
+    /// What was unpacked or copied. Of what isn't on this machine, it is there for who opens it next, too.
+    fn kept(place: &Place, out: NamedTempFile) -> Result<Self, BagError> {
+        let temporary = out.into_temp_path();
+        let temporary = if place.is_remote() { place.keep(temporary) } else { Arc::new(temporary) };
+        Self::of_copy(place.path(), temporary)
+    }
+
+    fn of_copy(path: &Path, copy: Arc<TempPath>) -> Result<Self, BagError> {
+        let file = File::open(&**copy).map_err(|error| BagError::io(path, "open", error))?;
+        Ok(Unpacked { file: Reader::Local(file), path: copy.to_path_buf(), temporary: Some(copy) })
     }
 }

@@ -9,6 +9,7 @@ use tempfile::{TempDir, TempPath};
 use super::{BagError, WriteOptions};
 use crate::bag::layout::{self, METADATA_FILE};
 use crate::files::{temporary_folder_in, temporary_in};
+use crate::location;
 
 /// A bag that has no name yet; dropped, it is gone unless it is to be kept.
 pub(super) struct Output {
@@ -24,16 +25,23 @@ pub(super) struct Output {
 struct Options {
     overwrite: bool,
     owns_folder: bool,
+    /// Whether what was written stays, whatever happens.
+    is_kept: bool,
 }
 
 enum Place {
     File(TempPath),
     Folder(TempDir),
+    /// For a URI: in the folder for temporary files, and sent when it is complete.
+    RemoteFile(TempPath),
+    RemoteFolder(TempDir),
 }
 
 impl Output {
     /// Check that `out` may be written, and open the file to write to.
     pub(super) fn create(out: &Path, options: &WriteOptions) -> Result<(Self, File), BagError> {
+        let Some(here) = location::local(out) else { return Self::create_remote(out, options) };
+        let out = &*here;
         let parent = match out.parent() {
             Some(parent) if parent.as_os_str().is_empty() => PathBuf::from("."),
             Some(parent) => parent.to_path_buf(),
@@ -50,7 +58,7 @@ impl Output {
         refuse_existing(out, as_file, options.overwrite)?;
         let io_error = |error| BagError::io(out, "create", error);
         let prefix = format!(".{name}.");
-        let kept = Options { overwrite: options.overwrite, owns_folder: options.owns_folder };
+        let kept = Options { overwrite: options.overwrite, owns_folder: options.owns_folder, is_kept: false };
         if as_file {
             let temp = temporary_in(&parent, &prefix).map_err(io_error)?;
             let (file, path) = temp.into_parts();
@@ -64,6 +72,38 @@ impl Output {
         Ok((Output { out: out.to_path_buf(), parent, file_name, options: kept, place }, file))
     }
 
+    fn create_remote(out: &Path, options: &WriteOptions) -> Result<(Self, File), BagError> {
+        let path = || out.to_path_buf();
+        let own = location::canonical(out).map_err(|error| BagError::io(out, "create", error))?;
+        let is_input = |input: &PathBuf| {
+            location::canonical(input).is_ok_and(|input| input.starts_with(&own) || own.starts_with(&input))
+        };
+        if options.inputs.iter().any(is_input) {
+            return Err(BagError::OutputIsInput { path: path() });
+        }
+        let as_file = out.extension().is_some_and(|extension| extension == "mcap");
+        // The files of a folder can't be replaced all at once.
+        location::check_output(out, options.overwrite && as_file).map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists if options.overwrite => BagError::NotReplaceable { path: path() },
+            io::ErrorKind::AlreadyExists => BagError::Exists { path: path() },
+            _ => BagError::io(out, "create", error),
+        })?;
+        let failed =
+            |source| BagError::Io { path: path(), action: "write to the folder for temporary files (TMPDIR)", source };
+        let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let kept = Options { overwrite: options.overwrite, owns_folder: options.owns_folder, is_kept: false };
+        let (place, file, file_name) = if as_file {
+            let (file, temp) = temporary_in(&std::env::temp_dir(), "tpf-").map_err(failed)?.into_parts();
+            (Place::RemoteFile(temp), file, name)
+        } else {
+            let folder = temporary_folder_in(&std::env::temp_dir(), "tpf-").map_err(failed)?;
+            let file_name = format!("{name}_0.mcap");
+            let file = File::create_new(folder.path().join(&file_name)).map_err(failed)?;
+            (Place::RemoteFolder(folder), file, file_name)
+        };
+        Ok((Output { out: path(), parent: PathBuf::new(), file_name, options: kept, place }, file))
+    }
+
     /// Name of the MCAP file itself.
     pub(super) fn file_name(&self) -> &str {
         &self.file_name
@@ -71,12 +111,13 @@ impl Output {
 
     /// From now on what is dropped without a name stays where it is: at the path that is returned.
     pub(super) fn keep_unfinished(&mut self) -> PathBuf {
+        self.options.is_kept = true;
         match &mut self.place {
-            Place::File(temp) => {
+            Place::File(temp) | Place::RemoteFile(temp) => {
                 temp.disable_cleanup(true);
                 temp.to_path_buf()
             }
-            Place::Folder(temp) => {
+            Place::Folder(temp) | Place::RemoteFolder(temp) => {
                 temp.disable_cleanup(true);
                 temp.path().join(&self.file_name)
             }
@@ -89,6 +130,19 @@ impl Output {
         let notes = match place {
             Place::File(temp) => put_file(temp, &out, &parent, &file_name, &options, metadata)?,
             Place::Folder(temp) => put_folder(temp, &out, &parent, options.overwrite, metadata)?,
+            Place::RemoteFile(mut temp) => {
+                let sent = location::put(&temp, &out, options.overwrite);
+                sent.map_err(|error| put_error(&out, options.is_kept.then_some(&*temp), error))?;
+                temp.disable_cleanup(false);
+                return Ok((out, Vec::new()));
+            }
+            Place::RemoteFolder(mut temp) => {
+                let written = std::fs::write(temp.path().join(METADATA_FILE), metadata);
+                let sent = written.and_then(|()| location::put_folder(temp.path(), &out, &[METADATA_FILE]));
+                sent.map_err(|error| put_error(&out, options.is_kept.then_some(temp.path()), error))?;
+                temp.disable_cleanup(false);
+                return Ok((out, Vec::new()));
+            }
         };
         // The name is on the disk only when its folder is; not every file system lets a folder be synced.
         let _ = File::open(&parent).and_then(|folder| folder.sync_all());
@@ -164,6 +218,18 @@ fn put_folder(
     // It has another name now, and nothing is to be removed.
     let _ = temp.keep();
     Ok(Vec::new())
+}
+
+/// Why a complete bag could not be sent, and where it is if it was to be kept.
+fn put_error(out: &Path, kept: Option<&Path>, error: io::Error) -> BagError {
+    if let Some(kept) = kept {
+        let source = io::Error::other(format!("{error}; the complete bag is {}", kept.display()));
+        return BagError::io(out, "write", source);
+    }
+    match error.kind() {
+        io::ErrorKind::AlreadyExists => BagError::Exists { path: out.to_path_buf() },
+        _ => BagError::io(out, "write", error),
+    }
 }
 
 fn rename_error(out: &Path, error: io::Error) -> BagError {

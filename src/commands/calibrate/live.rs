@@ -41,12 +41,6 @@ pub(super) struct LiveArgs {
 
 pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let live = &args.live;
-    if args.output.exists() {
-        return Err(Failure(format!(
-            "{}: already exists; choose another name, or remove it first",
-            shown(&args.output)
-        )));
-    }
     live.press.check(&cfg, args.touches)?;
     let duration = live.seconds.map_or(cfg.calibration.duration, Duration::from_secs_f64);
     cfg.calibration.min_duration = cfg.calibration.min_duration.min(duration);

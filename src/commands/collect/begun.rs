@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::super::{Failure, Outcome, print, say};
+use super::super::{Failure, Outcome, print, protocol, say};
 use super::folder::{About, Folder};
 use super::{Args, SHORT_MINUTES};
 use crate::bag::BagWriter;
@@ -24,10 +24,7 @@ pub(super) struct Begun {
 impl Begun {
     pub(super) fn anew(args: &Args, cfg: &Config) -> Result<Self, Failure> {
         Folder::check_new(&args.output)?; // before anyone puts on a glove
-        let protocol = match &args.protocol {
-            Some(path) => Protocol::load(path)?,
-            None => Protocol::paper(),
-        };
+        let protocol = protocol(args.protocol.as_deref())?;
         let minutes = args.minutes.or(args.short.then_some(SHORT_MINUTES));
         Ok(Begun {
             about: About::new(&protocol, minutes, args.seed, cfg, args.donning),

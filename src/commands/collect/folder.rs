@@ -9,6 +9,7 @@ use super::super::{Failure, say};
 use crate::bag::{BagMetadata, BagReader, BagRecord, BagWriter, Finished, PassThrough, WriteOptions};
 use crate::config::Config;
 use crate::files;
+use crate::location;
 use crate::msg::{Stage, WireType, canonical_type_name, from_cdr, to_cdr};
 use crate::protocol::{Annotation, Annotations, Plan, Protocol};
 use crate::recording::SESSION_NOTES;
@@ -69,6 +70,7 @@ impl About {
 impl Folder {
     /// Refuses a path at which there is something.
     pub(super) fn check_new(path: &Path) -> Result<(), Failure> {
+        location::only_here(path).map_err(|error| Failure(format!("{}: {error}", path.display())))?;
         if !path.exists() {
             return Ok(());
         }
@@ -90,6 +92,7 @@ impl Folder {
 
     /// A collection that was begun.
     pub(super) fn open(path: &Path) -> Result<Self, Failure> {
+        location::only_here(path).map_err(|error| Failure(format!("{}: {error}", path.display())))?;
         let notes = path.join(NOTES);
         let no_collection = |why: String| {
             Failure(format!("{}: {why}; --resume goes on with a folder that tpf collect made", notes.display()))

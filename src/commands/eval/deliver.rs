@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::super::checks::CheckArgs;
-use super::super::{Failure, Outcome, print, say, tell};
+use super::super::{Failure, Outcome, check_output, print, say, tell};
 use super::gates::GateFile;
 use crate::eval::GroupBy;
 use crate::evaluate::Evaluated;
@@ -50,10 +50,10 @@ impl Delivery<'_> {
         if self.gate.is_none() && self.checks.are_wanted() {
             return Err(Failure("--junit and --jsonl write how gates went; give --gate GATES.yaml".to_owned()));
         }
+        self.checks.check()?;
         let others = others.iter().filter_map(|path| path.as_deref());
-        let mut outputs = [self.report, self.parquet].into_iter().flatten().chain(others);
-        if let Some(path) = outputs.find(|path| path.exists() && !self.overwrite) {
-            return Err(Failure(format!("{} is there already; give another name, or --overwrite", path.display())));
+        for path in [self.report, self.parquet].into_iter().flatten().chain(others) {
+            check_output(path, self.overwrite)?;
         }
         self.gate.map(GateFile::read).transpose().map(|_| ())
     }

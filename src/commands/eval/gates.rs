@@ -7,6 +7,7 @@ use super::super::{Failure, tell};
 use crate::eval::{Check, Gates, Scored};
 use crate::evaluate::Evaluated;
 use crate::files;
+use crate::location;
 
 /// A file of gates that was read.
 pub(super) struct GateFile {
@@ -21,7 +22,7 @@ impl GateFile {
             let error = error.to_string();
             Failure(format!("{}: {}", path.display(), error.lines().next().unwrap_or_default()))
         };
-        let text = std::fs::read_to_string(path).map_err(|error| in_file(&error))?;
+        let text = location::read_text(path).map_err(|error| in_file(&error))?;
         let gates: Gates = serde_saphyr::from_str(&text).map_err(|error| in_file(&error))?;
         gates.check().map_err(|error| in_file(&error))?;
         let reference = gates.reference.as_ref().map(|file| path.parent().unwrap_or(Path::new("")).join(file));
@@ -55,7 +56,7 @@ impl GateFile {
 }
 
 fn read_reference(path: &Path) -> Result<BTreeMap<String, f64>, Failure> {
-    let text = std::fs::read_to_string(path)
+    let text = location::read_text(path)
         .map_err(|error| Failure(format!("{}: {error}; --update-refs writes it", path.display())))?;
     serde_json::from_str(&text).map_err(|error| Failure(format!("{}: {error}", path.display())))
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::super::sessions::find_bags;
 use super::super::{Failure, Outcome, interrupt, print, say};
 use super::{Args, Ended, replay};
+use crate::files;
 use crate::replay::is_there;
 use crate::sessions::{Shard, session_name};
 
@@ -37,7 +38,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let outputs = outputs(&all, &args.output)?;
     let shard = args.shard.unwrap_or(Shard::WHOLE);
     let failed = |error: std::io::Error| Failure(format!("{}: {error}", args.output.display()));
-    std::fs::create_dir_all(&args.output).map_err(failed)?;
+    files::make_folder(&args.output).map_err(failed)?;
     let (mut found, mut n_failed, mut is_complete) = (Vec::new(), 0, true);
     let own = shard.bags(&all);
     for (bag, output) in own.iter().zip(shard.bags(&outputs)) {

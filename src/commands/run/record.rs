@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::super::{FLUSH_EVERY, Failure};
 use crate::bag::{BEST_EFFORT_QOS, BagError, BagWriter, Finished, NewChannel, OutChannel, WriteOptions};
+use crate::location;
 use crate::msg::definition::Definitions;
 use crate::msg::{ContactArray, Slot, WrenchStamped, type_hash};
 use crate::ros::{InputName, Names, Record};
@@ -40,6 +41,7 @@ pub(super) fn start(
     names: &Names,
     definitions: &Definitions,
 ) -> Result<(SyncSender<Record>, Recording), Failure> {
+    location::only_here(out).map_err(|error| Failure(format!("{}: {error}", out.display())))?;
     let mut bag = BagWriter::create(out, WriteOptions::default())?;
     let mut inputs = Vec::new();
     for InputName { topic, type_name, .. } in &names.inputs {

@@ -6,10 +6,9 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::super::live::RosArguments;
-use super::super::{Failure, Outcome, interrupt, print, say, tell};
+use super::super::{Failure, Outcome, interrupt, print, protocol, say, tell};
 use crate::leave;
 use crate::msg::{Stage, TFMessage, TaxelArray, Text, WireType, WrenchStamped, from_cdr};
-use crate::protocol::Protocol;
 use crate::ros::{Delivery, Listener, TopicType, system_now};
 use crate::sim::hand::Finger;
 use crate::sim::{Activity, Fault, Fingers, LiveSession, Prompt, SYNTHETIC_TOPIC};
@@ -61,10 +60,7 @@ impl LiveArgs {
 
 pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let live = &args.live;
-    let protocol = match &live.protocol {
-        Some(path) => Protocol::load(path)?,
-        None => Protocol::paper(),
-    };
+    let protocol = protocol(live.protocol.as_deref())?;
     let place = live.ros.place(NODE)?;
     let (start, started) = (system_now(), Instant::now());
     let follows = !live.ignore_prompts && args.activity == Activity::Protocol;

@@ -31,7 +31,7 @@ pub(super) fn live(reader: &Reader<'_>) -> Result<LiveConfig, ConfigError> {
     Ok(LiveConfig {
         autostart: reader.bool("autostart")?,
         tactile_timeout: from_millis(reader.double("tactile_timeout_ms")?),
-        message_definitions: reader.path("message_definitions")?,
+        message_definitions: reader.path_here("message_definitions")?,
         max_latency: from_millis(reader.double("diagnostics.max_latency_ms")?),
         max_jitter: from_millis(reader.double("diagnostics.max_jitter_ms")?),
         min_estimates: reader.double("diagnostics.min_estimates")?,

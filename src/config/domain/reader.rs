@@ -1,5 +1,6 @@
 //! Typed access to parameters. Missing ones have the defaults of the table.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use super::super::error::ConfigError;
@@ -9,6 +10,7 @@ use super::super::param_file::ParamTree;
 use super::super::scalar::ParamValue;
 use super::super::text::one_line;
 use super::folder;
+use crate::location;
 use crate::msg::dynamic::check_path;
 
 /// Reads a tree with known keys and with values of the right type and range.
@@ -161,10 +163,21 @@ impl Reader<'_> {
         if path.to_string_lossy().contains('\0') {
             return Err(self.refused(key, "must not hold a null character"));
         }
+        let Some(path) = location::local(&path).map(Cow::into_owned) else { return Ok(Some(path)) };
         Ok(Some(match self.tree.get(key).and_then(|param| folder(&param.origin)) {
             Some(folder) => folder.join(path),
             None => path,
         }))
+    }
+
+    /// Path of a folder that must be on this machine, as [`path`](Self::path).
+    pub(super) fn path_here(&self, key: &str) -> Result<Option<PathBuf>, ConfigError> {
+        let path = self.path(key)?;
+        let refused = |path: &PathBuf| location::only_read_here(path).err();
+        match path.as_ref().and_then(refused) {
+            Some(error) => Err(self.refused(key, error.to_string())),
+            None => Ok(path),
+        }
     }
 
     /// Field path in a message: `header.stamp`, `layout.dim[0].size`, `sensors[].z`.

@@ -10,6 +10,7 @@ use super::{hex, sha256_of};
 use crate::config::Config;
 use crate::evaluate::held_out::folds_of;
 use crate::evaluate::{EvaluateError, Request};
+use crate::location;
 use crate::zero::Wanted;
 
 /// What statistics depend on, but for the models, which the series name.
@@ -48,7 +49,7 @@ impl Fingerprint {
         let mut cfg = cfg.clone();
         // Machines may have the same files in other places.
         cfg.models.iter_mut().for_each(|model| model.spec.path = named(&model.spec.path));
-        let calibration = cfg.calibration.file.take().filter(|file| file.is_file());
+        let calibration = cfg.calibration.file.take().filter(|file| location::is_file(file));
         let calibration = calibration.map(|file| sha256_of(&file)).transpose()?;
         let zero = match zero {
             Wanted::File(path) => format!("file with SHA-256 {}", sha256_of(path)?),

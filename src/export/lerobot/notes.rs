@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use super::{DatasetSpec, io};
 use crate::config::Config;
 use crate::export::{ExportError, Request};
+use crate::location;
 use crate::sessions::Shard;
 
 /// What a shard tells of itself.
@@ -41,12 +42,13 @@ impl ShardNotes {
     /// [`ExportError`] when a file that is named can't be read.
     pub(crate) fn new(shard: Shard, n_bags: usize, cfg: &Config, request: &Request<'_>) -> Result<Self, ExportError> {
         let sha256 = |bytes: &[u8]| hex(Sha256::digest(bytes));
-        let of_file = |path: &Path| Ok::<_, ExportError>(sha256(&std::fs::read(path).map_err(io(path))?));
+        let of_file = |path: &Path| Ok::<_, ExportError>(sha256(&location::read(path).map_err(io(path))?));
         let mut same = cfg.clone();
         let mut models = Vec::new();
         for model in &mut same.models {
             let path = std::mem::take(&mut model.spec.path); // machines may have the same file in other places
-            models.push(if request.model.is_none() && path.is_file() { of_file(&path)? } else { "none".to_owned() });
+            let is_read = request.model.is_none() && location::is_file(&path);
+            models.push(if is_read { of_file(&path)? } else { "none".to_owned() });
         }
         let zero = match request.zero {
             crate::zero::Wanted::File(path) => of_file(path)?,

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::notes::{ShardNotes, hex};
+use crate::location;
 use crate::sessions::hash_file;
 
 /// The file that makes a dataset a shard, below its folder.
@@ -44,7 +45,7 @@ pub(super) fn seal(folder: &Path, notes: &ShardNotes) -> io::Result<String> {
 /// # Errors
 /// What is wrong with it, in words.
 pub(super) fn open(folder: &Path) -> Result<ShardNotes, String> {
-    let text = match std::fs::read_to_string(folder.join(FILE)) {
+    let text = match location::read_text(&folder.join(FILE)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             return Err("is no shard; expected what `tpf export --lerobot DIR --shard I/N` wrote".to_owned());
         }

@@ -10,6 +10,7 @@ use super::notes::ShardNotes;
 use super::{Dataset, N_COUNTING, io, sealed};
 use crate::columns::{Cells, TableReader};
 use crate::export::{Episode, ExportError, Failed, Feature};
+use crate::location;
 use crate::observer::{Observer, check};
 
 /// Result of joining shards.
@@ -96,7 +97,7 @@ impl Source {
             return Err(refuse(format!("its notes tell of {} bags, expected {expected}", notes.bags.len())));
         }
         let path = folder.join("meta/info.json");
-        let text = std::fs::read_to_string(&path).map_err(io(&path))?;
+        let text = location::read_text(&path).map_err(io(&path))?;
         let info: Value = serde_json::from_str(&text).map_err(|error| refuse(format!("info.json: {error}")))?;
         let features = info["features"].as_object().ok_or_else(|| refuse("info.json: no features".to_owned()))?;
         let names = |feature: &Value| serde_json::from_value(feature["names"].clone()).ok().flatten();

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::engine::Core;
 use crate::config::Config;
 use crate::fusion::{Fusion, FusionConfig, Receipts};
+use crate::location;
 use crate::model::{self, ModelInfo};
 use crate::ros::wire::args::Severity;
 use crate::zero::{self, KnownModels};
@@ -25,6 +26,7 @@ pub(super) struct Loaded {
 /// # Errors
 /// One line that names the file and what is wrong.
 pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, String> {
+    calibration.into_iter().chain(cfg.calibration.file.as_deref()).try_for_each(here)?;
     let (mut fusion, infos) = fusion(cfg)?;
     let mut notes = Vec::new();
     for (model, info) in cfg.models.iter().zip(&infos) {
@@ -61,6 +63,15 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
         .map(|(model, info)| (model.name.clone(), format!("{} in {}", model.spec.path.display(), runs(info))));
     let core = Core { models: models.collect(), calibration: from, fusion };
     Ok(Loaded { core, known, notes })
+}
+
+/// Refuses the URI of a calibration file: a node that waits for a store could neither publish nor end in time.
+fn here(calibration: &Path) -> Result<(), String> {
+    let why = "a node reads and writes its calibration on its own machine only: copy it, and give a path";
+    match location::is_remote(calibration) {
+        true => Err(format!("{}: {why}", calibration.display())),
+        false => Ok(()),
+    }
 }
 
 /// Loads models and calibration as a start does; gives the core and the messages about it.

@@ -26,6 +26,11 @@ impl Ordered {
         Ordered { known, waiting, at_chunks: false, open: Vec::new(), bytes_read: 0 }
     }
 
+    /// Reads these chunks only.
+    pub(super) fn read_only(&mut self, offsets: &BTreeSet<u64>) {
+        self.waiting.retain(|place| offsets.contains(&place.offset));
+    }
+
     /// Whether the index has a chunk there.
     pub(super) fn knows(&self, offset: u64) -> bool {
         self.known.contains(&offset)

@@ -20,11 +20,11 @@ use crate::units::Stamp;
 /// that order. Counts are left out where the file is damaged.
 pub(in crate::bag::read) fn summary(
     path: &Path,
-    unpacked: Unpacked,
+    mut unpacked: Unpacked,
     input: usize,
     table: &mut ChannelTable,
 ) -> Result<FileSummary, BagError> {
-    let bag = connect(path, &unpacked)?;
+    let bag = connect(path, &mut unpacked)?;
     let (channels, _) = topics::read(&bag, input, table).map_err(|error| not_a_bag(path, &error))?;
     let (statistics, by_time) = match by_index(&bag) {
         Ok(Some(statistics)) => (Some(statistics), false),
@@ -33,7 +33,15 @@ pub(in crate::bag::read) fn summary(
             Err(_) => (None, false), // said when the messages are read
         },
     };
-    Ok(FileSummary { statistics, unknown_compression: None, chunks: Vec::new(), by_time })
+    Ok(FileSummary {
+        statistics,
+        unknown_compression: None,
+        chunks: Vec::new(),
+        notes: Vec::new(),
+        is_indexed: false,
+        by_time,
+        definitions: None,
+    })
 }
 
 /// Count and span by the index of times; `None` where there is no such index, or rows don't stand in the order of time.
