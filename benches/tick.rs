@@ -68,7 +68,7 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
 
 fn main() {
     println!("| five regions, one tick | ticks | p50 us | p99 us | p99.9 us | max us |\n|---|---|---|---|---|---|");
-    let mut ways = vec![("our own code", BackendChoice::Builtin), ("RTen", BackendChoice::Rten)];
+    let mut ways = vec![("the built-in code", BackendChoice::Builtin), ("RTen", BackendChoice::Rten)];
     if common::onnx_runtime_is_here() {
         ways.push(("ONNX Runtime", BackendChoice::OnnxRuntime));
     }

@@ -2,7 +2,7 @@
 //!
 //! Every model file is loaded in the same way ([`load`]): it is read once, its graph, weights and metadata are checked,
 //! a runtime opens it, and trial runs check what the file can't guarantee. The result is a [`Regressor`], which is the
-//! runtime, or our own code if it gives the same forces, and a [`ModelInfo`].
+//! runtime, or the built-in code if it gives the same forces, and a [`ModelInfo`].
 
 use std::io::Read;
 use std::num::NonZero;
@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use self::builtin::Builtin;
 use self::causal::Causal;
 use self::contract::Terms;
-use self::direct::Direct;
 use self::error::one_line;
 use self::metadata::Metadata;
 use self::onnx::{Message, ModelProto};
@@ -22,10 +22,10 @@ use self::session::{Runtime, Session};
 use crate::fusion::{ForceAxes, ForceUnit, Regressor};
 use crate::location;
 
+mod builtin;
 mod causal;
 mod comparison;
 mod contract;
-mod direct;
 mod error;
 pub mod first_run;
 mod info;
@@ -52,11 +52,11 @@ const WINDOWS_AT_ONCE: usize = 32;
 /// Runtime to use for a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum BackendChoice {
-    /// Our own code if the model is the paper's network or the causal network of adaptive models. Otherwise ONNX
+    /// The built-in code if the model is the paper's network or the causal network of adaptive models. Otherwise ONNX
     /// Runtime if it is found, or else RTen.
     #[default]
     Auto,
-    /// Only our own code.
+    /// Only the built-in code.
     Builtin,
     /// Only ONNX Runtime.
     OnnxRuntime,
@@ -111,7 +111,7 @@ pub struct ModelSpec {
     pub of_glove: Option<String>,
     /// Names of the tensors.
     pub names: TensorNames,
-    /// Maximum number of threads on which our own code runs many overlapping windows. With 1, the default, no thread is
+    /// Maximum number of threads on which the built-in code runs many overlapping windows. With 1, the default, no thread is
     /// started. The forces are the same for any number.
     pub threads: NonZero<usize>,
 }
@@ -159,41 +159,51 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
         (BackendChoice::Builtin, own) => Some(own.map_err(not_builtin)?),
         (BackendChoice::OnnxRuntime | BackendChoice::Rten, _) => None,
     };
+    // RTen is part of the program: where it shows that the built-in code is right, no library is loaded.
+    if let Some(own) = &own
+        && let Ok((runtime, backend)) = open_rten(&opened.bytes, &opened.terms)
+    {
+        let mut session = Session::new(path, runtime, &opened.terms);
+        if let Ok(notes) = probe::check(path, &mut session, &opened.terms)
+            && let Ok(builtin) = Builtin::of(&mut session, own, spec.threads.get())
+        {
+            info.notes.extend(notes);
+            return Ok(run_by(builtin, backend, info));
+        }
+    }
     let (runtime, backend, instead) = choose_runtime(spec, &opened.bytes, &opened.terms)?;
     let mut session = Session::new(path, runtime, &opened.terms);
     info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
-    info.contract = session.contract().clone();
-    let own = own.map(|own| Direct::of(&mut session, &own, spec.threads.get()));
-    // Where our own code runs the model, which runtime checks it is of no matter.
-    info.notes.extend(instead.filter(|_| !matches!(own, Some(Ok(_)))));
-    let regressor: Box<dyn Regressor> = match own {
-        Some(Ok(direct)) => {
-            info.batch_hint = direct::WINDOWS_AT_ONCE;
-            info.backend = Some(BackendInfo::builtin(backend));
-            Box::new(direct)
-        }
+    match own.map(|own| Builtin::of(&mut session, &own, spec.threads.get())) {
+        Some(Ok(builtin)) => return Ok(run_by(builtin, backend, info)),
         Some(Err(reason)) if spec.backend == BackendChoice::Builtin => return Err(not_builtin(reason)),
         Some(Err(reason)) => {
             info.notes.push(format!("{} runs it: {reason}", backend.runtime));
             info.not_builtin = Some(reason);
-            info.backend = Some(backend);
-            Box::new(session)
         }
-        None => {
-            info.backend = Some(backend);
-            Box::new(session)
-        }
-    };
-    Ok(Model { regressor, info })
+        None => {}
+    }
+    info.notes.extend(instead);
+    info.contract = session.contract().clone();
+    info.backend = Some(backend);
+    Ok(Model { regressor: Box::new(session), info })
 }
 
-/// A network that our own code can run.
+/// A model in the built-in code, which a runtime has checked.
+fn run_by(builtin: Builtin, checked_against: BackendInfo, mut info: ModelInfo) -> Model {
+    info.contract = builtin.contract().clone();
+    info.batch_hint = builtin::WINDOWS_AT_ONCE;
+    info.backend = Some(BackendInfo::builtin(checked_against));
+    Model { regressor: Box::new(builtin), info }
+}
+
+/// A network that the built-in code can run.
 enum Own {
     Paper(Box<Paper>),
     Causal(Box<Causal>),
 }
 
-/// The network, if our own code can run it; otherwise the reason.
+/// The network, if the built-in code can run it; otherwise the reason.
 fn own_network(model: &ModelProto, terms: &Terms) -> Result<Own, String> {
     match (terms.batch, &terms.tensors.touch) {
         (Batch::One, _) => Err("its batch is fixed at 1".to_owned()),
@@ -222,7 +232,7 @@ pub fn inspect_spec(spec: &ModelSpec) -> Result<ModelInfo, ModelError> {
 /// A file that passed every check that needs no runtime.
 struct Opened {
     bytes: Vec<u8>,
-    /// The network that our own code runs, or why our code can't run the model.
+    /// The network that the built-in code runs, or why it can't run the model.
     own: Result<Own, String>,
     /// True if it is exactly one of our networks, so that its behaviour in a runtime is known and needs no separate
     /// process.
@@ -280,15 +290,16 @@ fn read(path: &Path) -> Result<Vec<u8>, ModelError> {
 /// A runtime that has opened a graph, what it is, and what stands against ONNX Runtime where it is another.
 type Chosen = (Box<dyn Runtime>, BackendInfo, Option<String>);
 
+fn open_rten(bytes: &[u8], terms: &Terms) -> Result<(Box<dyn Runtime>, BackendInfo), String> {
+    Ok((Box::new(rten::open(bytes, terms)?), rten::info()))
+}
+
 /// Opens the graph in the runtime that was asked for. Under `auto`, what stands against ONNX Runtime comes with it.
 fn choose_runtime(spec: &ModelSpec, bytes: &[u8], terms: &Terms) -> Result<Chosen, ModelError> {
     let failed = |reason: String| ModelError::Runtime { path: spec.path.clone(), reason: one_line(&reason) };
-    let open_rten = || -> Result<(Box<dyn Runtime>, BackendInfo), String> {
-        Ok((Box::new(rten::open(bytes, terms)?), rten::info()))
-    };
     let against = match spec.backend {
         BackendChoice::Rten => {
-            let (runtime, backend) = open_rten().map_err(failed)?;
+            let (runtime, backend) = open_rten(bytes, terms).map_err(failed)?;
             return Ok((runtime, backend, None));
         }
         BackendChoice::OnnxRuntime => {
@@ -304,6 +315,6 @@ fn choose_runtime(spec: &ModelSpec, bytes: &[u8], terms: &Terms) -> Result<Chose
             Err(missing) => format!("ONNX Runtime can't be used ({missing})"),
         },
     };
-    let (runtime, backend) = open_rten().map_err(|said| failed(format!("{said}; {against}")))?;
+    let (runtime, backend) = open_rten(bytes, terms).map_err(|said| failed(format!("{said}; {against}")))?;
     Ok((runtime, backend, Some(format!("{against}: RTen takes its place"))))
 }

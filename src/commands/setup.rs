@@ -41,7 +41,7 @@ pub(super) struct ModelArgs {
 /// In what models run.
 #[derive(Debug, clap::Args)]
 pub(super) struct BackendArgs {
-    /// What runs the models; auto: our own code for the networks that tpf trains, else ONNX Runtime where it is found, else RTen
+    /// What runs the models; auto: the built-in code for the networks that tpf trains, else ONNX Runtime where it is found, else RTen
     #[arg(long, value_enum)]
     backend: Option<Backend>,
 }

@@ -1,4 +1,4 @@
-//! Compares the forces of our own code with those of a runtime, on windows of every scale.
+//! Compares the forces of the built-in code with those of a runtime, on windows of every scale.
 
 use super::session::Session;
 use super::trial::{Frames, SCALES, Scale};
@@ -13,7 +13,7 @@ const TOLERANCE_N: f64 = 1e-4;
 /// Relative tolerance, as a share of the largest force at a scale: sums in another order, through 64 steps of an LSTM.
 const ROUNDING: f64 = 2e-5;
 
-/// Compares our own code with a runtime.
+/// Compares the built-in code with a runtime.
 ///
 /// # Errors
 /// The place and the size of the difference.
@@ -43,7 +43,7 @@ fn same(scale: &Scale, unit: &str, runtime: &[f64], own: &[f64]) -> Result<(), S
     let largest = runtime.iter().filter(|force| force.is_finite()).fold(0.0_f64, |largest, f| largest.max(f.abs()));
     let tolerance = TOLERANCE_N.max(ROUNDING * largest);
     if runtime.len() != own.len() {
-        return Err(format!("our own code gives {} forces where the runtime gives {}", own.len(), runtime.len()));
+        return Err(format!("the built-in code gives {} forces where the runtime gives {}", own.len(), runtime.len()));
     }
     for (expected, got) in runtime.iter().zip(own) {
         let is_same = match (expected.is_finite(), got.is_finite()) {
@@ -52,7 +52,7 @@ fn same(scale: &Scale, unit: &str, runtime: &[f64], own: &[f64]) -> Result<(), S
         };
         if !is_same {
             return Err(format!(
-                "on {} readings our own code gives {got:.6} {unit} where the runtime gives {expected:.6} {unit}",
+                "on {} readings the built-in code gives {got:.6} {unit} where the runtime gives {expected:.6} {unit}",
                 scale.name
             ));
         }

@@ -185,7 +185,7 @@ pub enum ModelError {
         /// The glove that it names.
         wanted: String,
     },
-    /// The parameters ask for our own code, which can't run the model.
+    /// The parameters ask for the built-in code, which can't run the model.
     #[error("{path}: backend builtin can't run it: {reason}; set backend: auto, onnxruntime or rten")]
     NotBuiltin {
         /// The model file.

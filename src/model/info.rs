@@ -43,7 +43,7 @@ pub struct ModelInfo {
     pub inputs: Vec<TensorInfo>,
     /// Outputs in the file's order.
     pub outputs: Vec<TensorInfo>,
-    /// Why our own code can't run it. Absent if it can.
+    /// Why the built-in code can't run it. Absent if it can.
     pub not_builtin: Option<String>,
     /// Number of windows per call at which it runs fastest.
     pub batch_hint: usize,
@@ -61,13 +61,13 @@ pub struct BackendInfo {
     /// Path of the shared library, for ONNX Runtime.
     #[serde(serialize_with = "lossy_optional_path", skip_serializing_if = "Option::is_none")]
     pub library: Option<PathBuf>,
-    /// If our own code runs the model: the runtime with which its results were compared.
+    /// If the built-in code runs the model: the runtime with which its results were compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checked_against: Option<Box<BackendInfo>>,
 }
 
 impl BackendInfo {
-    /// Our own code, compared with a runtime.
+    /// The built-in code, compared with a runtime.
     pub(super) fn builtin(runtime: BackendInfo) -> Self {
         BackendInfo {
             runtime: RuntimeName::Builtin,
@@ -95,7 +95,7 @@ impl fmt::Display for BackendInfo {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RuntimeName {
-    /// Our own code, for the networks that `tpf train` makes.
+    /// The built-in code, for the networks that `tpf train` makes.
     Builtin,
     /// ONNX Runtime, loaded from a shared library at start.
     OnnxRuntime,

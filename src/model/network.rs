@@ -1,4 +1,4 @@
-//! Computes the paper's network, and the causal network of adaptive models, in our own code. Windows share the work on
+//! Computes the paper's network, and the causal network of adaptive models, in the built-in code. Windows share the work on
 //! common frames.
 //!
 //! Values that don't depend on the window are computed once per frame: the encoding of the pose, the input projections

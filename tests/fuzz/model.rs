@@ -1,6 +1,6 @@
-//! What is read from ONNX files, and what our own code computes for graphs that it takes for the paper's network.
+//! What is read from ONNX files, and what the built-in code computes for graphs that it takes for the paper's network.
 //!
-//! A runtime is asked for the same forces only where our own code has taken the graph: every operator in it is known then,
+//! A runtime is asked for the same forces only where the built-in code has taken the graph: every operator in it is known then,
 //! and none makes tensors of a size that a file claims.
 
 use tactile_pose_fusion::fusion::{ForceUnit, Fusion};
@@ -240,7 +240,7 @@ fn run(input: &[u8]) -> Answer {
 /// order.
 const MAX_WEIGHT: f32 = 100.0;
 
-/// Whether our own code takes the graph. What it computes then must be what a runtime computes.
+/// Whether the built-in code takes the graph. What it computes then must be what a runtime computes.
 fn run_by_own_code(path: &std::path::Path) -> bool {
     let load = |backend| model::load(&ModelSpec { backend, ..ModelSpec::new(path) });
     let mut own = match load(BackendChoice::Builtin) {
@@ -256,7 +256,7 @@ fn run_by_own_code(path: &std::path::Path) -> bool {
         && let Ok(mut runtime) = load(BackendChoice::Rten)
         && let Err(far) = is_close(&mut own, &mut runtime)
     {
-        panic!("our own code takes this graph and gives other forces than a runtime: {far}");
+        panic!("the built-in code takes this graph and gives other forces than a runtime: {far}");
     }
     true
 }

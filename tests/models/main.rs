@@ -1,4 +1,4 @@
-//! Models: their contract, runtimes, our own code, and training.
+//! Models: their contract, runtimes, the built-in code, and training.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! Both runtimes and our own code give what PyTorch gave, one by one and in batches.
+//! Both runtimes and the built-in code give what PyTorch gave, one by one and in batches.
 
 use crate::common;
 

@@ -14,7 +14,7 @@ const N_OVERLAPPING: usize = 400;
 /// They share no frames.
 const N_APART: usize = 20;
 
-/// A model in our own code, on so many threads.
+/// A model in the built-in code, on so many threads.
 fn load_own(path: &Path, n_threads: usize) -> Model {
     let mut spec = ModelSpec::new(path);
     (spec.backend, spec.threads) = (BackendChoice::Builtin, NonZero::new(n_threads).unwrap());

@@ -287,7 +287,7 @@ pub static KEYS: &[ParamKey] = &[
         "model.<name>.backend",
         Kind::Str,
         Str("auto"),
-        "What runs the model; auto: our own code for networks that tpf trains, else ONNX Runtime if it is found, else RTen",
+        "What runs the model; auto: the built-in code for networks that tpf trains, else ONNX Runtime if it is found, else RTen",
     )
     .range(OneOf(&["auto", "builtin", "onnxruntime", "rten"])),
     ParamKey::new("model.<name>.unit", Kind::Str, Str(""), "Unit of the model's forces; empty: the unit in the file")

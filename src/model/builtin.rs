@@ -1,4 +1,4 @@
-//! Runs the paper's network, or the causal network of adaptive models, in our own code: the same forces as a runtime,
+//! Runs the paper's network, or the causal network of adaptive models, in the built-in code: the same forces as a runtime,
 //! in less time.
 //!
 //! Windows that share no frames, such as the newest windows of several regions, become lanes of the network. Many
@@ -23,14 +23,14 @@ pub(super) const WINDOWS_AT_ONCE: usize = 16 * SPAN;
 /// Maximum step between windows of a stretch, frames. With a larger step, a new stretch is cheaper.
 const MAX_STEP: usize = 4;
 
-/// A model that our own code runs.
+/// A model that the built-in code runs.
 ///
 /// # Invariant
 /// A window's force has the same bits for any other windows in the same call, any earlier calls, and any number of
 /// threads: `model_stretches::any_company_and_any_number_of_threads_give_the_same_bits`,
 /// `model_lanes::windows_that_come_frame_by_frame_give_the_bits_of_a_stretch`.
 #[derive(Debug)]
-pub(super) struct Direct {
+pub(super) struct Builtin {
     contract: Contract,
     label: String,
     network: Network,
@@ -56,11 +56,11 @@ struct Worker {
     forces: Forces,
 }
 
-impl Direct {
-    /// A model that runs in our own code, with up to `n_threads` threads for stretches.
+impl Builtin {
+    /// A model that runs in the built-in code, with up to `n_threads` threads for stretches.
     ///
     /// # Errors
-    /// Why our own code can't run it: its windows are too short, or its forces differ from those of the runtime.
+    /// Why the built-in code can't run it: its windows are too short, or its forces differ from those of the runtime.
     pub(super) fn of(runtime: &mut Session, own: &Own, n_threads: usize) -> Result<Self, String> {
         let contract = runtime.contract().clone();
         let network = match own {
@@ -69,13 +69,13 @@ impl Direct {
         };
         let network = network.ok_or_else(|| format!("a window of {} frames is too short for it", contract.window))?;
         let label = runtime.label().to_owned();
-        let mut direct = Direct { contract, label, network, lanes: Lanes::default(), n_threads };
-        compare(&mut direct, runtime)?;
-        Ok(direct)
+        let mut builtin = Builtin { contract, label, network, lanes: Lanes::default(), n_threads };
+        compare(&mut builtin, runtime)?;
+        Ok(builtin)
     }
 }
 
-impl Regressor for Direct {
+impl Regressor for Builtin {
     fn contract(&self) -> &Contract {
         &self.contract
     }
@@ -95,7 +95,7 @@ impl Regressor for Direct {
     }
 }
 
-impl Direct {
+impl Builtin {
     fn run_in_stretches(&self, windows: SharedWindows<'_>, out: &mut Forces) {
         let n = windows.starts.len();
         let n_base = if self.contract.has_base { n } else { 0 };
