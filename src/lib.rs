@@ -130,6 +130,7 @@ pub mod files;
 pub mod fusion;
 pub mod glove;
 pub mod hand;
+mod histogram;
 pub mod init;
 pub mod inspect;
 mod kernels;

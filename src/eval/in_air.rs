@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::metric::{Metric, Undefined};
 use super::scored_frames::ScoredFrames;
 use super::statistics::Distribution;
+use crate::histogram::Histogram;
 use crate::units::{Stamp, nanos};
 
 /// Estimates while nothing touches the glove.
@@ -23,7 +24,7 @@ pub struct InAir {
     pub n_false_touches: u64,
     /// The same a minute.
     pub per_minute: Metric,
-    /// Size of the estimated force, gF; absent without estimates.
+    /// Size of the estimated force, gF, in steps of 1/1024 gF; percentiles to 0.2 %. Absent without estimates.
     pub abs_force_gf: Option<Distribution>,
 }
 
@@ -35,6 +36,51 @@ pub struct InAirReport {
     pub total: InAir,
     /// By pose.
     pub by_pose: BTreeMap<String, InAir>,
+}
+
+/// Sizes of forces, each to the next 1/1024 gF: so their sum does not depend on their order, and takes as little memory for a
+/// thousand sessions as for one.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Sizes {
+    /// The middle of a bin is within 0.2 % of all in it.
+    pub(super) histogram: Histogram<8>,
+    /// 1/1024 gF.
+    pub(super) sum: u64,
+    /// The smallest and the largest, 1/1024 gF; `None` without any.
+    pub(super) ends: Option<(u64, u64)>,
+}
+
+/// Steps of sizes in one gF.
+const STEPS: f64 = 1024.0;
+
+/// What is larger, as no force is, counts as this: so sums are whole numbers that doubles hold.
+const MAX_SIZE: u64 = 1 << 40;
+pub(super) const MAX_SUM: u64 = 1 << 53;
+
+impl Sizes {
+    fn handle(&mut self, size_gf: f64) {
+        let steps = ((size_gf * STEPS).round() as u64).min(MAX_SIZE);
+        self.histogram.handle(steps);
+        self.sum = self.sum.saturating_add(steps).min(MAX_SUM);
+        self.ends = Some(self.ends.map_or((steps, steps), |(least, most)| (least.min(steps), most.max(steps))));
+    }
+
+    fn merge(&mut self, other: &Sizes) {
+        self.histogram.merge(&other.histogram);
+        self.sum = self.sum.saturating_add(other.sum).min(MAX_SUM);
+        self.ends = match (self.ends, other.ends) {
+            (Some(ours), Some(theirs)) => Some((ours.0.min(theirs.0), ours.1.max(theirs.1))),
+            (ours, theirs) => ours.or(theirs),
+        };
+    }
+
+    fn distribution(&self) -> Option<Distribution> {
+        let (least, most) = self.ends?;
+        let (min, max) = (least as f64 / STEPS, most as f64 / STEPS);
+        let n = self.histogram.n();
+        let at = |idx: u64| (self.histogram.at(idx).unwrap_or(0.0) / STEPS).clamp(min, max);
+        Some(Distribution::by_order(n, self.sum as f64 / STEPS / n as f64, at))
+    }
 }
 
 /// Gathers [`InAir`], session by session.
@@ -52,8 +98,7 @@ pub(super) struct Sums {
     pub(super) air_ns: i64,
     pub(super) n_without_estimate: u64,
     pub(super) n_false_touches: u64,
-    /// gF; single precision, because there may be millions.
-    pub(super) sizes: Vec<f32>,
+    pub(super) sizes: Sizes,
 }
 
 impl InAirTally {
@@ -75,7 +120,7 @@ impl InAirTally {
             }
             let Some(sums) = self.by_pose.get_mut(&asked.pose) else { continue };
             match frames.estimate_gf[idx] {
-                Some(force) => sums.sizes.push(force.abs() as f32),
+                Some(force) => sums.sizes.handle(force.abs()),
                 None => sums.n_without_estimate += 1,
             }
             let known = rest.as_ref().filter(|rest| stamp.nanos_since(rest.last) <= self.max_gap_ns);
@@ -121,15 +166,14 @@ impl Sums {
         self.air_ns = self.air_ns.saturating_add(other.air_ns);
         self.n_without_estimate += other.n_without_estimate;
         self.n_false_touches += other.n_false_touches;
-        self.sizes.extend_from_slice(&other.sizes);
+        self.sizes.merge(&other.sizes);
     }
 
     fn in_air(&self) -> InAir {
         let minutes = self.air_ns as f64 / 60e9;
-        let sizes: Vec<f64> = self.sizes.iter().map(|size| f64::from(*size)).collect();
         InAir {
             minutes,
-            n_frames: self.sizes.len() as u64,
+            n_frames: self.sizes.histogram.n(),
             n_without_estimate: self.n_without_estimate,
             n_false_touches: self.n_false_touches,
             per_minute: if minutes > 0.0 {
@@ -137,7 +181,7 @@ impl Sums {
             } else {
                 Metric::undefined(Undefined::NoAirTime)
             },
-            abs_force_gf: Distribution::of(&sizes),
+            abs_force_gf: self.sizes.distribution(),
         }
     }
 }
@@ -177,6 +221,33 @@ mod tests {
         assert!(!report.by_pose.contains_key("tap"), "loaded");
         assert!((report.total.minutes * 60.0 - 0.06).abs() < 1e-12);
         assert_eq!(report.total.abs_force_gf.unwrap().max, 1.0, "the size, whatever its sign");
+    }
+
+    #[test]
+    fn sizes_are_those_of_every_frame_to_two_thousandths_however_sessions_are_added() {
+        let force = |idx: usize| ((idx * 7919 % 4001) as f64).powi(2) * 1e-5 - 20.0;
+        let sessions: Vec<_> = (0..10)
+            .map(|session| {
+                let of: Vec<_> = (0..400).map(|idx| (0, Some(force(session * 400 + idx)), false)).collect();
+                let mut tally = InAirTally::new(Duration::from_millis(20), Duration::from_millis(50));
+                tally.handle_session(&frames(&of));
+                tally
+            })
+            .collect();
+        let sum = |order: &mut dyn Iterator<Item = usize>| {
+            let mut sum = InAirTally::new(Duration::from_millis(20), Duration::from_millis(50));
+            order.for_each(|session| sum.merge(&sessions[session]));
+            sum.report().unwrap()
+        };
+        let found = sum(&mut (0..10));
+        assert_eq!(found, sum(&mut (0..10).rev()));
+        let all: Vec<f64> = (0..4000).map(|idx| force(idx).abs()).collect();
+        let (exact, found) = (Distribution::of(&all).unwrap(), found.total.abs_force_gf.unwrap());
+        let values = |of: Distribution| [of.mean, of.p5, of.p50, of.p95, of.min, of.max];
+        for (got, exact) in values(found).into_iter().zip(values(exact)) {
+            assert!((got - exact).abs() <= exact * 0.002 + 0.0011, "{got}, expected {exact}");
+        }
+        assert_eq!(found.n, 4000);
     }
 
     #[test]

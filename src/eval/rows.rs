@@ -5,9 +5,11 @@ use super::density::N_BINS;
 use super::evaluation::{ContactTallies, Evaluation, FREE_MOVEMENT};
 use super::groups::Origin;
 use super::held;
+use super::in_air::{MAX_SUM, Sizes};
 use super::metrics::Tally;
 use super::scoring::{MAX_BINS, Scoring};
 use super::tangential::TangentialTally;
+use crate::histogram::Histogram;
 
 /// Counts beyond this are no counts of frames: at 1 kHz it is 35 years. Sums of many of them still fit.
 const MAX_COUNT: i64 = 1 << 40;
@@ -48,8 +50,9 @@ pub struct StatRow {
     pub truth_m2: Option<f64>,
     /// Sum of the squares of the errors, gF^2.
     pub squared_error: Option<f64>,
-    /// Every value, where quantiles are taken: latencies and delays in ms, sizes of forces in the air in gF. Of `density` the
-    /// frames in each bin of the estimated force. Of tangential forces the sums of their errors along x, y and z, gF, and of the
+    /// Every value, where quantiles are taken of few: latencies and delays in ms. Of `density` the frames in each bin of the
+    /// estimated force. Of sizes of forces in the air, in steps of 1/1024 gF, their sum, the smallest and the largest, or bins of
+    /// the histogram, each with the frames in it. Of tangential forces the sums of their errors along x, y and z, gF, and of the
     /// angles, degrees.
     pub samples: Option<Vec<f64>>,
 }
@@ -239,13 +242,17 @@ fn rows_of_contacts(rows: &mut Vec<StatRow>, glove: &str, tallies: &ContactTalli
         rows.push(StatRow { bin: i64::try_from(bin).ok(), ..samples("density", "frames", glove, &frames) });
     }
     for (pose, sums) in &in_air.by_pose {
-        let mut sizes: Vec<f64> = sums.sizes.iter().copied().map(f64::from).collect();
-        sizes.sort_by(f64::total_cmp); // quantiles don't need their order, and sorted they are half as large
+        let Sizes { histogram, sum, ends } = &sums.sizes;
         let of_pose = |row: StatRow| StatRow { pose: pose.clone(), ..row };
         rows.push(of_pose(count("in_air", "air_ns", glove, sums.air_ns)));
         rows.push(of_pose(count("in_air", "without_estimate", glove, whole(sums.n_without_estimate))));
         rows.push(of_pose(count("in_air", "false_touches", glove, whole(sums.n_false_touches))));
-        rows.push(of_pose(samples("in_air", "abs_force_gf", glove, &sizes)));
+        if let Some((least, most)) = ends {
+            let totals = [*sum, *least, *most].map(|steps| steps as f64);
+            rows.push(of_pose(samples("in_air", "abs_force_sum_min_max", glove, &totals)));
+        }
+        let bins: Vec<f64> = histogram.bins().flat_map(|(bin, n)| [f64::from(bin), n as f64]).collect();
+        rows.push(of_pose(samples("in_air", "abs_force_bins", glove, &bins)));
     }
 }
 
@@ -293,7 +300,21 @@ fn read_contacts(tallies: &mut ContactTallies, row: &StatRow) -> Result<(), RowE
                 "air_ns" => sums.air_ns = row.nanos()?,
                 "without_estimate" => sums.n_without_estimate = row.count()?,
                 "false_touches" => sums.n_false_touches = row.count()?,
-                "abs_force_gf" => sums.sizes = row.samples()?.iter().map(|size| *size as f32).collect(),
+                "abs_force_sum_min_max" => {
+                    let [sum, least, most] = row.whole_numbers(MAX_SUM)?;
+                    (sums.sizes.sum, sums.sizes.ends) = (sum, Some((least, most)));
+                }
+                "abs_force_bins" => {
+                    for pair in row.samples()?.chunks(2) {
+                        let bin = pair.first().filter(|bin| (0.0..f64::from(Histogram::<8>::N_BINS)).contains(*bin));
+                        let n = pair.get(1).filter(|n| (0.0..=MAX_COUNT as f64).contains(*n));
+                        let whole = bin.zip(n).filter(|(bin, n)| bin.fract() == 0.0 && n.fract() == 0.0);
+                        let Some((bin, n)) = whole else {
+                            return Err(row.wrong("samples", Some(format!("{pair:?}")), "bins and their counts"));
+                        };
+                        sums.sizes.histogram.add(*bin as u32, *n as u64);
+                    }
+                }
                 _ => return Err(row.unknown()),
             }
         }
@@ -340,10 +361,17 @@ impl StatRow {
 
     /// Counts in so many bins.
     fn counts<const N: usize>(&self) -> Result<[u64; N], RowError> {
+        self.whole_numbers(MAX_COUNT.unsigned_abs())
+    }
+
+    /// So many whole numbers.
+    fn whole_numbers<const N: usize>(&self, most: u64) -> Result<[u64; N], RowError> {
         let samples = self.samples()?;
-        let is_count = |n: &f64| n.fract() == 0.0 && (0.0..=MAX_COUNT as f64).contains(n);
-        let counts: Vec<u64> = samples.iter().filter(|n| is_count(n)).map(|n| *n as u64).collect();
-        counts.try_into().map_err(|_| self.wrong("samples", Some(format!("{samples:?}")), format!("{N} counts")))
+        let is_whole = |n: &f64| n.fract() == 0.0 && (0.0..=most as f64).contains(n);
+        let numbers: Vec<u64> = samples.iter().filter(|n| is_whole(n)).map(|n| *n as u64).collect();
+        numbers.try_into().map_err(|_| {
+            self.wrong("samples", Some(format!("{samples:?}")), format!("{N} whole numbers, at most {most}"))
+        })
     }
 
     fn class(&self) -> Result<Class, RowError> {

@@ -127,21 +127,23 @@ impl Distribution {
     pub fn of(samples: &[f64]) -> Option<Self> {
         let mut sorted: Vec<f64> = samples.iter().copied().filter(|sample| sample.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
-        let (&min, &max) = (sorted.first()?, sorted.last()?);
+        if sorted.is_empty() {
+            return None;
+        }
+        let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
+        Some(Self::by_order(sorted.len() as u64, mean, |idx| sorted[idx as usize]))
+    }
+
+    /// The distribution of `n` samples, at least one, of which `at` gives the one with an index among all, sorted.
+    pub(super) fn by_order(n: u64, mean: f64, at: impl Fn(u64) -> f64) -> Self {
+        let last = n.saturating_sub(1);
         let quantile = |share: f64| {
-            let position = share * (sorted.len() - 1) as f64;
-            let below = position.floor() as usize; // at most len - 1, as share is at most 1
-            let above = (below + 1).min(sorted.len() - 1);
-            sorted[below] + (position - below as f64) * (sorted[above] - sorted[below])
+            let position = share * last as f64;
+            let below = position.floor() as u64; // at most the last, as share is at most 1
+            let (lower, upper) = (at(below), at((below + 1).min(last)));
+            lower + (position - below as f64) * (upper - lower)
         };
-        Some(Distribution {
-            n: sorted.len() as u64,
-            mean: sorted.iter().sum::<f64>() / sorted.len() as f64,
-            p5: quantile(0.05),
-            p50: quantile(0.5),
-            p95: quantile(0.95),
-            min,
-            max,
-        })
+        let (p5, p50, p95) = (quantile(0.05), quantile(0.5), quantile(0.95));
+        Distribution { n, mean, p5, p50, p95, min: at(0), max: at(last) }
     }
 }

@@ -1,5 +1,9 @@
 //! Stretches of force over time where the judged series did best, worst, and as usual.
 
+use std::collections::BTreeMap;
+
+use sha2::{Digest, Sha256};
+
 use crate::eval::{ScoredFrames, Scoring};
 use crate::units::Stamp;
 
@@ -58,11 +62,15 @@ impl BestAndWorst {
     }
 }
 
-/// Looks for them, session by session: of each it keeps the best, the median and the worst.
+/// Medians that are kept, for memory that does not grow with the number of sessions.
+const MAX_MEDIANS: usize = 256;
+
+/// Looks for them, session by session: it keeps the best and the worst of all, and the medians of some.
 #[derive(Debug, Default)]
 pub(super) struct Stretches {
     best: Option<Stretch>,
-    medians: Vec<Stretch>,
+    /// Those with the lowest hashes: of many sessions always the same ones, whatever their order.
+    medians: BTreeMap<[u8; 32], Stretch>,
     worst: Option<Stretch>,
 }
 
@@ -70,7 +78,10 @@ impl Stretches {
     /// Takes those of a session and region.
     pub(super) fn handle(&mut self, found: BestAndWorst) {
         let BestAndWorst { best, median, worst } = found;
-        self.medians.push(median);
+        self.medians.insert(hash(&median), median);
+        if self.medians.len() > MAX_MEDIANS {
+            self.medians.pop_last();
+        }
         if self.best.as_ref().is_none_or(|known| best.mae_gf < known.mae_gf) {
             self.best = Some(best);
         }
@@ -80,13 +91,25 @@ impl Stretches {
     }
 
     /// The best of all, the median of the session whose median is in the middle, and the worst of all.
-    pub(super) fn finish(mut self) -> Vec<Stretch> {
-        self.medians.sort_by(|a, b| a.mae_gf.total_cmp(&b.mae_gf));
-        let middle = self.medians.len().saturating_sub(1) / 2;
-        let median = self.medians.into_iter().nth(middle);
+    pub(super) fn finish(self) -> Vec<Stretch> {
+        let mut medians: Vec<Stretch> = self.medians.into_values().collect();
+        medians.sort_by(|a, b| a.mae_gf.total_cmp(&b.mae_gf));
+        let middle = medians.len().saturating_sub(1) / 2;
+        let median = medians.into_iter().nth(middle);
         let kinds = [("Best", self.best), ("Median", median), ("Worst", self.worst)];
         kinds.into_iter().filter_map(|(kind, stretch)| Some(Stretch { kind, ..stretch? })).collect()
     }
+}
+
+fn hash(stretch: &Stretch) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    for text in [&stretch.session, &stretch.glove, &stretch.stage] {
+        hash.update(text);
+    }
+    for number in [stretch.mae_gf, stretch.from_s] {
+        hash.update(number.to_le_bytes());
+    }
+    hash.finalize().into()
 }
 
 /// Every stretch of a session that is whole and holds touches.
@@ -179,6 +202,26 @@ mod tests {
         let found = stretches.finish();
         let told: Vec<_> = found.iter().map(|one| (one.kind, one.session.as_str(), one.mae_gf, one.from_s)).collect();
         assert_eq!(told, [("Best", "a", 1.0, 20.0), ("Median", "b", 6.0, 0.0), ("Worst", "b", 30.0, 20.0)]);
+    }
+
+    #[test]
+    fn of_many_sessions_the_middle_is_found_in_bounded_memory_whatever_their_order() {
+        let of = |idx: usize| {
+            let stretch = |mae_gf: f64| Stretch { session: format!("{idx}"), mae_gf, ..Stretch::default() };
+            let mae_gf = (idx * 7 % 1000) as f64;
+            BestAndWorst { best: stretch(mae_gf - 1.0), median: stretch(mae_gf), worst: stretch(mae_gf + 1.0) }
+        };
+        let found = |order: &mut dyn Iterator<Item = usize>| {
+            let mut stretches = Stretches::default();
+            order.for_each(|idx| stretches.handle(of(idx)));
+            assert_eq!(stretches.medians.len(), MAX_MEDIANS);
+            stretches.finish().iter().map(|one| (one.kind, one.session.clone(), one.mae_gf)).collect::<Vec<_>>()
+        };
+        let forwards = found(&mut (0..1000));
+        assert_eq!(forwards, found(&mut (0..1000).rev()));
+        let [best, median, worst] = forwards.as_slice() else { panic!("{forwards:?}") };
+        assert_eq!((best.2, worst.2), (-1.0, 1000.0));
+        assert!((median.2 - 500.0).abs() < 100.0, "{median:?}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::evaluate::scored::{BagPart, Head};
 use crate::sessions::Shard;
 
 /// Form of the table and its notes.
-const FORMAT: &str = "2";
+const FORMAT: &str = "3";
 
 /// Names of the notes.
 const FORMAT_NOTE: &str = "tpf_partial";
