@@ -34,7 +34,7 @@ python-wheel *args:
 python-fresh *args:
     scripts/python-fresh {{args}}
 
-# Run many synthetic bags on a real Ray cluster, on Dask and as shards, with faults; `just fleet-test --release 1000` for a thousand
+# Run many synthetic bags on a real Ray cluster, on Dask and Spark, and as shards, with faults; `just fleet-test --release 1000` for a thousand
 fleet-test *args:
     scripts/fleet-test {{args}}
 

@@ -59,6 +59,12 @@ def test_the_notebook_and_the_pages_of_the_book_are_checked(mypy: Callable[..., 
         assert blocks, name
         (tmp_path / f"{name}.py").write_text("\n".join(blocks))
     mypy(*(tmp_path / f"{name}.py" for name in programs))
+    # The engines themselves need not be here.
+    page = (ROOT / "docs/src/how-to/many-bags.md").read_text()
+    for engine in ("dask", "spark"):
+        [block] = re.findall(rf"^```python {engine}\n(.*?)^```", page, re.S | re.M)
+        (tmp_path / f"{engine}_example.py").write_text("bags = ['a.mcap']\n" + block)
+        mypy("--ignore-missing-imports", tmp_path / f"{engine}_example.py")
 
 
 def test_the_stub_is_what_the_native_module_has(tmp_path: Path) -> None:

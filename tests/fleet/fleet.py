@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -85,7 +86,7 @@ class Fleet:
 
     def run(self, workers: list[int]) -> None:
         expected = self.single()
-        limit = (self.args.memory_mb or self.least_memory_mb()) * 1_000_000
+        limit = (self.args.memory_mb or self.memory_between_mb()) * 1_000_000
         self.tell("memory that a task may have", f"{limit / 1e6:.0f} MB")
         for n in workers:
             self.throughput(n, expected)
@@ -111,26 +112,31 @@ class Fleet:
         self.tell("one process, one thread", f"{seconds:.1f} s, {len(self.all) / seconds:.2f} bags/s, {peak_mb:.0f} MB at most")
         return run.stdout
 
-    def least_memory_mb(self) -> int:
-        """Memory in which a short bag is scored and the long one is not: found by trying."""
+    def memory_between_mb(self) -> int:
+        """Memory in which a short bag is scored, and the long one is not, with room to both sides: found by trying."""
+        short, long = self.least_memory_mb(self.good[0], 16), self.least_memory_mb(self.long, 64)
+        self.tell("least memory for a short bag, and for the long one", f"{short} MB, {long} MB")
+        check(long >= 1.3 * short, f"{short} MB do for a short bag, and {long} MB for the long one: give more --long-minutes")
+        return round(math.sqrt(short * long))
 
-        def fits(bag: str, megabytes: int) -> bool:
+    def least_memory_mb(self, bag: str, first: int) -> int:
+        """The least memory in which a bag is scored, to a twentieth."""
+
+        def fits(megabytes: int) -> bool:
             try:
                 self.partial([bag], megabytes * 1_000_000)
             except many.ProcessDied:
                 return False
             return True
 
-        low, high = 16, 16
-        while not fits(self.good[0], high):
+        low, high = first, first
+        while not fits(high):
             low, high = high, 2 * high
-            check(high < 1 << 14, "a short bag does not fit into 16 GB")
-        while high - low > max(4, high // 10):
+            check(high < 1 << 14, f"{bag} does not fit into 16 GB")
+        while high - low > max(4, high // 20):
             middle = (low + high) // 2
-            low, high = (low, middle) if fits(self.good[0], middle) else (middle, high)
-        limit = high + high // 4
-        check(not fits(self.long, limit), f"the long bag fits into {limit} MB, too: give more --long-minutes")
-        return limit
+            low, high = (low, middle) if fits(middle) else (middle, high)
+        return high
 
     def partial(self, some: list[str], limit: int | None = None) -> bytes:
         return many.partial(some, PARAMS, model=self.args.model, options=self.options, memory_limit=limit)
@@ -217,7 +223,7 @@ class Fleet:
 
         first = start(0)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            first.wait(1.0)  # long enough that it is at work
+            first.wait(0.3)  # long enough that it is at work, and too short to be done
         was_killed = first.poll() is None
         first.kill()
         first.wait()
@@ -248,7 +254,8 @@ class Fleet:
                     add(1)
 
             found = tpf_ray.replay(some, work / "many", PARAMS, model=self.args.model, progress=progress)
-            check(contents(work / "one") == contents(work / "many"), "bags that were replayed on Ray differ")
+            ours, theirs = contents(work / "one"), contents(work / "many")
+            check(ours == theirs, f"bags that were replayed on Ray differ: {sorted(ours)}, {sorted(theirs)}")
             check([entry["bag"] for entry in found if "error" in entry] == failed_of(one.stderr, some), f"{found}")
             again = tpf_ray.replay(some, work / "many", PARAMS, resume=True, **limits)
             check(sum(entry.get("kept", False) for entry in again) == len(contents(work / "one")), "resume kept others")

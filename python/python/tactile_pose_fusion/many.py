@@ -266,8 +266,10 @@ def _object(text: str) -> dict[str, Any]:
 def _run(words: Sequence[str], memory_limit: int | None = None, timeout_s: float | None = None) -> str:
     """What `tpf` prints, run in a process that ends with this one."""
     command = [sys.executable, "-m", "tactile_pose_fusion._child", str(os.getpid()), str(memory_limit or 0), *words]
+    # The threads that NumPy would begin are of no use to `tpf`, and what they reserve counts as its memory.
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     try:
-        run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout_s)
+        run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout_s, env=environment)
     except subprocess.TimeoutExpired:
         raise ProcessDied(f"tpf was not done after {timeout_s:g} s, and was ended") from None
     if run.returncode in (0, _INPUT_LOST):

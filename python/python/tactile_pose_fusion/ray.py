@@ -15,10 +15,11 @@ bags is ended and counts as lost, and a cluster in which no task ends, or that h
 
 from __future__ import annotations
 
+import glob
 import os
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -172,9 +173,20 @@ def replay(
     def keep(batch: Batch, done: list[dict[str, Any]]) -> None:
         found.update(zip(batch.bags, done, strict=True))
 
+    of_others = set(_unfinished(out, named))
     lost = drive("replay", run, batches(bags, bags_per_task), tasks, keep, progress)
+    for left in set(_unfinished(out, named)) - of_others:  # by workers that were killed
+        left.unlink(missing_ok=True)
     found |= {bag: {"bag": bag, "error": f"{bag}: {reason}"} for bag, reason in lost.items()}
     return [found[bag] for bag in bags]
+
+
+def _unfinished(output: str, names: Iterable[str]) -> Iterator[Path]:
+    """Hidden files beside the outputs of these names: what is written has no other name until it is whole."""
+    if _core.is_remote(output):
+        return
+    for name in names:
+        yield from Path(_core.place(output)).glob(f".{glob.escape(name)}.mcap.*.tmp")
 
 
 def export(
