@@ -52,7 +52,12 @@ impl ColumnFile {
     ///
     /// # Errors
     /// [`ColumnsError`] if the file can't be created in the folder of `path`, or if a name is not valid for a column.
-    pub fn create(path: &Path, columns: &[(&str, Kind)], notes: &[(&str, String)]) -> Result<Self, ColumnsError> {
+    pub fn create(
+        path: &Path,
+        columns: &[(&str, Kind)],
+        notes: &[(&str, String)],
+        overwrite: bool,
+    ) -> Result<Self, ColumnsError> {
         let in_file = |error: ParquetError| ColumnsError::Parquet { path: path.to_path_buf(), error };
         let failed = |error: std::io::Error| ColumnsError::Io { path: path.to_path_buf(), error };
         let fields = columns.iter().map(|(name, kind)| kind.field(name).map(Arc::new)).collect::<Result<_, _>>();
@@ -63,7 +68,7 @@ impl ColumnFile {
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_key_value_metadata(Some(notes))
             .build();
-        let file = NewFile::create(path).map_err(failed)?;
+        let file = NewFile::create(path, overwrite).map_err(failed)?;
         let handle = file.as_file().try_clone().map_err(failed)?;
         let writer = SerializedFileWriter::new(handle, schema, Arc::new(properties)).map_err(in_file)?;
         let columns = columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect();
@@ -154,7 +159,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         let columns = [("who", Kind::Text), ("force", Kind::Number), ("n", Kind::Whole), ("at", Kind::Stamp)];
-        let mut file = ColumnFile::create(&path, &columns, &[("synthetic", "true".to_owned())]).unwrap();
+        let mut file = ColumnFile::create(&path, &columns, &[("synthetic", "true".to_owned())], false).unwrap();
         let group = |who: &str, force| {
             let stamp = Cells::Stamp(vec![Some(Stamp(7)), None]);
             let text = Cells::Text(vec![Some(who.to_owned()), None]);
@@ -185,7 +190,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         let columns = [("a/texts", Kind::Texts), ("b.vector", Kind::Vector), ("matrix", Kind::Matrix)];
-        let mut file = ColumnFile::create(&path, &columns, &[]).unwrap();
+        let mut file = ColumnFile::create(&path, &columns, &[], false).unwrap();
         let texts = Cells::Texts(vec![Some(vec!["x".to_owned(), "y".to_owned()]), None, Some(Vec::new())]);
         let values = |n: usize| (1..=n).map(|value| value as f32).collect();
         let matrix = Cells::Matrix { n_rows: 2, n_columns: 2, values: values(12) };
@@ -222,7 +227,7 @@ mod tests {
         ];
         let columns: Vec<(&str, Kind)> = cells.iter().map(|(name, cells)| (*name, cells.kind())).collect();
         let written: Vec<Cells> = cells.iter().map(|(_, cells)| cells.clone()).collect();
-        let mut file = ColumnFile::create(&path, &columns, &[]).unwrap();
+        let mut file = ColumnFile::create(&path, &columns, &[], false).unwrap();
         file.write(&written).unwrap();
         file.write(&written).unwrap();
         file.note("late", "yes".to_owned());
@@ -255,7 +260,7 @@ mod tests {
     fn csv_has_the_same_rows_with_what_needs_it_in_quotes() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.csv");
-        let mut file = CsvFile::create(&path, &[("who, what", Kind::Text), ("n", Kind::Number)]).unwrap();
+        let mut file = CsvFile::create(&path, &[("who, what", Kind::Text), ("n", Kind::Number)], false).unwrap();
         let text = Cells::Text(vec![Some("say \"a\",\nb".to_owned()), None]);
         file.write(&[text, Cells::Number(vec![None, Some(0.1)])]).unwrap();
         assert!(!path.exists(), "not before it is whole");
@@ -267,7 +272,7 @@ mod tests {
     fn a_column_of_another_kind_or_length_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
-        let mut file = ColumnFile::create(&path, &[("a", Kind::Number), ("b", Kind::Flag)], &[]).unwrap();
+        let mut file = ColumnFile::create(&path, &[("a", Kind::Number), ("b", Kind::Flag)], &[], false).unwrap();
         let number = || Cells::Number(vec![Some(1.0)]);
         let kind = file.write(&[number(), Cells::Whole(vec![Some(1)])]).unwrap_err().to_string();
         assert!(kind.contains("column b is Flag and got Whole"), "{kind}");

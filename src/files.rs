@@ -15,26 +15,27 @@ use crate::location;
 pub struct NewFile {
     out: PathBuf,
     temp: NamedTempFile,
-    /// Whether something had its name when it was begun.
-    replaces: bool,
+    /// Whether it may replace what has its name.
+    overwrite: bool,
 }
 
 impl NewFile {
-    /// A hidden file beside `out`, or a temporary one where `out` is a URI, whose store is asked whether it takes the file.
+    /// A hidden file beside `out`, or a temporary one where `out` is a URI, whose store is asked whether it takes the file. Without
+    /// `overwrite`, it replaces nothing, not even what comes while it is written.
     ///
     /// # Errors
-    /// The system's error if it can't be made, or one line on what the store said.
-    pub fn create(out: &Path) -> io::Result<Self> {
-        let replaces = location::check_output(out, true)?;
-        Self::begin(out, replaces)
+    /// `AlreadyExists`, the system's error if it can't be made, or one line on what the store said.
+    pub fn create(out: &Path, overwrite: bool) -> io::Result<Self> {
+        location::check_output(out, overwrite)?;
+        Self::begin(out, overwrite)
     }
 
-    fn begin(out: &Path, replaces: bool) -> io::Result<Self> {
+    fn begin(out: &Path, overwrite: bool) -> io::Result<Self> {
         let temp = match location::local(out) {
             Some(here) => temporary_in(parent_of(&here), ".tpf-")?,
             None => temporary_in(&std::env::temp_dir(), "tpf-")?,
         };
-        Ok(NewFile { out: out.to_path_buf(), temp, replaces })
+        Ok(NewFile { out: out.to_path_buf(), temp, overwrite })
     }
 
     /// Where its bytes are until it has its name.
@@ -47,15 +48,19 @@ impl NewFile {
         self.temp.as_file()
     }
 
-    /// Gives it its name, in place of what is there. In a store it replaces only what was there when it was begun.
+    /// Gives it its name, in place of what is there if it may.
     ///
     /// # Errors
-    /// The system's error, or the store's; what was there is then as it was.
+    /// `AlreadyExists`, the system's error, or the store's; what was there is then as it was.
     pub fn put_in_place(self) -> io::Result<()> {
         self.temp.as_file().sync_all()?;
         match location::local(&self.out) {
-            Some(here) => self.temp.persist(here).map(|_| ()).map_err(|failed| failed.error),
-            None => location::put(self.temp.path(), &self.out, self.replaces),
+            Some(here) if self.overwrite => self.temp.persist(here).map(|_| ()).map_err(|failed| failed.error),
+            Some(here) => self.temp.persist_noclobber(here).map(|_| ()).map_err(|failed| match failed.error.kind() {
+                io::ErrorKind::AlreadyExists => location::already(),
+                _ => failed.error,
+            }),
+            None => location::put(self.temp.path(), &self.out, self.overwrite),
         }
     }
 
@@ -64,11 +69,7 @@ impl NewFile {
     /// # Errors
     /// `AlreadyExists`, the system's error, or the store's.
     pub fn put_in_place_if_new(self) -> io::Result<()> {
-        self.temp.as_file().sync_all()?;
-        match location::local(&self.out) {
-            Some(here) => self.temp.persist_noclobber(here).map(|_| ()).map_err(|failed| failed.error),
-            None => location::put(self.temp.path(), &self.out, false),
-        }
+        NewFile { overwrite: false, ..self }.put_in_place()
     }
 }
 
@@ -98,6 +99,16 @@ pub fn written_for(path: &Path, bytes: &[u8]) -> io::Result<NewFile> {
 /// The system's error; the existing file is then unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     written_for(path, bytes)?.put_in_place()
+}
+
+/// Writes a file. Without `overwrite` it replaces nothing.
+///
+/// # Errors
+/// `AlreadyExists`, the system's error, or the store's.
+pub fn write(path: &Path, bytes: &[u8], overwrite: bool) -> io::Result<()> {
+    let mut file = NewFile::begin(path, overwrite)?;
+    file.write_all(bytes)?;
+    file.put_in_place()
 }
 
 /// Makes a folder for outputs, if it is not there. In a store there is nothing to make.
@@ -216,6 +227,13 @@ mod tests {
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         assert!(replace(&folder.path().join("no/such/folder"), b"").is_err());
+        assert_eq!(write(&path, b"third", false).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(std::fs::read(&path).unwrap(), b"second");
+        let late = NewFile::create(&folder.path().join("late"), false).unwrap();
+        std::fs::write(folder.path().join("late"), b"somebody's").unwrap();
+        assert_eq!(late.put_in_place().unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(std::fs::read(folder.path().join("late")).unwrap(), b"somebody's");
+        std::fs::remove_file(folder.path().join("late")).unwrap();
     }
 
     #[cfg(unix)]

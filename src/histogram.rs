@@ -23,7 +23,8 @@ impl<const LOG2: u32> Histogram<LOG2> {
 
     /// Counts `n` numbers of a bin.
     pub fn add(&mut self, bin: u32, n: u64) {
-        *self.bins.entry(bin).or_default() += n;
+        let total = self.bins.entry(bin).or_default();
+        *total = total.saturating_add(n);
     }
 
     /// Adds what another one counted.
@@ -33,7 +34,7 @@ impl<const LOG2: u32> Histogram<LOG2> {
 
     /// Numbers that were counted.
     pub fn n(&self) -> u64 {
-        self.bins.values().sum()
+        self.bins.values().fold(0, |total, n| total.saturating_add(*n))
     }
 
     /// How many numbers lie in each bin that is not empty, in order.
@@ -50,7 +51,7 @@ impl<const LOG2: u32> Histogram<LOG2> {
     pub fn at(&self, idx: u64) -> Option<f64> {
         let mut n_below = 0;
         for (&bin, &n) in &self.bins {
-            n_below += n;
+            n_below = n.saturating_add(n_below);
             if idx < n_below {
                 let (from, to) = Self::edges(bin);
                 return Some((from as f64 + (to - 1) as f64) / 2.0);

@@ -72,25 +72,22 @@ pub fn local(path: &Path) -> Option<Cow<'_, Path>> {
     }
 }
 
-/// A word of a command line with a URI in it, alone or behind `--option=`: a `file://` URI becomes the path that it stands for,
-/// and a password or a signature, for which a URI is refused later, is taken out, so that no message can hold it.
+/// A word of a command line with a URI in it, alone or behind `--option=` or `-o`: a `file://` URI becomes the path that it stands
+/// for, and a password or a signature, for which a URI is refused later, is taken out, so that no message can hold it.
 pub fn in_word(word: OsString) -> OsString {
-    let plain = |text: &str| match uri::of(Path::new(text)) {
-        Where::Here(Cow::Owned(path)) => Some(path.into_os_string()),
-        Where::Here(_) => None,
-        Where::Remote(_) => uri::without_secrets(text).map(OsString::from),
-    };
     let Some(text) = word.to_str() else { return word };
-    let option = text.split_once('=').filter(|(option, _)| option.starts_with("--"));
-    let found = match option {
-        Some((option, value)) => plain(value).map(|path| {
-            let mut word = OsString::from(format!("{option}="));
-            word.push(path);
-            word
-        }),
-        None => plain(text),
+    let value_at = match text.find('=') {
+        Some(at) if text.starts_with("--") => at + 1,
+        _ if text.starts_with('-') && text.get(2..).is_some_and(|rest| rest.starts_with("file:")) => 2,
+        _ => 0,
     };
-    found.unwrap_or(word)
+    let (option, value) = text.split_at(value_at);
+    if let Where::Here(Cow::Owned(path)) = uri::of(Path::new(value)) {
+        let mut word = OsString::from(option);
+        word.push(path);
+        return word;
+    }
+    uri::without_secrets(text).map(OsString::from).unwrap_or(word)
 }
 
 /// What is at `path`.
@@ -280,7 +277,8 @@ pub fn is_refusal(error: &io::Error) -> bool {
     error.get_ref().is_some_and(|why| why.is::<Refusal>())
 }
 
-fn already() -> io::Error {
+/// That something is there, which is not to be replaced.
+pub(crate) fn already() -> io::Error {
     refusal(io::ErrorKind::AlreadyExists, "is there already")
 }
 

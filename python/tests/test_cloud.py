@@ -183,6 +183,8 @@ def test_what_a_store_refuses_is_one_line_and_makes_nothing_here(
         (tpf.BagError, "on this machine only", lambda: tpf.inspect(bag, message_definitions="s3://bags/msgs")),
         (tpf.BagError, "a user, a password", lambda: tpf.inspect("https://me:topsecretkey@127.0.0.1/bag.mcap")),
         (tpf.BagError, "a user, a password", lambda: tpf.inspect("https://127.0.0.1/bag.mcap?sig=topsecretkey")),
+        (tpf.BagError, "a user, a password", lambda: tpf.inspect(Path("https://127.0.0.1/bag.mcap?sig=topsecretkey"))),
+        (tpf.BagError, "a user, a password", lambda: tpf.inspect(Path("https://me:topsecretkey@127.0.0.1/bag.mcap"))),
     ]
     for kind, said, call in cases:
         with pytest.raises(tpf.TactilePoseFusionError) as refused:
@@ -196,6 +198,12 @@ def test_a_file_uri_is_the_path_that_it_names(bag: Path, params: Path, tmp_path:
     tpf.replay_to(bag, tmp_path / "a.mcap", params)
     tpf.replay_to(bag.as_uri(), (tmp_path / "b.mcap").as_uri(), params.as_uri())
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    # As pathlib leaves it, with one slash.
+    tpf.replay_to(Path(bag.as_uri()), Path((tmp_path / "c.mcap").as_uri()), Path(params.as_uri()))
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "c.mcap").read_bytes()
+    model = ROOT / "models" / MODEL
+    partial = many.partial([bag.as_uri()], params, model=model, options=["--whole"])
+    assert many.merge([partial], [bag.as_uri()])["failed"] == []
 
 
 @pytest.mark.parametrize(

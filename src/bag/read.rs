@@ -274,6 +274,7 @@ impl BagReader {
         let is_indexed = place.is_remote() && of_file.is_indexed;
         let index = of_file.definitions.filter(|_| is_indexed).map(|definitions| Only {
             places: of_file.chunks.clone(),
+            first: of_file.chunks.iter().map(|place| place.offset).min().unwrap_or(0),
             notes: of_file.notes,
             definitions,
         });
@@ -369,10 +370,10 @@ impl BagReader {
         let is_wanted = |channel: usize| table.get(channel).is_some_and(|channel| topics.contains(&channel.topic));
         let mut spares = false;
         for part in self.inputs.iter_mut().flat_map(|input| &mut input.files) {
-            if let Some(Only { places, notes, definitions }) = &part.index {
+            if let Some(Only { places, first, notes, definitions }) = &part.index {
                 let wanted = |place: &&ChunkPlace| place.may_hold(definitions, &is_wanted);
                 let (places, notes) = (places.iter().filter(wanted).cloned().collect(), notes.clone());
-                part.order.only = Some(Only { places, notes, definitions: definitions.clone() });
+                part.order.only = Some(Only { places, first: *first, notes, definitions: definitions.clone() });
                 spares = true;
             }
         }

@@ -17,8 +17,8 @@ impl CsvFile {
     ///
     /// # Errors
     /// [`ColumnsError`] if the file can't be created in the folder of `path`.
-    pub fn create(path: &Path, columns: &[(&str, Kind)]) -> Result<Self, ColumnsError> {
-        let file = NewFile::create(path);
+    pub fn create(path: &Path, columns: &[(&str, Kind)], overwrite: bool) -> Result<Self, ColumnsError> {
+        let file = NewFile::create(path, overwrite);
         let file = file.map_err(|error| ColumnsError::Io { path: path.to_path_buf(), error })?;
         let columns = columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect();
         let mut table = CsvFile { path: path.to_path_buf(), columns, writer: csv::Writer::from_writer(file) };

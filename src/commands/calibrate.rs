@@ -11,7 +11,7 @@ use super::force::number;
 use super::in_air::InAirArgs;
 use super::progress::Said;
 use super::setup::{ModelArgs, ParamArgs, shown};
-use super::{Failure, Outcome, print};
+use super::{Failure, Outcome, interrupt, print};
 use crate::calibrate::{self, Calibrated, Request};
 use crate::calibration::Calibration;
 use crate::config::Config;
@@ -103,6 +103,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.live.live {
         return live::run(args, cfg);
     }
+    interrupt::listen();
     let known_forces = known_forces(args, &cfg)?;
     let request = Request { bags: &args.bags, first_s: args.calibrate_first, in_air: args.in_air.told(), known_forces };
     let Calibrated { calibration, from, touches } = calibrate::run(cfg.clone(), &request, &Said)?;

@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let result = characterize(&cfg, &request, &Shown::bytes("characterize"))?;
     print(&if args.json { serde_json::to_string_pretty(&result)? + "\n" } else { characterization::text(&result) })?;
     if let Some(path) = &args.report {
-        let written = files::replace(path, characterization::page(&result).html().as_bytes());
+        let written = files::write(path, characterization::page(&result).html().as_bytes(), args.overwrite);
         written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
         tell(&format!("report: {}", path.display()));
     }

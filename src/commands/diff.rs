@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::checks::CheckArgs;
 use super::progress::Said;
-use super::{Failure, Outcome, print, say};
+use super::{Failure, Outcome, interrupt, print, say};
 use crate::eval::DiffConfig;
 use crate::report::comparison;
 use crate::sessions::{Compared, compare};
@@ -28,6 +28,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    interrupt::listen();
     args.checks.check()?;
     let default = DiffConfig::default();
     let cfg = default.with_tolerance(Newton(args.tolerance_n))?;

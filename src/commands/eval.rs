@@ -170,7 +170,7 @@ fn scored<T>(
         jobs: args.jobs.map_or(everything.jobs, NonZero::get),
         ..everything
     };
-    let mut frames = args.frames.as_deref().map(FrameFile::new);
+    let mut frames = args.frames.as_deref().map(|path| FrameFile::new(path, args.overwrite));
     let result = score(cfg, &request, &mut |series, session| {
         let written = frames.iter_mut().try_for_each(|frames| frames.handle_session(series, session));
         written.map_err(|error| error.to_string().into())

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::progress::Shown;
 use super::setup::shown;
-use super::{Failure, Outcome, print, say};
+use super::{Failure, Outcome, interrupt, print, say};
 use crate::bag::printable;
 use crate::inspect::{self, Inspected};
 use crate::report::inspection;
@@ -42,6 +42,7 @@ struct Refused {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    interrupt::listen();
     let mut reports = Vec::new();
     let mut failures = Vec::new();
     let mut outcome = Outcome::Done;

@@ -115,7 +115,8 @@ fn expected(path: &Path) -> Result<Vec<PathBuf>, Failure> {
     }
     let failed = |error: std::io::Error| Failure(format!("{}: {error}", path.display()));
     let text = location::read_text(path).map_err(failed)?;
-    let bags: Vec<PathBuf> = text.lines().map(str::trim).filter(|line| !line.is_empty()).map(PathBuf::from).collect();
+    let bags = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let bags: Vec<PathBuf> = bags.map(|line| PathBuf::from(location::in_word(line.into()))).collect();
     match bags.is_empty() {
         true => Err(Failure(format!("{}: no bag in this list; expected one path a line", path.display()))),
         false => Ok(bags),

@@ -65,6 +65,11 @@ impl Sizes {
         self.ends = Some(self.ends.map_or((steps, steps), |(least, most)| (least.min(steps), most.max(steps))));
     }
 
+    /// Whether there is a smallest and a largest where there is any, and only there.
+    pub(super) fn is_whole(&self) -> bool {
+        self.ends.is_some() == (self.histogram.n() > 0)
+    }
+
     fn merge(&mut self, other: &Sizes) {
         self.histogram.merge(&other.histogram);
         self.sum = self.sum.saturating_add(other.sum).min(MAX_SUM);

@@ -94,7 +94,14 @@ impl Evaluation {
                 _ => read_contacts(evaluation.contacts_of(&row.origin.glove), row)?,
             }
         }
-        Ok(evaluation)
+        // Sizes have ends where there are any.
+        let in_air = |glove: &ContactTallies| glove.in_air.by_pose.values().all(|sums| sums.sizes.is_whole());
+        match evaluation.by_glove.values().all(in_air) {
+            true => Ok(evaluation),
+            false => {
+                Err(RowError::Unknown { of: "in_air".to_owned(), name: "abs_force without its other half".to_owned() })
+            }
+        }
     }
 }
 
@@ -302,9 +309,19 @@ fn read_contacts(tallies: &mut ContactTallies, row: &StatRow) -> Result<(), RowE
                 "false_touches" => sums.n_false_touches = row.count()?,
                 "abs_force_sum_min_max" => {
                     let [sum, least, most] = row.whole_numbers(MAX_SUM)?;
+                    if least > most || sums.sizes.ends.is_some() {
+                        return Err(row.wrong(
+                            "samples",
+                            Some(format!("{least} to {most}")),
+                            "the smallest and the largest, once",
+                        ));
+                    }
                     (sums.sizes.sum, sums.sizes.ends) = (sum, Some((least, most)));
                 }
                 "abs_force_bins" => {
+                    if sums.sizes.histogram.n() > 0 {
+                        return Err(row.wrong("samples", Some("a second histogram"), "one for each pose"));
+                    }
                     for pair in row.samples()?.chunks(2) {
                         let bin = pair.first().filter(|bin| (0.0..f64::from(Histogram::<8>::N_BINS)).contains(*bin));
                         let n = pair.get(1).filter(|n| (0.0..=MAX_COUNT as f64).contains(*n));
@@ -394,5 +411,34 @@ impl StatRow {
             truth_gf: self.number("truth_gf", self.truth_gf)?,
             estimate_gf: self.number("estimate_gf", self.estimate_gf)?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_that_no_evaluation_gives_are_refused() {
+        let row = |name: &str, numbers: &[f64]| samples("in_air", name, "1", numbers);
+        let (ends, bins) = ("abs_force_sum_min_max", "abs_force_bins");
+        let read = |rows: &[StatRow]| Evaluation::from_rows(Scoring::default(), rows);
+        let good = [row(ends, &[12.0, 3.0, 5.0]), row(bins, &[3.0, 2.0, 5.0, 1.0])];
+        let read_back = read(&good).unwrap().rows();
+        assert!(good.iter().all(|row| read_back.contains(row)), "{read_back:?}");
+        let forged: [&[StatRow]; 9] = [
+            &[row(ends, &[12.0, 5.0, 3.0]), good[1].clone()],
+            &[row(ends, &[12.5, 3.0, 5.0]), good[1].clone()],
+            &[row(ends, &[12.0, 3.0]), good[1].clone()],
+            &[good[0].clone()],
+            &[good[1].clone()],
+            &[good[0].clone(), good[0].clone(), good[1].clone()],
+            &[good[0].clone(), good[1].clone(), good[1].clone()],
+            &[good[0].clone(), row(bins, &[3.0])],
+            &[good[0].clone(), row(bins, &[1e9, 1.0])],
+        ];
+        for rows in forged {
+            assert!(read(rows).is_err(), "{rows:?}");
+        }
     }
 }

@@ -65,23 +65,29 @@ pub(super) fn folds(bags: &[PathBuf], models: &[&Path]) -> Result<Vec<Fold>, Eva
 }
 
 /// The folds that lie beside a model, by their names.
-pub fn folds_of(model: &Path) -> Vec<PathBuf> {
+///
+/// # Errors
+/// [`EvaluateError::File`] when its folder can't be listed.
+pub fn folds_of(model: &Path) -> Result<Vec<PathBuf>, EvaluateError> {
     let folder = model.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let begin = format!("{}{WITHOUT}", model.file_stem().unwrap_or_default().to_string_lossy());
     let is_fold = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.starts_with(&begin) && name.ends_with(".onnx")
     };
-    let entries = location::list(folder).into_iter().flatten();
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path).filter(is_fold).collect();
+    let entries = match location::list(folder) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+        entries => entries.map_err(|error| EvaluateError::File { path: folder.to_owned(), error })?,
+    };
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path).filter(is_fold).collect();
     paths.sort();
-    paths
+    Ok(paths)
 }
 
 /// The fold of each session that one was trained without.
 fn by_session(model: &Path) -> Result<BTreeMap<String, PathBuf>, EvaluateError> {
     let mut sessions = BTreeMap::new();
-    for path in folds_of(model) {
+    for path in folds_of(model)? {
         let info = model::inspect(&path)?;
         let told = info.metadata.get(HELD_OUT).and_then(|text| serde_json::from_str::<Vec<String>>(text).ok());
         let told = told.ok_or_else(|| EvaluateError::NoFold { model: path.clone() })?;

@@ -108,7 +108,7 @@ impl Dataset {
                     features.iter().map(|feature| (feature.name.as_str(), feature.cells.kind())).collect();
                 let path = self.in_folder("data", self.n_files)?;
                 self.n_files += 1;
-                ColumnFile::create(&path, &columns, &[])?
+                ColumnFile::create(&path, &columns, &[], false)?
             }
         };
         let (stats, cells): (Vec<_>, Vec<_>) =
@@ -200,7 +200,7 @@ impl Dataset {
         });
         let path = self.meta_file("tasks.parquet")?;
         let columns = [("task_index", Kind::Whole), (INDEX, Kind::Text)];
-        let mut file = ColumnFile::create(&path, &columns, &[("pandas", pandas.to_string())])?;
+        let mut file = ColumnFile::create(&path, &columns, &[("pandas", pandas.to_string())], false)?;
         file.write(&[Cells::Whole(vec![Some(0)]), Cells::Text(vec![Some(self.spec.task.clone())])])?;
         Ok(file.finish()?)
     }
@@ -237,7 +237,7 @@ impl Dataset {
         table.push(("meta/episodes/file_index".to_owned(), whole(&|_| 0)));
         let columns: Vec<(&str, Kind)> = table.iter().map(|(name, cells)| (name.as_str(), cells.kind())).collect();
         let path = self.in_folder("meta/episodes", 0)?;
-        let mut file = ColumnFile::create(&path, &columns, &[])?;
+        let mut file = ColumnFile::create(&path, &columns, &[], false)?;
         file.write(&table.into_iter().map(|(_, cells)| cells).collect::<Vec<_>>())?;
         Ok(file.finish()?)
     }

@@ -88,9 +88,9 @@ impl<'a> Outputs<'a> {
         let columns: Vec<(&str, Kind)> = columns.iter().map(|(name, kind)| (name.as_str(), *kind)).collect();
         let made_by = format!("tactile_pose_fusion {}", env!("CARGO_PKG_VERSION"));
         let notes = [("synthetic", first.synthetic.to_string()), ("made_by", made_by)];
-        let Targets { parquet, csv, .. } = self.request.targets;
-        self.parquet = parquet.map(|path| ColumnFile::create(path, &columns, &notes)).transpose()?;
-        self.csv = csv.map(|path| CsvFile::create(path, &columns)).transpose()?;
+        let Targets { parquet, csv, overwrite, .. } = self.request.targets;
+        self.parquet = parquet.map(|path| ColumnFile::create(path, &columns, &notes, overwrite)).transpose()?;
+        self.csv = csv.map(|path| CsvFile::create(path, &columns, overwrite)).transpose()?;
         self.table = Some(layout);
         Ok(())
     }

@@ -7,7 +7,7 @@ use super::plan::ModelFile;
 use crate::bag::shown;
 use crate::hand::JOINTS;
 use crate::inspect::{BagReport, Likelihood};
-use crate::location;
+use crate::location::{self, Entry, Found};
 use crate::model;
 
 /// Most files in a folder that are tried.
@@ -69,9 +69,12 @@ fn fits(n_taxels: usize, joints: Option<&[String]>, bags: &[BagReport]) -> bool 
 }
 
 fn onnx_files(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let is_onnx = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "onnx") && path.is_file();
-    let mut paths: Vec<PathBuf> = entries.filter(is_onnx).take(MAX_FILES).collect();
+    // A folder that can't be listed has none to propose.
+    let entries = location::list(folder).into_iter().flatten();
+    let is_onnx = |entry: &Entry| {
+        entry.path.extension().is_some_and(|extension| extension == "onnx") && matches!(entry.found, Found::File(_))
+    };
+    let mut paths: Vec<PathBuf> = entries.filter(is_onnx).map(|entry| entry.path).take(MAX_FILES).collect();
     paths.sort();
     paths
 }

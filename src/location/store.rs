@@ -52,18 +52,23 @@ impl std::fmt::Debug for Store {
 }
 
 /// Stores that were opened, by what they were opened with.
-type Open = HashMap<(u32, u64, Scheme, String), Arc<Store>>;
+type Open = HashMap<(u32, u64, Scheme, String, bool), Arc<Store>>;
 
 /// The store of a URI. It is made anew where the environment's credentials are others than before, and in a process that was
 /// forked.
 pub(super) fn of(uri: &Uri) -> io::Result<Arc<Store>> {
+    that_replaces(uri, true)
+}
+
+/// The same. Without `overwrite`, an upload in parts is completed only where nothing has its name, as far as S3 goes.
+pub(super) fn that_replaces(uri: &Uri, overwrite: bool) -> io::Result<Arc<Store>> {
     static OPEN: LazyLock<Mutex<Open>> = LazyLock::new(Mutex::default);
-    let key = (std::process::id(), environment(), uri.scheme, uri.bucket.clone());
+    let key = (std::process::id(), environment(), uri.scheme, uri.bucket.clone(), overwrite);
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(store) = open.get(&key) {
         return Ok(Arc::clone(store));
     }
-    let store = Arc::new(Store::new(uri, false)?);
+    let store = Arc::new(Store::new(uri, !overwrite)?);
     open.insert(key, Arc::clone(&store));
     Ok(store)
 }
@@ -86,8 +91,7 @@ pub(super) fn key(uri: &Uri) -> io::Result<Key> {
 }
 
 impl Store {
-    /// A store by itself. With `only_new`, an upload in parts is completed only where nothing has its name, as far as S3 goes.
-    pub(super) fn new(uri: &Uri, only_new: bool) -> io::Result<Self> {
+    fn new(uri: &Uri, only_new: bool) -> io::Result<Self> {
         static TLS: Once = Once::new();
         TLS.call_once(|| {
             // Another one that is installed already does as well.

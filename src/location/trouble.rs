@@ -30,7 +30,7 @@ pub(super) fn told(uri: &Uri, asked: Asked, error: &StoreError) -> io::Error {
             format!("there is no {} {:?}: correct its name, or make it", uri.scheme.bucket(), uri.bucket),
         ),
         StoreError::NotFound { .. } if asked == Asked::Write => {
-            (io::ErrorKind::NotFound, format!("{came}: is {place} there?"))
+            (io::ErrorKind::Other, format!("{came}: is {place} there?"))
         }
         StoreError::NotFound { .. } => (io::ErrorKind::NotFound, "not found".to_owned()),
         StoreError::PermissionDenied { .. } | StoreError::Unauthenticated { .. } => {
@@ -59,7 +59,7 @@ pub(super) fn told(uri: &Uri, asked: Asked, error: &StoreError) -> io::Error {
             (io::ErrorKind::InvalidInput, format!("{place} is in another region: set AWS_REGION to it"))
         }
         // No byte is asked for that was not there when the file was found.
-        _ if asked == Asked::Read && has("416") => (io::ErrorKind::InvalidData, CHANGED.to_owned()),
+        _ if asked == Asked::Read && has("the answer was 416") => (io::ErrorKind::InvalidData, CHANGED.to_owned()),
         _ if has("non-partial response") || has("Range request not supported") => {
             (io::ErrorKind::Unsupported, NO_RANGES.to_owned())
         }

@@ -4,7 +4,6 @@ use std::fs::File;
 use std::hash::{BuildHasher as _, RandomState};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Duration;
 
 use futures::stream::{FuturesUnordered, StreamExt as _};
@@ -65,7 +64,7 @@ fn may_write(uri: &Uri) -> io::Result<()> {
 
 pub(super) fn file(file: &Path, uri: &Uri, overwrite: bool) -> io::Result<()> {
     let key = store::key(uri)?;
-    let store = Arc::new(Store::new(uri, !overwrite)?);
+    let store = store::that_replaces(uri, overwrite)?;
     let mark =
         format!("{:016x}{:016x}", RandomState::new().hash_one(0), RandomState::new().hash_one(std::process::id()));
     let mut attributes = Attributes::new();
@@ -93,7 +92,7 @@ pub(super) fn file(file: &Path, uri: &Uri, overwrite: bool) -> io::Result<()> {
 }
 
 fn is_there(store: &Store, uri: &Uri, key: &Key) -> io::Result<bool> {
-    match store.wait(uri, Asked::Write, store.objects.head(key)) {
+    match store.wait(uri, Asked::Read, store.objects.head(key)) {
         Ok(_) => Ok(true),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
@@ -162,8 +161,13 @@ pub(super) fn folder(folder: &Path, uri: &Uri, last: &[&str]) -> io::Result<()> 
         match file(&folder.join(&name), &of_file, false) {
             Ok(()) => sent.push(of_file),
             Err(error) => {
-                take_back(uri, &sent);
-                return Err(error);
+                return Err(match take_back(uri, &sent) {
+                    0 => error,
+                    n => refusal(
+                        error.kind(),
+                        format!("{error}; {n} files of it could not be removed again: remove them"),
+                    ),
+                });
             }
         }
     }
@@ -179,12 +183,19 @@ fn below(folder: &Path, within: &Path, files: &mut Vec<PathBuf>) -> io::Result<(
     Ok(())
 }
 
-fn take_back(uri: &Uri, sent: &[Uri]) {
-    let Ok(store) = store::of(uri) else { return };
-    let deleted = async {
-        for key in sent.iter().filter_map(|uri| store::key(uri).ok()) {
-            let _ = store.objects.delete(&key).await;
+/// Removes what was sent; returns how many are left. After one that takes too long, no other is tried.
+fn take_back(uri: &Uri, sent: &[Uri]) -> usize {
+    let Ok(store) = store::of(uri) else { return sent.len() };
+    let keys: Vec<Key> = sent.iter().filter_map(|uri| store::key(uri).ok()).collect();
+    let removed = store.run(async {
+        let mut removed = 0;
+        for key in &keys {
+            match tokio::time::timeout(ABORT_LIMIT, store.objects.delete(key)).await {
+                Ok(deleted) => removed += usize::from(deleted.is_ok()),
+                Err(_) => break,
+            }
         }
-    };
-    let _ = store.run(async { tokio::time::timeout(ABORT_LIMIT, deleted).await });
+        removed
+    });
+    sent.len() - removed
 }

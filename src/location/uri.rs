@@ -36,7 +36,7 @@ pub(super) struct Uri {
 }
 
 /// Schemes after whose names no folder of this machine is called.
-const SCHEMES: [&str; 6] = ["s3", "s3a", "gs", "az", "http", "https"];
+const SCHEMES: [&str; 7] = ["s3", "s3a", "gs", "az", "http", "https", "file"];
 
 /// Tells what a path is.
 pub(super) fn of(path: &Path) -> Where<'_> {
@@ -44,6 +44,11 @@ pub(super) fn of(path: &Path) -> Where<'_> {
     let parts = path.to_str().and_then(|text| {
         text.split_once("://").or_else(|| text.split_once(":/").filter(|(scheme, _)| SCHEMES.contains(scheme)))
     });
+    // Its third slash is gone, too.
+    if let Some(rest) = path.to_str().and_then(|text| text.strip_prefix("file:/")).filter(|rest| !rest.starts_with('/'))
+    {
+        return here(&format!("/{rest}"));
+    }
     let Some((scheme, rest)) = parts.filter(|(scheme, _)| is_scheme(scheme)) else {
         return Where::Here(Cow::Borrowed(path));
     };
@@ -62,18 +67,38 @@ pub(super) fn of(path: &Path) -> Where<'_> {
     Where::Remote(Uri::new(scheme, rest))
 }
 
-/// A URI with `***` in place of a user, a password or a query; `None` where it has none of them.
+/// A text in which a URI has `***` in place of a user, a password or a query, wherever it begins; `None` where it has none of
+/// them.
 pub(super) fn without_secrets(text: &str) -> Option<String> {
-    let (scheme, rest) = text.split_once("://")?;
+    let is_scheme = |letter: char| letter.is_ascii_alphanumeric() || "+-.".contains(letter);
+    let scheme_at = |end: usize| text[..end].rfind(|letter| !is_scheme(letter)).map_or(0, |at| at + 1);
+    // One slash, as pathlib leaves it, makes a URI only behind a scheme that we know.
+    let is_known = |end: &usize| {
+        let before = text[..*end].to_ascii_lowercase();
+        let begins = |scheme: &str| {
+            before
+                .strip_suffix(scheme)
+                .is_some_and(|before| before.is_empty() || before.ends_with('=') || before == "-o")
+        };
+        text[*end..].starts_with("://") || SCHEMES.iter().any(|scheme| begins(scheme))
+    };
+    let end = text.match_indices(":/").map(|(end, _)| end).find(|end| scheme_at(*end) < *end && is_known(end))?;
+    let slashes = if text[end..].starts_with("://") { 3 } else { 2 };
+    let (begin, rest) = text.split_at(end + slashes);
     let (authority, path) = rest.split_at(rest.find('/').unwrap_or(rest.len()));
     let host = authority.rsplit_once('@').map(|(_, host)| format!("***@{host}"));
-    let is_web = scheme.to_ascii_lowercase().starts_with("http");
-    let query = path.find(['?', '#']).filter(|_| is_web).map(|at| format!("{}***", &path[..=at]));
+    let is_web = ["http", "https"].iter().any(|web| text[..end].to_ascii_lowercase().ends_with(web));
+    // Without a path, a query stands right behind the host.
+    let mut shown = host.as_deref().unwrap_or(authority).to_owned() + path;
+    let query = shown.find(['?', '#']).filter(|_| is_web);
     if host.is_none() && query.is_none() {
         return None;
     }
-    let (host, path) = (host.as_deref().unwrap_or(authority), query.as_deref().unwrap_or(path));
-    Some(format!("{scheme}://{host}{path}"))
+    if let Some(at) = query {
+        shown.truncate(at + 1);
+        shown.push_str("***");
+    }
+    Some(format!("{begin}{shown}"))
 }
 
 fn is_scheme(text: &str) -> bool {
@@ -216,6 +241,7 @@ mod tests {
         let texts = [
             ("file:///data/a%20b.mcap", "/data/a b.mcap"),
             ("file://localhost/data", "/data"),
+            ("file:/data/a%20b.mcap", "/data/a b.mcap"),
             ("data/s3:/a", "data/s3:/a"),
             ("../bag", "../bag"),
             ("C://bag", "C://bag"),
@@ -236,6 +262,13 @@ mod tests {
             ("https://host/a.mcap?X-Amz-Signature=secret", Some("https://host/a.mcap?***")),
             ("s3://bucket/a?b@c", None),
             ("s3://key:secret@bucket/a", Some("s3://***@bucket/a")),
+            ("https:/me:secret@host/a.mcap", Some("https:/***@host/a.mcap")),
+            ("https://host?sig=secret", Some("https://host?***")),
+            ("-ohttps://me:secret@host/a.mcap", Some("-ohttps://***@host/a.mcap")),
+            ("--output=HTTPS://host/a?sig=secret", Some("--output=HTTPS://host/a?***")),
+            ("model.x.path:=https://me:secret@host/m.onnx", Some("model.x.path:=https://***@host/m.onnx")),
+            ("ftp://me:secret@host/a", Some("ftp://***@host/a")),
+            ("a:/b@c", None),
             ("plain", None),
         ];
         for (text, shown) in texts {

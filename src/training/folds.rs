@@ -99,7 +99,7 @@ pub fn hold_out(
 /// # Errors
 /// [`TrainingError::FoldExists`].
 pub fn check_folds(request: &Request) -> Result<(), TrainingError> {
-    let folds = if request.overwrite { Vec::new() } else { evaluate::folds_of(&request.output) };
+    let folds = if request.overwrite { Vec::new() } else { evaluate::folds_of(&request.output)? };
     match folds.into_iter().next() {
         None => Ok(()),
         Some(path) => Err(TrainingError::FoldExists { path }),

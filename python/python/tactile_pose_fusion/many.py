@@ -250,7 +250,7 @@ def join(output: AnyPath, shards: Sequence[AnyPath]) -> dict[str, Any]:
 
 
 def _words(paths: Sequence[AnyPath]) -> list[str]:
-    return [os.fspath(path) for path in paths]
+    return [_core.place(os.fspath(path)) for path in paths]
 
 
 def _common(params_file: AnyPath | ParamsFile, model: AnyPath | None, folder: str) -> list[str]:

@@ -266,7 +266,7 @@ def export(
 def _bags(uris: Sequence[AnyPath]) -> list[str]:
     if isinstance(uris, (str, os.PathLike)):
         uris = [uris]
-    bags = [os.fspath(uri) for uri in uris]
+    bags = [_core.place(os.fspath(uri)) for uri in uris]
     if not bags:
         raise ValueError("no bags; expected at least one")
     if len(set(bags)) < len(bags):

@@ -63,6 +63,8 @@ pub(super) struct McapFile {
     only: Option<VecDeque<u64>>,
     /// Whether it has come to the first chunk of a file of which only some are read.
     among_chunks: bool,
+    /// Where the first chunk of the index stands, in a file of which only some are read.
+    first_indexed: Option<u64>,
     definitions: Definitions,
     n_messages: u64,
     /// Messages of channels that the file does not define: how many, and the first one's place and channel.
@@ -84,7 +86,7 @@ impl McapFile {
         }
         let mut ordered = chunks.map(Ordered::new);
         let mut definitions = Definitions::default();
-        let only = only.map(|Only { places, notes, definitions: known }| {
+        let only = only.map(|Only { places, first, notes, definitions: known }| {
             source.plan(places.iter().map(ChunkPlace::span).collect());
             definitions = known;
             let chunks: BTreeSet<u64> = places.iter().map(|place| place.offset).collect();
@@ -97,8 +99,10 @@ impl McapFile {
                 }
                 None => notes.chain(chunks).collect(),
             };
-            VecDeque::from_iter(stops)
+            (VecDeque::from_iter(stops), first)
         });
+        let first_indexed = only.as_ref().map(|(_, first)| *first);
+        let only = only.map(|(stops, _)| stops);
         Ok(McapFile {
             source,
             as_written,
@@ -107,6 +111,7 @@ impl McapFile {
             ordered,
             only,
             among_chunks: false,
+            first_indexed,
             definitions,
             n_messages: 0,
             unknown_channel: None,
@@ -307,6 +312,10 @@ impl McapFile {
         if opcode == op::CHUNK && self.only.is_some() && !self.among_chunks {
             // From here on only what is wanted is read; notes in front of the first chunk were read on the way.
             self.among_chunks = true;
+            if self.first_indexed.is_some_and(|first| start < first) {
+                let what = format!("the chunk at byte {start} is not in the index and not read");
+                cx.losses.push(&self.source.path, start, what);
+            }
             self.source.seek_to(start)?;
             return Ok(None);
         }

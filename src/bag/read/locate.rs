@@ -41,10 +41,7 @@ pub struct Recordings {
 /// The files behind `input`: itself, or those of a bag folder.
 pub(super) fn files(input: &Path) -> Result<Files, BagError> {
     let found = location::find(input).map_err(|error| match error.kind() {
-        // A store also says so of a bucket, in more words.
-        std::io::ErrorKind::NotFound if error.get_ref().is_none_or(|why| why.to_string() == "not found") => {
-            BagError::NotFound { path: input.to_path_buf() }
-        }
+        std::io::ErrorKind::NotFound => BagError::NotFound { path: input.to_path_buf() },
         _ => BagError::io(input, "open", error),
     })?;
     match found {

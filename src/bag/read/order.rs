@@ -133,6 +133,8 @@ pub(super) struct Order {
 pub(super) struct Only {
     /// Those that may hold something that is wanted.
     pub(super) places: Vec<ChunkPlace>,
+    /// Where the first of all chunks in the index stands.
+    pub(super) first: u64,
     /// Where named notes stand.
     pub(super) notes: Vec<u64>,
     /// The file's channels, some of which it may define in a chunk that is not read.

@@ -278,7 +278,11 @@ fn beside(path: &Path) -> Option<String> {
     let is_there = |suffix: &str| {
         let mut log = path.as_os_str().to_owned();
         log.push(suffix);
-        location::open(Path::new(&log)).and_then(|log| log.size()).is_ok_and(|size| size > 0)
+        match location::open(Path::new(&log)).and_then(|log| log.size()) {
+            Ok(size) => size > 0,
+            // A store that can't tell whether there is a log may have one.
+            Err(error) => location::is_refusal(&error) && error.kind() != std::io::ErrorKind::NotFound,
+        }
     };
     let (suffix, what) = holds.into_iter().find(|(suffix, _)| is_there(suffix))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().replace('\'', "'\\''");

@@ -67,12 +67,12 @@ impl Delivery<'_> {
         result.sessions.iter().flat_map(|session| &session.warnings).for_each(|warning| say(warning));
         result.failed.iter().for_each(|failed| say(&format!("not scored: {}", failed.error)));
         if let Some(path) = self.report {
-            let written = files::replace(path, evaluation::page(&result).html().as_bytes());
+            let written = files::write(path, evaluation::page(&result).html().as_bytes(), self.overwrite);
             written.map_err(|error| Failure(format!("{}: {error}", path.display())))?;
             tell(&format!("report: {}", path.display()));
         }
         if let Some(path) = self.parquet {
-            evaluation::write_scores(path, &result)?;
+            evaluation::write_scores(path, &result, self.overwrite)?;
         }
         print(&if self.json {
             serde_json::to_string_pretty(&result)? + "\n"

@@ -25,7 +25,11 @@ impl GateFile {
         let text = location::read_text(path).map_err(|error| in_file(&error))?;
         let gates: Gates = serde_saphyr::from_str(&text).map_err(|error| in_file(&error))?;
         gates.check().map_err(|error| in_file(&error))?;
-        let reference = gates.reference.as_ref().map(|file| path.parent().unwrap_or(Path::new("")).join(file));
+        let beside = |file: &PathBuf| match location::local(file) {
+            Some(file) => path.parent().unwrap_or(Path::new("")).join(file),
+            None => file.clone(),
+        };
+        let reference = gates.reference.as_ref().map(beside);
         Ok(GateFile { gates, reference })
     }
 

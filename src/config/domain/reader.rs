@@ -159,7 +159,10 @@ impl Reader<'_> {
 
     /// Path of a file, relative to the folder of the parameter file. `None` for an empty path.
     pub(super) fn path(&self, key: &str) -> Result<Option<PathBuf>, ConfigError> {
-        let Some(path) = self.non_empty(key)?.map(PathBuf::from) else { return Ok(None) };
+        // Messages show it, and must show no password of a URI.
+        let Some(path) = self.non_empty(key)?.map(|text| PathBuf::from(location::in_word(text.into()))) else {
+            return Ok(None);
+        };
         if path.to_string_lossy().contains('\0') {
             return Err(self.refused(key, "must not hold a null character"));
         }

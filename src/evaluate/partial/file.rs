@@ -11,6 +11,7 @@ use super::{PartialBag, PartialOut, hex, table};
 use crate::columns::{ColumnFile, TableReader};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::scored::{BagPart, Head};
+use crate::location;
 use crate::sessions::Shard;
 
 /// Form of the table and its notes.
@@ -60,7 +61,9 @@ impl PartialFile {
     pub(super) fn create(path: &Path) -> Result<Self, EvaluateError> {
         let made_by = made_by(env!("CARGO_PKG_VERSION"));
         let notes = [(FORMAT_NOTE, FORMAT.to_owned()), (VERSION_NOTE, made_by)];
-        Ok(PartialFile { file: ColumnFile::create(path, &table::columns(), &notes)?, bags: Vec::new() })
+        // It replaces only what is there as the work begins.
+        let replaces = location::exists(path).map_err(|error| EvaluateError::File { path: path.to_owned(), error })?;
+        Ok(PartialFile { file: ColumnFile::create(path, &table::columns(), &notes, replaces)?, bags: Vec::new() })
     }
 
     /// Adds the `nth` of the bags that were given.

@@ -1,7 +1,7 @@
 //! What the statistics of bags depend on besides the bags: partials are merged only where all of it is the same.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -49,16 +49,21 @@ impl Fingerprint {
         let mut cfg = cfg.clone();
         // Machines may have the same files in other places.
         cfg.models.iter_mut().for_each(|model| model.spec.path = named(&model.spec.path));
-        let calibration = cfg.calibration.file.take().filter(|file| location::is_file(file));
-        let calibration = calibration.map(|file| sha256_of(&file)).transpose()?;
+        let calibration = cfg.calibration.file.take();
+        let calibration = match &calibration {
+            Some(file) if is_there(file)? => Some(sha256_of(file)?),
+            _ => None,
+        };
         let zero = match zero {
             Wanted::File(path) => format!("file with SHA-256 {}", sha256_of(path)?),
             other => format!("{other:?}"),
         };
         let mut folds = Vec::new();
         if *held_out {
-            for path in compare.iter().map(PathBuf::as_path).chain(*model).flat_map(folds_of) {
-                folds.push(sha256_of(&path)?);
+            for path in compare.iter().map(PathBuf::as_path).chain(*model) {
+                for fold in folds_of(path)? {
+                    folds.push(sha256_of(&fold)?);
+                }
             }
         }
         let options = [
@@ -85,4 +90,9 @@ impl Fingerprint {
 
 fn named(path: &std::path::Path) -> PathBuf {
     path.file_name().map(PathBuf::from).unwrap_or_default()
+}
+
+/// Whether a file is there. A store that can't be asked is an error, and not an absent file.
+fn is_there(path: &Path) -> Result<bool, EvaluateError> {
+    location::exists(path).map_err(|error| EvaluateError::File { path: path.to_owned(), error })
 }

@@ -47,7 +47,7 @@ impl ShardNotes {
         let mut models = Vec::new();
         for model in &mut same.models {
             let path = std::mem::take(&mut model.spec.path); // machines may have the same file in other places
-            let is_read = request.model.is_none() && location::is_file(&path);
+            let is_read = request.model.is_none() && location::exists(&path).map_err(io(&path))?;
             models.push(if is_read { of_file(&path)? } else { "none".to_owned() });
         }
         let zero = match request.zero {

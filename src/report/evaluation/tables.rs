@@ -63,8 +63,8 @@ const FRAMES: [(&str, Kind); 24] = [
 ///
 /// # Errors
 /// [`ColumnsError`] when the file can't be written.
-pub fn write_scores(path: &Path, result: &Evaluated) -> Result<(), ColumnsError> {
-    let mut file = ColumnFile::create(path, &SCORES, &notes(result.synthetic))?;
+pub fn write_scores(path: &Path, result: &Evaluated, overwrite: bool) -> Result<(), ColumnsError> {
+    let mut file = ColumnFile::create(path, &SCORES, &notes(result.synthetic), overwrite)?;
     for model in &result.models {
         for (scores, is_free) in [(&model.by, false), (&model.free_movement, true)] {
             for (by, groups) in scores {
@@ -121,13 +121,14 @@ pub fn write_scores(path: &Path, result: &Evaluated) -> Result<(), ColumnsError>
 /// Frames on their way to a table, session by session.
 pub struct FrameFile {
     path: PathBuf,
+    overwrite: bool,
     file: Option<ColumnFile>,
 }
 
 impl FrameFile {
     /// A table that is made with its first session.
-    pub fn new(path: &Path) -> Self {
-        FrameFile { path: path.to_path_buf(), file: None }
+    pub fn new(path: &Path, overwrite: bool) -> Self {
+        FrameFile { path: path.to_path_buf(), overwrite, file: None }
     }
 
     /// Takes a session: every series of the table, and no pose that was made worse.
@@ -136,7 +137,8 @@ impl FrameFile {
     /// [`ColumnsError`] when the file can't be written.
     pub fn handle_session(&mut self, series: &[Series], session: &Session) -> Result<(), ColumnsError> {
         if self.file.is_none() {
-            self.file = Some(ColumnFile::create(&self.path, &FRAMES, &notes(session.summary.synthetic))?);
+            let notes = notes(session.summary.synthetic);
+            self.file = Some(ColumnFile::create(&self.path, &FRAMES, &notes, self.overwrite)?);
         }
         let Some(file) = &mut self.file else { return Ok(()) };
         for (series, of_regions) in series.iter().zip(&session.frames).filter(|(one, _)| one.quality.is_none()) {
