@@ -46,7 +46,7 @@ pub struct EstimateRecord {
     pub off_threshold: Option<f64>,
     /// Minimal detectable force, N.
     pub mdf: Option<f64>,
-    /// State of the artifact: whether it is taken out, and followed.
+    /// State of the artifact filter.
     pub adaptation: Adaptation,
     /// How far the artifact is from its calibration, as a share.
     pub artifact_change: Option<f64>,
