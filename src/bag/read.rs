@@ -410,7 +410,7 @@ impl BagReader {
         &self.summary
     }
 
-    /// What could not be read so far, in the order in which it was met.
+    /// Losses so far: parts that could not be read, in the order in which they were met.
     pub fn losses(&self) -> &[Loss] {
         self.losses.list()
     }
