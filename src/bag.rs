@@ -2,7 +2,7 @@
 //!
 //! This layer moves messages as bytes: [`BagReader`] streams them out of one or several recordings in bounded memory,
 //! [`BagWriter`] writes a bag that `ros2 bag`, Foxglove and PlotJuggler open, and [`BagStats`] sums up what is in one.
-//! What the bytes mean is read by the schema that each [`BagChannel`] carries: [`Inputs`] turns them into events for the
+//! The bytes are read by the schema that each [`BagChannel`] carries: [`Inputs`] turns them into events for the
 //! core, [`EstimateWriter`] turns its estimates into messages.
 
 mod baseline;

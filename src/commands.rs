@@ -172,7 +172,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     }
 }
 
-/// What `tpf` does as a process: runs the command line and tells how it went by its exit code.
+/// The process `tpf`: runs the command line and tells how it went by its exit code.
 pub fn main() -> ExitCode {
     if let Some(code) = model_trial() {
         return code.into();
@@ -240,7 +240,7 @@ fn model_trial() -> Option<u8> {
     })
 }
 
-/// What `tactile_pose_fusion_node` does as a process: `tpf run` with its own arguments.
+/// The process `tactile_pose_fusion_node`: `tpf run` with its own arguments.
 pub fn node_main() -> ExitCode {
     if let Some(code) = model_trial() {
         return code.into();

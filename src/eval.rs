@@ -1,4 +1,4 @@
-//! What an estimate is worth: the paper's metrics and statistics, ours on top, and how two runs differ. Pure: no I/O.
+//! Evaluation of estimates: the paper's metrics and statistics, ours on top, and how two runs differ. Pure: no I/O.
 //!
 //! Forces here are grams-force, as in the paper, unless a name says otherwise. Nothing here answers with NaN: a measure
 //! that a set of frames can't give says why in [`Undefined`].

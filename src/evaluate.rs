@@ -1,4 +1,4 @@
-//! What models, or the estimates in bags, are worth against the true force: bags in, [`Evaluated`] out.
+//! Evaluation of models, or of the estimates in bags, against the true force: bags in, [`Evaluated`] out.
 
 mod error;
 mod headline;
@@ -36,7 +36,7 @@ use plan::Plan;
 use results::Gathered;
 use scored::{BagPart, Head};
 
-/// What is scored, and how.
+/// The data to score, and how.
 #[derive(Debug, Clone)]
 pub struct Request<'a> {
     /// One recording each, of one donning of the glove.
@@ -45,13 +45,13 @@ pub struct Request<'a> {
     pub model: Option<&'a Path>,
     /// Models to compare it with; the first is the baseline.
     pub compare: &'a [PathBuf],
-    /// What runs the models; `None` for what the parameters say.
+    /// The runtime of the models; `None` for that of the parameters.
     pub backend: Option<BackendChoice>,
     /// Where sessions are cut: the test part is scored. `None` for every frame.
     pub split: Option<Split>,
     /// Where the zero of the forces is from.
     pub zero: Wanted<'a>,
-    /// What tells when nothing touches the glove; `None` for the annotations of the bags.
+    /// Source for the times at which nothing touches the glove; `None` for the annotations of the bags.
     pub in_air: Option<&'a InAir>,
     /// Whether a bag without the true force of the parameters is at fault, or only without scores.
     pub needs_truth: bool,
@@ -62,17 +62,17 @@ pub struct Request<'a> {
     pub known_touches: Option<usize>,
     /// Score each bag by the models beside these ones that were trained without it, `MODEL.without-*.onnx`, and all of it.
     pub held_out: bool,
-    /// What touch is judged by.
+    /// The output by which touch is judged.
     pub touch: JudgeTouch,
     /// Bags that are read side by side; the result is the same for any number.
     pub jobs: usize,
 }
 
-/// What the touch of a model's estimates is judged by.
+/// The output by which the touch of a model's estimates is judged.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum JudgeTouch {
-    /// What the node decides contact on: the touch output of a model that has one, at the levels of parameters or model,
-    /// else the force, at 2.5 gF.
+    /// The one by which the node decides contact: the touch output of a model that has one, at the levels of parameters
+    /// or model, else the force, at 2.5 gF.
     #[default]
     AsTheNode,
     /// The force, as in the paper.
@@ -191,7 +191,7 @@ fn parts_held_out(
     head.ok_or(EvaluateError::NoModel)
 }
 
-/// What was scored of each session, in words.
+/// The scored part of each session, in words.
 fn what_is_scored(split: Option<Split>) -> &'static str {
     match split {
         None => "every frame",

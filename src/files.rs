@@ -1,6 +1,6 @@
 //! Files and folders that appear whole under their name or not at all, on this machine or in a store.
 //!
-//! What goes to a URI is written to the folder for temporary files first, and sent when it is complete.
+//! An output to a URI is written to the folder for temporary files first, and sent when it is complete.
 
 use std::fs::File;
 use std::io::{self, Write};

@@ -90,7 +90,7 @@ impl Models {
         Ok(models)
     }
 
-    /// What runs each model, a line each.
+    /// The runtime of each model, a line each.
     pub fn runtimes(&self, cfg: &Config) -> Vec<String> {
         let told = cfg.models.iter().zip(&self.infos).filter_map(|(model_cfg, info)| {
             let (name, path) = (&model_cfg.name, model_cfg.spec.path.display());
@@ -99,7 +99,7 @@ impl Models {
         told.collect()
     }
 
-    /// What a person should know of the models, such as what is assumed of them, a line each.
+    /// Notes for a person on the models, such as assumptions about them, a line each.
     pub fn notes(&self, cfg: &Config) -> Vec<String> {
         let of_model = cfg.models.iter().zip(&self.infos).flat_map(|(model_cfg, info)| {
             info.notes.iter().map(move |note| format!("model {}: {note}", model_cfg.name))

@@ -13,8 +13,8 @@
 //! | thumb's CMC abduction | away from the fingers, in that plane | parallel to the line from wrist to middle knuckle |
 //! | thumb's MCP, IP | the angle between the bones, never negative: points don't tell its axis | straight |
 //!
-//! What is missing stays missing: a point that isn't finite, two that coincide, or bones along the axis make the angles that
-//! depend on them NaN, which the core takes for a joint without an angle.
+//! Missing data stay missing: a point that isn't finite, two that coincide, or bones along the axis make the angles
+//! that depend on them NaN, which the core takes for a joint without an angle.
 
 mod forward;
 mod layout;

@@ -19,7 +19,7 @@
 //! | unit of force | N for a wrench; gF where the name says so, or where a reading is beyond 100 |
 //! | frame clock | `tactile` within 20 % of the model's rate, else `grid` |
 //!
-//! What no rule decides is asked by [`Ask`], with the likeliest answer.
+//! Choices that no rule decides are asked by [`Ask`], with the likeliest answer.
 
 mod ask;
 mod document;

@@ -1,5 +1,5 @@
-//! What is in a bag and what of it can feed the fusion: topics, their timing and stamps, and which of them can be taxels,
-//! joint angles and a measured force, each with its reasons and the lines that a parameter file needs for it.
+//! Inspection of bags: topics, their timing and stamps, and which of them can feed the fusion as taxels, joint angles
+//! or a measured force, each with its reasons and the lines that a parameter file needs for it.
 //!
 //! A bag is read once, from its first message to its last, in memory that grows with the number of topics alone.
 

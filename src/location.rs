@@ -39,7 +39,7 @@ use absent as upload;
 pub use place::{Place, Reader};
 use uri::Where;
 
-/// What is at a location.
+/// The kind of thing at a location.
 #[derive(Debug, Clone)]
 pub enum Found {
     /// A file.
@@ -50,12 +50,12 @@ pub enum Found {
     Other,
 }
 
-/// What is in a folder.
+/// An entry of a folder.
 #[derive(Debug, Clone)]
 pub struct Entry {
     /// The folder's location with the name behind it.
     pub path: PathBuf,
-    /// What it is.
+    /// The kind of the entry.
     pub found: Found,
 }
 
@@ -90,7 +90,7 @@ pub fn in_word(word: OsString) -> OsString {
     uri::without_secrets(text).map(OsString::from).unwrap_or(word)
 }
 
-/// What is at `path`.
+/// Finds the kind of thing at `path`.
 ///
 /// # Errors
 /// `NotFound`, or why it can't be told.
@@ -133,7 +133,7 @@ pub fn is_folder(path: &Path) -> bool {
     matches!(find(path), Ok(Found::Folder))
 }
 
-/// What is in a folder, in no order.
+/// Entries of a folder, in no order.
 ///
 /// # Errors
 /// Why it can't be listed.
@@ -263,7 +263,7 @@ pub fn check_output(path: &Path, overwrite: bool) -> io::Result<bool> {
     if is_there && !overwrite { Err(already()) } else { Ok(is_there) }
 }
 
-/// What a store refused, or what it can't be asked for: one line, without the URI.
+/// The reason why something elsewhere can't be used: one line, without the URI.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Refusal(String);

@@ -26,7 +26,7 @@ pub struct Section {
     is_synthetic: bool,
 }
 
-/// What a verdict is, for its colour.
+/// The kind of a verdict, for its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VerdictKind {
     /// Something is better than it was.
@@ -42,7 +42,7 @@ pub enum VerdictKind {
 pub struct Table {
     /// Names it within the page.
     pub id: String,
-    /// What stands above it.
+    /// The text above it.
     pub caption: String,
     /// Names of the columns.
     pub header: Vec<String>,
@@ -50,7 +50,7 @@ pub struct Table {
     pub rows: Vec<Vec<Cell>>,
 }
 
-/// What stands in a table.
+/// A cell of a table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cell {
     /// As a person reads it.

@@ -44,7 +44,7 @@ const LIGHT_TOUCHES: f32 = 0.2;
 /// Steps of an adaptive model: its small network still improves where the paper's no longer does.
 const ADAPTIVE_STEPS: u64 = 20_000;
 
-/// What to train, and how.
+/// The model to train, and how.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// The model to write, whose name ends with `.onnx`; the report goes beside it.
@@ -60,9 +60,9 @@ pub struct Request {
     pub stride: usize,
     /// Axes of the force: the normal force, or all three, for which the true force must have them.
     pub axes: ForceAxes,
-    /// What tells when nothing touches the glove; `None` for the annotations of the recordings.
+    /// Source for the times at which nothing touches the glove; `None` for the annotations of the recordings.
     pub in_air: Option<InAir>,
-    /// What is kept apart from training.
+    /// Where sessions are cut: the validation and test parts are kept apart from training.
     pub split: Split,
     /// Threads; they change how long it takes and not what comes out.
     pub threads: usize,

@@ -21,7 +21,7 @@ pub enum BagError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was being done, as in "can't ...".
+        /// The action that failed, as in "can't ...".
         action: &'static str,
         /// The system's word on it.
         source: io::Error,
@@ -31,7 +31,7 @@ pub enum BagError {
     NotABag {
         /// The path as it was given, or a file of the folder.
         path: PathBuf,
-        /// What it looks like, and what to do.
+        /// The reason: what the path looks like, and what to do.
         why: String,
     },
     /// The `metadata.yaml` of a bag folder doesn't lead to its files.
@@ -39,7 +39,7 @@ pub enum BagError {
     Metadata {
         /// The `metadata.yaml`.
         path: PathBuf,
-        /// What is wrong with it, and what to do.
+        /// The reason: what is wrong with it, and what to do.
         why: String,
     },
     /// A folder holds several recordings where one is wanted.
@@ -139,7 +139,7 @@ pub enum BagError {
     Format {
         /// The output.
         path: PathBuf,
-        /// What it refused.
+        /// The words of the MCAP writer.
         why: String,
     },
 }
@@ -168,7 +168,7 @@ pub fn steers(character: char) -> bool {
     character.is_control() || matches!(character, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// What others wrote on one line, without what would steer a terminal.
+/// Foreign text on one line, without characters that would steer a terminal.
 pub fn printable(text: &str) -> String {
     text.chars().map(|character| if steers(character) { ' ' } else { character }).collect()
 }

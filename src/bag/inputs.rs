@@ -47,12 +47,12 @@ pub struct InputTopics {
     pub message_definitions: Option<PathBuf>,
 }
 
-/// What a message is to the core, or to who judges it.
+/// A part of a message, as the core or its judge takes it.
 #[derive(Debug, Clone)]
 pub enum Input<'a> {
     /// A sample.
     Event(Event<'a>),
-    /// What a force sensor measured.
+    /// A reading of a force sensor.
     Truth {
         /// Index of the source in [`InputTopics::truth`].
         source: usize,
@@ -61,7 +61,7 @@ pub enum Input<'a> {
         /// The force as it was sent, in the unit and with the signs of the source.
         force: ForceReading,
     },
-    /// What the protocol asks for from the stamp of its header on: among others, that nothing touches the glove.
+    /// A stage of the protocol, from the stamp of its header on: among others, that nothing touches the glove.
     Stage(Stage),
     /// Nothing: it could not be read, and is counted.
     None,
@@ -109,7 +109,7 @@ pub struct Inputs {
     angles: Vec<AngleWatch>,
     /// One a joint source: what `/tf` and `/tf_static` tell.
     frames: Vec<FrameStore>,
-    /// What was found in the parts of the message that is being decoded.
+    /// Findings in the parts of the message that is being decoded.
     message: MessageParts,
     /// By source: messages that were for it, and the others.
     shares: BTreeMap<(&'static str, usize), Share>,
@@ -172,7 +172,7 @@ impl Inputs {
         Ok(0..self.roles.get(&channel.id).map_or(0, |(_, roles)| roles.len()))
     }
 
-    /// What a part of a message is to the core. One that can't be read is no error: it is counted, a message once.
+    /// Decodes a part of a message. One that can't be read is no error: it is counted, a message once.
     pub fn decode<'a>(&'a mut self, message: &BagMessage<'a>, part: usize) -> Input<'a> {
         let (channel, received) = (message.channel, message.log_time);
         let Some((_, roles)) = self.roles.get_mut(&channel.id) else { return Input::None };
@@ -253,7 +253,7 @@ impl Inputs {
         self.topics.told.is_some() || roles().any(|role| matches!(role, Role::Stage))
     }
 
-    /// What came on each topic that feeds the core.
+    /// Counts of the messages of each topic that feeds the core.
     pub fn counters(&self) -> BTreeMap<String, TopicCounters> {
         let mut counters = self.counters.clone();
         for (topic, roles) in self.roles.values() {
@@ -265,7 +265,7 @@ impl Inputs {
         counters
     }
 
-    /// What the log times of the bags say: how old data were only where a live node recorded all that feeds the core.
+    /// Meaning of the log times of the bags: the age of data only where a live node recorded all that feeds the core.
     pub fn receipts(&self, reader: &BagReader) -> Receipts {
         let InputTopics { taxels, joints, .. } = &self.topics;
         let names = || taxels.iter().map(|topic| &topic.name).chain(joints.iter().map(|topic| &topic.name));
@@ -278,7 +278,7 @@ impl Inputs {
         self.counters.values().any(|counters| counters.first_error.is_some())
     }
 
-    /// What of the joint angles nobody can mean, once a bag has been read: degrees where the parameters say radians, and
+    /// Doubts about the unit of joint angles, once a bag has been read: degrees where the parameters say radians, or
     /// the other way round. Each text is one line that names the parameter.
     pub fn angle_doubts(&self) -> Vec<String> {
         let sources = self.topics.joint_sources.iter().zip(&self.angles);
@@ -382,7 +382,7 @@ const TAXELS: &str = "taxels";
 const ANGLES: &str = "joint angles";
 
 impl Role {
-    /// What it takes a message for, and the index of its source among those of this kind.
+    /// The kind of its source, and the index of that source among those of the kind.
     fn source(&self) -> (&'static str, usize) {
         match self {
             Role::Samples(SampleBinding::Taxels(source, _)) => (TAXELS, source.0),

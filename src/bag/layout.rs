@@ -13,7 +13,7 @@ use crate::location;
 /// Name of the file within a bag folder.
 pub(super) const METADATA_FILE: &str = "metadata.yaml";
 
-/// What rosbag2 writes as the start of a bag with no message.
+/// The start that rosbag2 writes for a bag with no message.
 const NO_START: i64 = i64::MAX;
 
 /// Real ones stay under 1 MB.
@@ -24,7 +24,7 @@ struct Document {
     rosbag2_bagfile_information: Listing,
 }
 
-/// What a bag folder's `metadata.yaml` says about its files.
+/// The part of a bag folder's `metadata.yaml` that is about its files.
 #[derive(Debug, Deserialize)]
 pub(super) struct Listing {
     #[serde(default)]
@@ -72,7 +72,7 @@ pub(super) struct TopicEntry {
     pub(super) n_messages: u64,
 }
 
-/// What a bag of one file holds.
+/// Contents of a bag of one file.
 #[derive(Debug, Clone)]
 pub(super) struct Contents<'a> {
     pub(super) file_name: &'a str,

@@ -64,7 +64,7 @@ struct WrittenProfile {
     avoid_ros_namespace_conventions: bool,
 }
 
-/// What one publisher of a topic offered.
+/// The QoS that one publisher of a topic offered.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct QosProfile {
     history: &'static str,

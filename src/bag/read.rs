@@ -73,7 +73,7 @@ pub struct BagAttachment<'a> {
 /// Named notes that a recorder stored within the bag.
 #[derive(Debug, Clone, Copy)]
 pub struct BagMetadata<'a> {
-    /// What the notes are; rosbag2 writes one named `rosbag2`.
+    /// Name of the notes; rosbag2 writes some named `rosbag2`.
     pub name: &'a str,
     /// The notes.
     pub metadata: &'a BTreeMap<String, String>,
@@ -90,7 +90,7 @@ pub enum BagRecord<'a> {
     Metadata(BagMetadata<'a>),
 }
 
-/// What the ends of the files tell about all inputs before they are read.
+/// Summary of all inputs, from the ends of their files, before the messages are read.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct BagSummary {
     /// Whether [`BagReader::channels`] is complete: every file ends with a list of its channels, or was scanned.
@@ -132,7 +132,7 @@ struct Part {
 /// A file that is being read.
 struct OpenFile {
     file: Storage,
-    /// What was read last and not handed out yet.
+    /// The record that was read last and not handed out yet.
     head: Option<Head>,
     body: Vec<u8>,
 }
@@ -142,7 +142,7 @@ struct OpenFile {
 /// Messages come in the order in which the recorder received them, by their log time; where two are equal, the one that
 /// stands first in the file, and of several inputs the one that was given first. A file whose messages don't stand in that
 /// order, as one that was written topic by topic, is put in order chunk by chunk, and by its index where chunks overlap.
-/// What can't be put in order is read as it stands, which is a loss where it
+/// Messages that can't be put in order are read as they stand, which is a loss where it
 /// [matters](Self::watch_order). Messages of one channel are never put in another order:
 /// where its log times go back, the recorder's clock was set.
 ///
@@ -406,17 +406,17 @@ impl BagReader {
         self.table.all()
     }
 
-    /// What the ends of the files tell.
+    /// Summary of all inputs, from the ends of their files.
     pub fn summary(&self) -> &BagSummary {
         &self.summary
     }
 
-    /// What could not be read so far, in the order in which it was met.
+    /// Losses so far: parts that could not be read, in the order in which they were met.
     pub fn losses(&self) -> &[Loss] {
         self.losses.list()
     }
 
-    /// What a person should know about how the inputs were found.
+    /// Notes for a person on how the inputs were found.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

@@ -1,4 +1,4 @@
-//! What is in a bag, topic by topic: how many, how often, how evenly, and what is missing.
+//! Statistics of a bag, topic by topic: how many, how often, how evenly, and what is missing.
 
 mod intervals;
 
@@ -69,7 +69,7 @@ struct Topic {
     n_out_of_order: u64,
 }
 
-/// What the recorder's count of one channel shows.
+/// Sequence numbers of one channel, as the recorder counted.
 #[derive(Debug)]
 struct Sequence {
     topic: usize,

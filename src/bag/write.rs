@@ -86,14 +86,14 @@ pub struct NewChannel<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct OutChannel(usize);
 
-/// What was written.
+/// The bag that was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finished {
     /// The file or folder, by the name that was asked for.
     pub path: PathBuf,
     /// Number of messages in it.
     pub n_messages: u64,
-    /// What a person should know, a line each: for example that a `metadata.yaml` was left as it was.
+    /// Notes for a person, a line each: for example that a `metadata.yaml` was left as it was.
     pub notes: Vec<String>,
 }
 

@@ -115,7 +115,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// What known touches tell, a line a region.
+/// The force gains from known touches, a line a region.
 fn gains_text(touches: &[RegionTouches], cfg: &Config) -> String {
     let of_region = |found: &RegionTouches| {
         let ForceGain { gain, low, high, touches } = found.gain;
@@ -125,7 +125,7 @@ fn gains_text(touches: &[RegionTouches], cfg: &Config) -> String {
     touches.iter().map(of_region).collect()
 }
 
-/// What a person should make of a calibration.
+/// A verdict on a calibration, for a person.
 fn verdict(calibration: &Calibration) -> String {
     let mut text = String::new();
     for (name, baseline) in &calibration.sources {

@@ -27,7 +27,7 @@ const UNKNOWN_USER: u32 = 6;
 /// Marks a folder as made by a demo, so that the next one may write over it.
 const MARKER: &str = "made_by_tpf_demo.txt";
 
-/// What ships for a synthetic glove.
+/// The shipped parameters and models of a synthetic glove.
 struct Shipped {
     params: &'static str,
     pose_aware: &'static [u8],

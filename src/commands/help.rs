@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-/// What people want, and the commands that do it, each in a few words.
+/// Tasks of people, and the commands for each, in a few words.
 const GROUPS: [(&str, &[(&str, &str)]); 5] = [
     (
         "See",

@@ -1,4 +1,4 @@
-//! What the command line says of bags without annotations. What becomes of it is in [`crate::sessions`].
+//! Options for bags without annotations. Their effect is in [`crate::sessions`].
 
 use super::force::force;
 use crate::sessions::InAir;
@@ -18,7 +18,7 @@ pub(super) struct InAirArgs {
 }
 
 impl InAirArgs {
-    /// What is told, if anything is.
+    /// When nothing touches the glove, if the command line tells it.
     pub(super) fn told(&self) -> Option<&InAir> {
         self.in_air.as_ref().or(self.zero_load_below.as_ref())
     }

@@ -71,10 +71,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(outcome)
 }
 
-/// What was looked at.
+/// The bags that were looked at, or one of a live graph.
 struct Looked {
     bags: Vec<BagReport>,
-    /// What came on a live graph, a line a topic, for the end of the file.
+    /// Topics of a live graph, a line each, for the end of the file.
     told: Vec<String>,
 }
 
@@ -97,7 +97,7 @@ impl Args {
     }
 }
 
-/// What was written, and what to do with it.
+/// A summary of the written file, and what to do next.
 fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
     let output = args.output.display();

@@ -25,7 +25,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// What is told of one path.
+/// The report on one path.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 enum Report {

@@ -1,4 +1,4 @@
-//! What the tools beside the live node have in common: names and the graph.
+//! Common parts of the tools beside the live node: names and the graph.
 
 use std::time::Duration;
 

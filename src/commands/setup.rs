@@ -124,7 +124,7 @@ impl ModelArgs {
 }
 
 impl BackendArgs {
-    /// What the command line names.
+    /// The backend that the command line names.
     pub(super) fn choice(&self) -> Option<BackendChoice> {
         self.backend.map(|backend| match backend {
             Backend::Auto => BackendChoice::Auto,

@@ -1,4 +1,4 @@
-//! What is trained on and what is kept apart: shared by `tpf train`, which must not see the rest, and `tpf eval`, which
+//! The split into training and test: shared by `tpf train`, which must not see the rest, and `tpf eval`, which
 //! must not score what was seen.
 
 use clap::ValueEnum;

@@ -1,4 +1,4 @@
-//! What the command line says of the zero of the forces. What becomes of it is decided by [`crate::zero`].
+//! Options for the zero of the forces. Their effect is decided by [`crate::zero`].
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ pub(super) struct ZeroArgs {
 }
 
 impl ZeroArgs {
-    /// What is asked for.
+    /// The zero that the command line asks for.
     pub(super) fn wanted(&self) -> Wanted<'_> {
         match (&self.calibration, self.calibrate_first) {
             (Some(file), _) => Wanted::File(file),

@@ -243,7 +243,7 @@ impl DetectionTally {
         &self.offset_ms
     }
 
-    /// What was found in the sessions so far.
+    /// The detection of touches in the sessions so far.
     pub fn detection(&self) -> Detection {
         let minutes = self.air_ns as f64 / 60e9;
         let per_minute = if minutes > 0.0 {

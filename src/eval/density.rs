@@ -70,7 +70,7 @@ impl DensityTally {
         }
     }
 
-    /// What was gathered; `None` without frames.
+    /// The density of all frames so far; `None` without frames.
     pub(super) fn density(&self) -> Option<ForceDensity> {
         let has_frames = self.frames.iter().flatten().any(|n| *n > 0);
         let frames = || self.frames.iter().map(|of_truth| of_truth.to_vec()).collect();

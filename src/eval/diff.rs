@@ -22,7 +22,7 @@ pub struct EstimateRecord {
     pub force: Option<f64>,
     /// Force of the tactile branch alone, N.
     pub force_base: Option<f64>,
-    /// What the pose correction removed, N.
+    /// The artifact: the force that the pose correction removed, N.
     pub artifact: Option<f64>,
     /// Force (N) and torque (N m), x y z each, as `WrenchStamped` tells them; absent where there is no estimate.
     pub wrench: Option<[f64; 6]>,
@@ -30,7 +30,7 @@ pub struct EstimateRecord {
     pub contact_raw: bool,
     /// Contact with hysteresis and debounce.
     pub contact: bool,
-    /// What changed.
+    /// The change of contact at this frame.
     pub event: ContactEvent,
     /// Begin of the contact state.
     pub since: Stamp,
@@ -46,7 +46,7 @@ pub struct EstimateRecord {
     pub off_threshold: Option<f64>,
     /// Minimal detectable force, N.
     pub mdf: Option<f64>,
-    /// What became of the artifact.
+    /// State of the artifact filter.
     pub adaptation: Adaptation,
     /// How far the artifact is from its calibration, as a share.
     pub artifact_change: Option<f64>,

@@ -19,7 +19,7 @@ use super::scoring::Scoring;
 use crate::eval::Group;
 use crate::units::Stamp;
 
-/// What marks a substage of pseudo-unseen poses by its name.
+/// The name of a substage of pseudo-unseen poses contains this.
 ///
 /// # Source
 /// Pose-aware tactile gloves, Sec. VI-B, "Generalizability against unseen poses".
@@ -48,7 +48,7 @@ pub enum EvaluationError {
     Metric(#[from] MetricError),
 }
 
-/// What is gathered of one series of estimates.
+/// Statistics of one series of estimates, gathered session by session.
 #[derive(Debug, Clone)]
 pub struct Evaluation {
     /// All scored frames.
@@ -76,7 +76,7 @@ pub(super) struct ContactTallies {
 pub struct ContactReport {
     /// Touches found, missed and invented, and how late.
     pub detection: Detection,
-    /// What the pose correction did to true contacts; absent for estimates without a base.
+    /// Effect of the pose correction on true contacts; absent for estimates without a base.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preservation: Option<Preservation>,
     /// Force error by the age of the pose.
@@ -157,7 +157,7 @@ impl Evaluation {
         self.contacts_of(&origin.glove).handle_session(frames, &scoring)
     }
 
-    /// What is gathered of the contacts of a glove.
+    /// The contact tallies of a glove.
     pub(super) fn contacts_of(&mut self, glove: &str) -> &mut ContactTallies {
         self.by_glove.entry(glove.to_owned()).or_insert_with(|| ContactTallies {
             detection: DetectionTally::new(CONTACT_SLACK),

@@ -11,7 +11,7 @@ use super::metric::Metric;
 use super::metrics::Score;
 use super::statistics::Distribution;
 
-/// What a gate looks at. Shares are 0 to 1.
+/// The metric of a gate. Shares are 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GateMetric {
@@ -145,7 +145,7 @@ impl Only {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gate {
-    /// What it looks at.
+    /// The metric that it limits.
     pub metric: GateMetric,
     /// Groups that are looked at one by one.
     #[serde(default = "by_glove")]
@@ -192,7 +192,7 @@ pub struct GateError {
     reason: &'static str,
 }
 
-/// What a model scored, as gates look at it.
+/// Scores of a model, as gates look at them.
 #[derive(Debug, Clone, Copy)]
 pub struct Scored<'a> {
     /// Scores of all scored frames, by the name of the kind of group.
@@ -208,10 +208,10 @@ pub struct Scored<'a> {
 pub struct Check {
     /// The gate and the group; the same from run to run.
     pub name: String,
-    /// What was scored, where there is a value.
+    /// The score, where there is a value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
-    /// What was wanted, in words.
+    /// The limit, in words.
     pub expected: String,
     /// How it went.
     #[serde(flatten)]

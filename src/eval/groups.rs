@@ -15,7 +15,7 @@ use super::statistics::{Wilcoxon, cohens_dz, wilcoxon_greater};
 pub struct Origin {
     /// Glove design.
     pub glove: String,
-    /// Who wore it.
+    /// The wearer.
     pub user: String,
     /// Session of that user: one donning.
     pub session: String,
@@ -63,7 +63,7 @@ pub struct Group {
     /// Glove design.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub glove: Option<String>,
-    /// Who wore it.
+    /// The wearer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub user: Option<String>,
     /// Session of that user.

@@ -1,4 +1,4 @@
-//! What is estimated while nothing touches the glove, by the pose that was asked for. It needs no true force.
+//! Estimates while nothing touches the glove, by the pose that was asked for. This needs no true force.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -53,7 +53,7 @@ pub(super) struct Sizes {
 /// Steps of sizes in one gF.
 const STEPS: f64 = 1024.0;
 
-/// What is larger, as no force is, counts as this: so sums are whole numbers that doubles hold.
+/// A larger size, which no force has, counts as this: so sums are whole numbers that doubles hold.
 const MAX_SIZE: u64 = 1 << 40;
 pub(super) const MAX_SUM: u64 = 1 << 53;
 
@@ -150,7 +150,7 @@ impl InAirTally {
         }
     }
 
-    /// What was found; `None` when no frame was in the air.
+    /// The estimates in the air so far; `None` when no frame was in the air.
     pub fn report(&self) -> Option<InAirReport> {
         let mut all = Sums::default();
         self.by_pose.values().for_each(|sums| all.merge(sums));

@@ -22,7 +22,7 @@ pub enum MetricError {
     Scoring { ours: Box<Scoring>, theirs: Box<Scoring> },
 }
 
-/// What a score was taken from.
+/// The frames that a score was taken from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Coverage {
     /// Frames given.
@@ -113,10 +113,10 @@ impl Measure {
     }
 }
 
-/// What a set of frames scored.
+/// The scores of a set of frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// What it was taken from.
+    /// The frames that it was taken from.
     pub coverage: Coverage,
     /// Touch detection in frames.
     pub confusion: Confusion,
@@ -253,7 +253,7 @@ impl Tally {
         &self.scoring
     }
 
-    /// What went in.
+    /// The frames that went in.
     pub fn coverage(&self) -> Coverage {
         let n_without_estimate = self.touch.n_missing + self.no_touch.n_missing;
         Coverage {

@@ -1,4 +1,4 @@
-//! What the pose correction does to true contacts: a correction that erases artifacts may erase touches too.
+//! Effect of the pose correction on true contacts: a correction that erases artifacts may erase touches too.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use super::metric::{Metric, Undefined};
 use super::statistics::Distribution;
 use crate::units::nanos;
 
-/// What became of one true touch between the base estimate and the corrected one.
+/// Fate of one true touch, between the base estimate and the corrected one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "fate", rename_all = "snake_case")]
 pub enum Fate {
@@ -32,7 +32,7 @@ pub enum Fate {
 pub struct TouchFate {
     /// The true touch.
     pub touch: Touch,
-    /// What became of it.
+    /// Its fate.
     pub fate: Fate,
 }
 
@@ -129,7 +129,7 @@ impl PreservationTally {
         self.lost_ns = self.lost_ns.saturating_add(other.lost_ns);
     }
 
-    /// What was found in the sessions so far.
+    /// Contact preservation in the sessions so far.
     pub fn preservation(&self) -> Preservation {
         let counts = &self.counts;
         let lost = if self.base_ns > 0 {

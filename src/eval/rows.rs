@@ -1,4 +1,4 @@
-//! What an [`Evaluation`] gathered, as rows of sufficient statistics, and back: bit by bit the same.
+//! The statistics of an [`Evaluation`] as rows of sufficient statistics, and back: bit by bit the same.
 
 use super::class::Class;
 use super::density::N_BINS;
@@ -20,7 +20,7 @@ const MAX_NANOS: i64 = 1 << 53;
 /// One row of statistics. What its kind has no use for is `None` or empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StatRow {
-    /// What it is of: `frames`, `touch_by`, `pose_age`, `held`, `density`, `in_air`, `detection` or `preservation`.
+    /// Its kind: `frames`, `touch_by`, `pose_age`, `held`, `density`, `in_air`, `detection` or `preservation`.
     pub of: String,
     /// Which of its statistics: `touch`, `bin` or `tangential` of frames, `n_missed` of detection.
     pub name: String,

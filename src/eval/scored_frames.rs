@@ -42,7 +42,7 @@ pub struct ScoredFrames {
     pub resumes: Vec<usize>,
 }
 
-/// What a stretch of the protocol asked for.
+/// The pose and the contact that a stretch of the protocol asked for.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Asked {
     /// Pose or movement; that of the substage where none was named.

@@ -1,4 +1,4 @@
-//! What counts as touch and how frames are binned: everything a score depends on besides the frames.
+//! Scoring rules: what counts as touch, and how frames are binned; all that a score depends on besides the frames.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ pub const MDF_BALANCED_ACCURACY: f64 = 0.9;
 /// Bins kept of one tally: 20 kgF at the default width, twenty times what the protocol presses.
 pub(super) const MAX_BINS: u32 = 2000;
 
-/// What a frame without an estimate says about touch. It never enters MAE and R2, and is counted either way.
+/// How a frame without an estimate is scored for touch. It never enters MAE and R2, and is counted either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MissingEstimate {
@@ -96,7 +96,7 @@ impl Scoring {
         self.min_bin_frames
     }
 
-    /// What a frame without an estimate says about touch.
+    /// How a frame without an estimate is scored for touch.
     pub fn missing(&self) -> MissingEstimate {
         self.missing
     }

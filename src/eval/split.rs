@@ -1,4 +1,4 @@
-//! What trains and what tests: always the earlier and the later part, so that no future leaks into a model.
+//! The split into training and test: always the earlier and the later part, so that no future leaks into a model.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ pub enum SplitBy {
     Session,
 }
 
-/// What a moment of a session is for.
+/// Purpose of a moment of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Part {
@@ -25,7 +25,7 @@ pub enum Part {
     Train,
     /// The best step of a training is picked here: stretches of what would train, so that the test stays unseen.
     Validation,
-    /// What results are reported on.
+    /// Results are reported on it.
     Test,
 }
 

@@ -23,7 +23,7 @@ pub struct Cell {
     pub mae_gf: Metric,
     /// Coefficient of determination.
     pub r2: Metric,
-    /// What they were taken from.
+    /// The frames that they were taken from.
     pub coverage: Coverage,
 }
 
@@ -83,7 +83,7 @@ pub struct ModelRow {
     pub cells: Vec<Option<Cell>>,
 }
 
-/// What a model gains over another, as the paper states it. A share of 0.1 is 10 %; negative when it got worse.
+/// The gain of a model over another, as the paper states it. A share of 0.1 is 10 %; negative when it got worse.
 ///
 /// # Source
 /// Pose-aware tactile gloves, Sec. VI-B: "reduces MDF by 10.4 %, touch detection error by 15 %, MAE by 8.7 %".
@@ -127,7 +127,7 @@ impl ResultTable {
         ResultTable { gloves, rows }
     }
 
-    /// What each model after the first gains over the first, glove by glove.
+    /// The gain of each model after the first over the first, glove by glove.
     pub fn improvements(&self) -> Vec<Improvement> {
         let Some((first, others)) = self.rows.split_first() else { return Vec::new() };
         let compared = others.iter().flat_map(|other| {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::metric::{Metric, Undefined};
 
-/// What a set of frames scored in the directions that a normal force has not.
+/// The scores of a set of frames for the tangential force.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TangentialScore {
     /// Frames with a tangential force in truth and estimate.

@@ -14,7 +14,7 @@ pub struct ZeroLoad {
     pub to: Stamp,
 }
 
-/// What makes taring impossible.
+/// Why a true force can't be tared.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum TruthError {

@@ -59,7 +59,7 @@ pub enum EvaluateError {
 }
 
 impl EvaluateError {
-    /// What is wrong with a bag.
+    /// An error in a bag.
     pub(super) fn in_bag(bag: &str, reason: &dyn std::fmt::Display) -> Self {
         EvaluateError::InBag { bag: bag.to_owned(), reason: reason.to_string() }
     }

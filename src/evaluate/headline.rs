@@ -1,4 +1,4 @@
-//! What an evaluation comes to: what is judged against what it is compared with first.
+//! Headline of an evaluation: the judged series against the first one that it is compared with.
 
 use std::collections::BTreeMap;
 
@@ -23,13 +23,13 @@ pub enum Change {
     Same,
 }
 
-/// What an evaluation comes to.
+/// Headline of an evaluation: better or worse than the first series, in all and by glove.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Headline {
     /// The first row of the table; absent where what is judged is the only one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
-    /// What is judged.
+    /// The judged series.
     pub to: String,
     /// On all gloves; absent where there is nothing to compare.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -57,8 +57,8 @@ pub struct GloveHeadline {
 }
 
 impl Headline {
-    /// What these scores come to; `None` where nothing was judged. Series have a name, and their contacts by glove; what is
-    /// judged stands last.
+    /// The headline of these scores; `None` where nothing was judged. Series have a name, and their contacts by glove;
+    /// the judged one stands last.
     pub(super) fn of(series: &[(&str, &BTreeMap<String, ContactReport>)], table: &ResultTable) -> Option<Self> {
         let (judged, judged_contacts) = *series.last()?;
         let first = series.first().filter(|_| series.len() > 1);

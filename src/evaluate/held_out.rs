@@ -9,7 +9,7 @@ use crate::model;
 use crate::model::metadata::HELD_OUT;
 use crate::sessions::session_name;
 
-/// What stands between a model's name and that of the group that its fold was trained without.
+/// Separator between a model's name and that of the group that its fold was trained without.
 const WITHOUT: &str = ".without-";
 
 /// Bags, and the models that were trained without them.

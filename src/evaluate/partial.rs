@@ -34,7 +34,7 @@ pub struct PartialOut<'a> {
     pub shard: Option<(Shard, usize)>,
 }
 
-/// What became of the bags of a partial.
+/// The bags of a partial, scored or not.
 #[derive(Debug, Serialize)]
 pub struct Partial {
     /// The file.
@@ -54,7 +54,7 @@ pub struct PartialBag {
     pub error: Option<String>,
     /// Whether some of it was lost.
     pub has_losses: bool,
-    /// What a person should know.
+    /// Warnings for a person.
     #[serde(skip)]
     pub warnings: Vec<String>,
 }

@@ -21,7 +21,7 @@ use crate::sessions::{
 };
 use crate::zero::Wanted;
 
-/// What is done with every session.
+/// Plan of an evaluation, the same for every session.
 pub(super) struct Plan<'a> {
     pub(super) cfg: Config,
     pub(super) cores: Vec<PlannedCore>,
@@ -49,7 +49,7 @@ pub(super) struct PlannedCore {
 /// Estimates of one model or recording, corrected or not: one row of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Series {
-    /// What it is called.
+    /// Its name in results.
     pub name: String,
     pub(super) source: SeriesSource,
     pub(super) which: Which,
@@ -72,7 +72,7 @@ pub(super) enum Which {
 /// One session, ready to be scored.
 #[derive(Debug)]
 pub struct Session {
-    /// What results say of it.
+    /// Its summary in results.
     pub summary: SessionSummary,
     /// `[series][regions]`, in the order of [`Series`].
     pub frames: Vec<Vec<ScoredFrames>>,

@@ -1,4 +1,4 @@
-//! What comes out of all sessions.
+//! Results of all sessions.
 
 use std::collections::BTreeMap;
 
@@ -27,12 +27,12 @@ pub struct Evaluated {
     pub command: Vec<String>,
     /// Thresholds and bins.
     pub scoring: Scoring,
-    /// What was scored, in words.
+    /// The scored part of each session, in words.
     pub scored: &'static str,
     /// Where sessions are cut.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<Split>,
-    /// What all of it comes to; absent where nothing was judged.
+    /// The headline; absent where nothing was judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub headline: Option<Headline>,
     /// In the order of the bags.
@@ -56,7 +56,7 @@ pub struct Evaluated {
     /// How the gates went.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub checks: Vec<Check>,
-    /// What the JSON does not hold.
+    /// Evidence for a report, which the JSON does not hold.
     #[serde(skip)]
     pub evidence: Evidence,
 }
@@ -73,7 +73,7 @@ pub struct FailedBag {
 /// The scores of one series.
 #[derive(Debug, Serialize)]
 pub struct ModelScores {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The model file, where a model made it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -81,7 +81,7 @@ pub struct ModelScores {
     /// Of that file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
-    /// What touch was judged by: `force` or `touch output`.
+    /// The output by which touch was judged: `force` or `touch output`.
     pub touch_by: &'static str,
     /// By kind of group.
     pub by: BTreeMap<&'static str, Vec<GroupScore>>,
@@ -100,7 +100,7 @@ pub struct ModelScores {
 pub struct Pairing {
     /// The baseline.
     pub from: String,
-    /// What is judged.
+    /// The judged series.
     pub to: String,
     /// One a measure.
     pub tests: Vec<PairedTest>,
@@ -118,7 +118,7 @@ pub struct PoseQualityScores {
     pub scores: Vec<GroupScore>,
 }
 
-/// What a report shows and the JSON doesn't hold.
+/// Evidence that a report shows and the JSON doesn't hold.
 #[derive(Debug, Default)]
 pub struct Evidence {
     /// The best, the median and the worst stretch of the series that is judged.
@@ -167,7 +167,7 @@ impl Evaluated {
         found
     }
 
-    /// What sessions lack, and which of them.
+    /// Missing data of sessions, each with the names of the sessions that lack it.
     pub fn missing(&self) -> BTreeMap<&str, Vec<&str>> {
         let mut missing: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         for session in &self.sessions {
@@ -187,7 +187,7 @@ impl ModelScores {
     }
 }
 
-/// What is gathered bag by bag, in the order of the bags: sums of numbers depend on it.
+/// Results gathered bag by bag, in the order of the bags: sums of numbers depend on it.
 #[derive(Default)]
 pub(super) struct Gathered {
     /// `[series]`
@@ -324,7 +324,7 @@ fn table_of_free(series: &[Scored<'_>]) -> Result<ResultTable, EvaluateError> {
     table(series, |evaluation| group_scores(&evaluation.free_movement, GroupBy::Glove))
 }
 
-/// What is judged against each baseline, and the corrected force against the base of the same model.
+/// Tests of the judged series against each baseline, and of the corrected force against the base of the same model.
 fn pairings(series: &[Scored<'_>], n_compared: usize) -> Result<Vec<Pairing>, EvaluateError> {
     let Some((judged, judged_as)) = series.iter().rfind(|(one, _)| one.which == Which::Corrected) else {
         return Ok(Vec::new());

@@ -1,4 +1,4 @@
-//! What one bag gives to an evaluation. A run over many bags folds these, and so does a merge: they give the same numbers.
+//! Statistics of one bag. A run over many bags folds these, and so does a merge: they give the same numbers.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::session::SessionSummary;
 use super::stretches::BestAndWorst;
 use crate::eval::{Evaluation, Scoring, Split};
 
-/// What all bags of an evaluation have in common.
+/// Head of an evaluation: series, models and split, the same for all bags.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Head {
     /// Baselines first, then what is judged, then that with its pose made worse.
@@ -29,7 +29,7 @@ pub(super) struct ModelFile {
     pub(super) sha256: String,
 }
 
-/// What became of one bag.
+/// The result of one bag.
 #[derive(Debug)]
 pub(super) struct BagPart {
     /// As it was given.

@@ -1,4 +1,4 @@
-//! What results say of a session.
+//! Summaries of sessions, for results.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::eval::{Timing, ZeroLoadCheck};
 use crate::sessions::{Labelled, SessionError, fingerprint, session_name};
 use crate::zero::ZeroFrom;
 
-/// What results say of a session.
+/// Summary of a session, for results.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SessionSummary {
     /// Its bag, without the folder it lies in.
@@ -21,7 +21,7 @@ pub struct SessionSummary {
     pub sha256: String,
     /// Which glove was worn.
     pub glove: String,
-    /// Who wore it.
+    /// The wearer.
     pub user: String,
     /// Whether a simulator made it.
     pub synthetic: bool,
@@ -29,7 +29,7 @@ pub struct SessionSummary {
     pub frames_scored: usize,
     /// Of them, those without a true force.
     pub frames_without_truth: usize,
-    /// What it lacks, and what can't be said for want of it.
+    /// Missing data, and the results that can't be given without them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
     /// How well the tared truth keeps below the touch threshold where nothing touches; absent without truth.
@@ -40,18 +40,18 @@ pub struct SessionSummary {
     pub zero: Option<ZeroFrom>,
     /// Of the estimates that are judged, by region.
     pub timing: BTreeMap<String, Timing>,
-    /// What became of all that went into the core of the judged model; absent where estimates were recorded.
+    /// Counts of all inputs of the core of the judged model; absent where estimates were recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub counters: Option<serde_json::Value>,
-    /// What was lost of the bag.
+    /// Losses of the bag.
     pub losses: Vec<String>,
-    /// What a person should know.
+    /// Warnings for a person.
     #[serde(skip)]
     pub warnings: Vec<String>,
 }
 
 impl SessionSummary {
-    /// What results say of a session, but for what was estimated.
+    /// The summary of a session, still without its estimates.
     pub(super) fn new(labelled: &Labelled, bag: &Path, cfg: &Config) -> Result<Self, SessionError> {
         let named = |noted: &Option<String>, set: &Option<String>| {
             noted.clone().or_else(|| set.clone()).unwrap_or_else(|| "?".to_owned())

@@ -17,13 +17,13 @@ const IN_TOUCH: f64 = 0.1;
 /// The frames of a stretch.
 #[derive(Debug, Clone, Default)]
 pub struct Stretch {
-    /// What it is an example of.
+    /// Its rank by error: `Best`, `Median` or `Worst`.
     pub kind: &'static str,
     /// The session.
     pub session: String,
     /// The glove.
     pub glove: String,
-    /// What was asked for.
+    /// The stage and substage.
     pub stage: String,
     /// Mean absolute error over it.
     pub mae_gf: f64,

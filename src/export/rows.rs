@@ -33,7 +33,7 @@ const TANGENTIAL: [&str; 3] = ["tangential_x_n", "tangential_y_n", "tangential_z
 /// The same of the truth, where force sensors of the parameters have three axes.
 const TANGENTIAL_TRUTH: [&str; 3] = ["truth_tangential_x_n", "truth_tangential_y_n", "truth_tangential_z_n"];
 
-/// What a table holds beside its fixed columns, as its first session decides.
+/// Columns of a table beside its fixed ones, as its first session decides.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TableLayout {
     joints: Vec<String>,

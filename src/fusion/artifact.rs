@@ -33,7 +33,7 @@ pub const HISTORY_S: [f64; 2] = [0.35, 2.5];
 /// The most gains that are followed: the cost of a step grows with their square.
 const MAX_GAINS: usize = 400;
 
-/// What training knows of the artifact of a region.
+/// Artifact of a region, as training learned it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArtifactModel {

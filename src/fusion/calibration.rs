@@ -7,7 +7,7 @@ use crate::units::{Newton, Stamp};
 /// Rows kept for the medians. When they are full every second one is dropped and from then on every second one taken.
 const MAX_ROWS: usize = 1 << 15; // 330 s at 100 Hz before the first thinning
 
-/// What is known of a source's taxels at rest.
+/// A source's taxels at rest.
 ///
 /// # Shapes
 /// All fields: `[taxels of the source]`, raw units.

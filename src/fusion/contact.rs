@@ -27,7 +27,7 @@ pub struct Contact {
     pub by_touch: bool,
     /// State with hysteresis and debounce. Held over frames without an estimate, which their flags tell.
     pub state: bool,
-    /// What changed at this frame.
+    /// The change of contact at this frame.
     pub event: ContactEvent,
     /// First frame of the run of forces that led to the current state.
     pub since: Stamp,

@@ -6,7 +6,7 @@ use super::frames::TactileCounters;
 use super::joints::JointCounters;
 use super::region::RegionCounters;
 
-/// What became of everything that went in.
+/// Counts of everything that went into the core.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Counters<'a> {
     /// Per tactile source.

@@ -1,4 +1,4 @@
-//! What comes out of the fusion core.
+//! Estimates: the output of the fusion core.
 
 use std::fmt;
 
@@ -122,9 +122,9 @@ pub struct Estimate {
     /// Age of the oldest joint angle of the frame, ns: zero when all were measured or interpolated, `None` when one is
     /// unknown or the model takes no pose.
     pub pose_age_ns: Option<i64>,
-    /// What to know before trusting it.
+    /// Reasons to trust it less.
     pub flags: Flags,
-    /// What became of the artifact in its taxels.
+    /// State of the artifact filter of the region.
     pub adaptation: Adaptation,
     /// How far the artifact is from its calibration: root mean square of the changes of its gains, as a share of that of the
     /// gains; `None` where it is not taken out.
@@ -132,7 +132,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// What the pose correction removed from the tactile branch; `None` where there was no correction.
+    /// The force that the pose correction removed from the tactile branch; `None` where there was no correction.
     pub fn artifact(&self) -> Option<Newton> {
         if self.flags.contains(Flags::STALE_POSE) {
             return None;
@@ -158,7 +158,7 @@ pub struct Tick {
     pub age_ns: Option<i64>,
     /// One a region of the source, in the order of the configuration.
     pub estimates: Vec<Estimate>,
-    /// What the regions read, where [`FusionConfig::keep_taxels`](super::FusionConfig::keep_taxels) asks for it.
+    /// The taxels of the regions, where [`FusionConfig::keep_taxels`](super::FusionConfig::keep_taxels) asks for them.
     pub taxels: TickTaxels,
 }
 
@@ -170,7 +170,8 @@ pub struct Tick {
 pub struct TickTaxels {
     /// As sent, at the stamp of the frame.
     pub reading: Vec<f32>,
-    /// What a model is given: above the zero, without the artifact where it is taken out. NaN where the frame is no input.
+    /// Inputs of the model: above the zero, without the artifact where it is taken out. NaN where the frame is no
+    /// input.
     pub feature: Vec<f32>,
 }
 

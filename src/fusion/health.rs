@@ -13,8 +13,8 @@ use crate::units::{NANOS_PER_SEC, Stamp};
 /// Evidence (nats) from which readings stand still for another reason than chance: once in 2e17 rows.
 const ENOUGH: f64 = 40.0;
 
-/// What a repeated reading of a taxel tells (nats) whose noise is two of its steps or more: such noise repeats a reading in at
-/// most 17 % of rows, wherever between two steps its mean lies.
+/// Evidence (nats) of a repeated reading of a taxel whose noise is two of its steps or more: such noise repeats a
+/// reading in at most 17 % of rows, wherever between two steps its mean lies.
 const CLEAR: f64 = 1.77;
 
 /// The same for noise of about one step, or where steps are not known yet: a mean in the middle of a step repeats in up to 80 %.
@@ -285,8 +285,8 @@ impl SourceHealth {
 }
 
 impl<'a> RateFault<'a> {
-    /// What is wrong with the rate of a source whose samples came at `measured_hz`, if anything: with the frame clock `grid`
-    /// every rate is right.
+    /// The fault in the rate of a source whose samples came at `measured_hz`, if there is one: with the frame clock
+    /// `grid` every rate is right.
     pub fn judge(source: &'a TactileSource, measured_hz: f64, model_hz: f64) -> Option<Self> {
         let off = source.frame_clock == FrameClock::Tactile && (measured_hz / model_hz - 1.0).abs() > RATE_TOLERANCE;
         off.then_some(RateFault { source: &source.name, measured_hz, model_hz })

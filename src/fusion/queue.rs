@@ -112,7 +112,7 @@ impl ModelQueue {
         regressor.run(SharedWindows { starts, tactile, pose }, forces)
     }
 
-    /// What the model said of the next window of a lane, of those that were run.
+    /// The model's answer for the next window of a lane, of those that were run.
     pub(super) fn pop(&mut self, lane: usize) -> Option<Answer> {
         let (unit, axes) = (self.regressor.contract().unit, self.regressor.contract().axes);
         let idx = self.lanes[lane].next_force;

@@ -1,19 +1,19 @@
-//! What findings alone don't tell.
+//! Questions that findings alone don't answer.
 
 /// Something to be chosen.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Question {
-    /// What is asked, as a question.
+    /// The question in words.
     pub words: String,
     /// The answers, at least two.
     pub options: Vec<String>,
     /// Index of the likeliest of them.
     pub likeliest: usize,
-    /// What speaks for it.
+    /// The reason why it is the likeliest.
     pub because: String,
 }
 
-/// What came back.
+/// The answer to a question.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
     /// A person chose the option of this index.
@@ -24,7 +24,7 @@ pub enum Answer {
     Nobody,
 }
 
-/// Who answers questions.
+/// Answers questions: a person, or a rule in place of one.
 pub trait Ask {
     /// The answer to a question.
     fn ask(&mut self, question: &Question) -> Answer;
@@ -38,7 +38,7 @@ pub enum InitError {
     NoTaxels {
         /// The bags.
         bags: String,
-        /// What is there instead.
+        /// The reason: what is there instead.
         why: String,
     },
     /// A model that the taxels don't fit.
@@ -68,14 +68,14 @@ pub enum InitError {
     /// A question that nobody answers.
     #[error("{question} Nobody is there to ask: --yes takes the likeliest, {likeliest}")]
     Nobody {
-        /// What is asked.
+        /// The question in words.
         question: String,
         /// The likeliest answer.
         likeliest: String,
     },
 }
 
-/// What was chosen, and how.
+/// The chosen option, and who chose it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Choice {
     pub(super) idx: usize,

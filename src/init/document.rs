@@ -18,7 +18,7 @@ const RATE_TOLERANCE: f64 = 0.2;
 pub struct Document {
     /// Its text.
     pub text: String,
-    /// What was taken though nothing tells it, one line each.
+    /// Guesses that no finding supports, one line each.
     pub guesses: Vec<String>,
     /// Topics that it reads: taxels, joint angles, true force.
     pub topics: Vec<String>,

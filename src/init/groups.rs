@@ -14,7 +14,7 @@ pub(super) struct Group<'a> {
     pub(super) found: TactileCandidate,
     /// The array that speaks for it: the axis of a press, or the first one.
     pub(super) main: &'a TactileCandidate,
-    /// What tells it from its siblings: the value of a field.
+    /// Its mark among siblings: the value of a field.
     pub(super) label: Option<String>,
     /// How it was made, for comments.
     pub(super) why: Vec<String>,

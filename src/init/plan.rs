@@ -1,8 +1,8 @@
-//! What the document says, before it is written.
+//! Contents of the document, before it is written.
 
 use crate::inspect::{BagReport, SourceLines, TactileCandidate};
 
-/// What is known of the model that is to be used.
+/// The model that is to be used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
     /// Its path as the document is to have it: relative to the folder of the parameter file.
@@ -45,7 +45,7 @@ pub(super) struct TaxelSource {
     pub(super) name: String,
     pub(super) found: TactileCandidate,
     pub(super) n_taxels: usize,
-    /// What tells it from its siblings.
+    /// Its mark among siblings.
     pub(super) label: Option<String>,
     /// Keys beside those that inspection suggests, each with its reason.
     pub(super) more: Vec<(&'static str, String, String)>,

@@ -77,7 +77,7 @@ pub(super) fn sources(
     Ok(sources)
 }
 
-/// What belongs together as one source, as far as it fits the model.
+/// The arrays that belong together as one source, as far as they fit the model.
 fn grouped<'a>(found: &[&'a TactileCandidate], model: Option<&ModelFile>) -> Result<Vec<Group<'a>>, InitError> {
     let [whole, elements, singles] = groups::ways(found);
     let Some(model) = model else { return Ok(whole) };
@@ -127,7 +127,7 @@ fn none(bags: &[BagReport], all: &[&TactileCandidate]) -> InitError {
     InitError::NoTaxels { bags: names, why: why.replace(|c: char| c.is_control(), " ") }
 }
 
-/// What of several candidates is first: our own type, then a press (z) before shear, then live taxels, then rate.
+/// Rank of a candidate among several: our own type, then a press (z) before shear, then live taxels, then rate.
 fn rank(one: &Group<'_>) -> (bool, bool, std::cmp::Reverse<u64>, std::cmp::Reverse<u64>) {
     let one = one.main;
     let is_ours = one.type_name == "tactile_pose_fusion/msg/TaxelArray";

@@ -60,11 +60,11 @@ impl<'a> Request<'a> {
 /// A parameter file that was written.
 #[derive(Debug, Clone)]
 pub struct Written {
-    /// What is in it.
+    /// Its contents.
     pub document: Document,
     /// Whether it names a model.
     pub has_model: bool,
-    /// What was guessed, and what a person should know, a line each.
+    /// Guesses, and notes for a person, a line each.
     pub notes: Vec<String>,
 }
 

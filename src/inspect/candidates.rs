@@ -1,4 +1,4 @@
-//! What of a bag can feed the fusion, the likeliest first.
+//! Candidates: the topics of a bag that can feed the fusion, the likeliest first.
 
 use serde::Serialize;
 
@@ -27,7 +27,7 @@ pub struct StageTopic {
     pub parameters: String,
 }
 
-/// What topics can be.
+/// The topics that can feed the fusion, by kind.
 #[derive(Debug, Default, Serialize)]
 pub struct Candidates {
     /// Arrays that can be taxels.
@@ -43,7 +43,7 @@ pub struct Candidates {
     pub stages: Vec<StageTopic>,
 }
 
-/// What these topics can be, the likeliest first, topics in order of name where they are alike.
+/// The candidates among these topics, the likeliest first, topics in order of name where they are alike.
 pub(super) fn candidates(views: &[View<'_>], skins: &[Skin]) -> Candidates {
     let contacts = views.iter().filter(|view| view.topic.type_name == "tactile_pose_fusion/msg/ContactArray");
     let estimates_of: Vec<&str> = contacts.filter_map(|view| view.topic.name.strip_suffix("contacts")).collect();

@@ -130,7 +130,7 @@ impl ElementWatch {
         self.n_seen += 1;
     }
 
-    /// What was seen, where messages always have as many, and several.
+    /// The elements, where messages always have as many, and several.
     pub(super) fn seen(&self) -> Option<Elements> {
         let [fewest, most] = self.counts;
         if self.n_seen == 0 || fewest != most || !(2..=MAX_ELEMENTS).contains(&most) {

@@ -24,11 +24,11 @@ pub struct ForceCandidate {
     pub rate_hz: Option<f64>,
     /// Paths of the numbers that can be forces.
     pub fields: Vec<String>,
-    /// What was seen of those that are one number.
+    /// Ranges of those that are one number.
     pub ranges: Vec<ForceRange>,
     /// How much speaks for it.
     pub likelihood: Likelihood,
-    /// What that is, and what speaks against it.
+    /// The reasons for it, and against it.
     pub reasons: Vec<String>,
 }
 

@@ -10,7 +10,7 @@ use crate::msg::dynamic::{ElementKind, FieldPlan, NumericPath, ReadAs, numeric_p
 /// Most fields of one topic that are listed.
 pub(super) const MAX_FIELDS: usize = 12;
 
-/// What was seen of a number that can be a force.
+/// Statistics of a number that can be a force.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ForceRange {
     /// Path of the number.
@@ -80,7 +80,7 @@ impl ForceWatch {
         self.values.is_some()
     }
 
-    /// What was seen of it; none where no number came.
+    /// Its statistics; none where no number came.
     pub(super) fn range(&self, skins: &[Skin]) -> Option<ForceRange> {
         let correlation = |sums: &[f64; 6]| {
             let [n, x, y, xx, yy, xy] = *sums;

@@ -10,7 +10,7 @@ use crate::location;
 use crate::model::{self, ModelInfo};
 use crate::observer::Observer;
 
-/// What is found at a path.
+/// The bag or the model at a path.
 #[derive(Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Inspected {

@@ -19,11 +19,11 @@ pub(super) fn key_of(topic: &str, type_name: &str, encoding: &str) -> Key {
 /// Topics that are told of. A robot has some hundred; a hostile bag may have millions.
 const MAX_TOPICS: usize = 4096;
 
-/// What all topics together may have: bytes of definitions that are read, and fields with numbers that are looked at.
+/// Limits of all topics together: bytes of definitions that are read, and fields with numbers that are looked at.
 const MAX_DEFINITION_BYTES: usize = 64 << 20;
 const MAX_FIELDS: usize = 300_000;
 
-/// What runs while messages come.
+/// Statistics and topics that are gathered while messages come.
 #[derive(Default)]
 pub(super) struct Gather {
     pub(super) stats: BagStats,

@@ -32,7 +32,7 @@ pub struct HandCandidate {
     pub sides: Option<Sides>,
     /// How much speaks for it.
     pub likelihood: Likelihood,
-    /// What that is, and what speaks against it.
+    /// The reasons for it, and against it.
     pub reasons: Vec<String>,
     /// Lines for the parameter file, below `ros__parameters`: all but which hand it is.
     pub parameters: SourceLines,

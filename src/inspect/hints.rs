@@ -1,4 +1,4 @@
-//! What names suggest.
+//! Hints from the names of topics, types and fields.
 
 /// Words of taxels.
 pub(super) const TACTILE: &[&str] =

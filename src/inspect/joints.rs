@@ -24,7 +24,7 @@ pub struct JointCandidate {
     pub rate_hz: Option<f64>,
     /// Path of the angles.
     pub field: String,
-    /// What the numbers are.
+    /// Type of the numbers.
     pub element: String,
     /// Fewest and most values in a message.
     pub n_values: [u64; 2],
@@ -37,7 +37,7 @@ pub struct JointCandidate {
     pub is_named: bool,
     /// How much speaks for it.
     pub likelihood: Likelihood,
-    /// What that is, and what speaks against it.
+    /// The reasons for it, and against it.
     pub reasons: Vec<String>,
     /// Which hand messages are of.
     #[serde(skip)]

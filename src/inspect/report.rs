@@ -1,4 +1,4 @@
-//! What is told of a bag.
+//! Report on a bag.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -30,7 +30,7 @@ pub enum InspectError {
     Cancelled(#[from] Cancelled),
 }
 
-/// What is told of a bag.
+/// Report on a bag.
 #[derive(Debug, Serialize)]
 pub struct BagReport {
     /// The path that it was read from.
@@ -54,14 +54,14 @@ pub struct BagReport {
     /// Topics that are not told of because there are too many; their messages are counted.
     #[serde(skip_serializing_if = "is_zero")]
     pub n_more_topics: usize,
-    /// What of it can feed the fusion.
+    /// Topics of it that can feed the fusion.
     #[serde(flatten)]
     pub candidates: Candidates,
-    /// What could not be read.
+    /// Losses: parts that could not be read.
     pub losses: Vec<String>,
 }
 
-/// What is told of a topic.
+/// Report on a topic.
 #[derive(Debug, Serialize)]
 pub struct TopicReport {
     /// By log time.

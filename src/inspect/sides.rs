@@ -66,7 +66,7 @@ impl SideWatch {
         values.push(value);
     }
 
-    /// What was seen.
+    /// The field and its values; none where it has no values that can tell hands apart.
     pub(super) fn seen(&self) -> Option<Sides> {
         let values = self.values.clone().filter(|values| !values.is_empty())?;
         Some(Sides { field: self.plan.path().to_owned(), values })

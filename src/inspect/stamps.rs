@@ -40,7 +40,7 @@ pub struct StampStats {
     pub delay_max_ms: Option<f64>,
 }
 
-/// What intervals alone don't tell of a topic's stamps. Takes the same memory for any number of them.
+/// Statistics of a topic's stamps that intervals alone don't tell. Takes the same memory for any number of them.
 #[derive(Debug, Default)]
 pub(super) struct StampRun {
     n_stamps: u64,

@@ -35,7 +35,7 @@ pub struct Count {
     pub values: [u64; 2],
 }
 
-/// What was seen of the taxels one by one.
+/// Statistics of the taxels one by one.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TaxelStats {
     /// Indices of taxels that never change.
@@ -60,7 +60,7 @@ pub struct TactileCandidate {
     pub sample_rate_hz: Option<f64>,
     /// Path of the numbers.
     pub field: String,
-    /// What the numbers are.
+    /// Type of the numbers.
     pub element: String,
     /// Fewest and most values in a message.
     pub n_values: [u64; 2],
@@ -72,7 +72,7 @@ pub struct TactileCandidate {
     pub cols: Option<Count>,
     /// Taxels in a sample, where that is the same in all messages.
     pub n_taxels: Option<u64>,
-    /// What was seen of the taxels one by one.
+    /// Statistics of the taxels one by one.
     #[serde(skip)]
     pub taxels: TaxelStats,
     /// The elements of an array of messages that the numbers are spread over.
@@ -83,7 +83,7 @@ pub struct TactileCandidate {
     pub sides: Option<Sides>,
     /// How much speaks for it.
     pub likelihood: Likelihood,
-    /// What that is, and what speaks against it.
+    /// The reasons for it, and against it.
     pub reasons: Vec<String>,
     /// Lines for the parameter file, below `ros__parameters`.
     pub parameters: SourceLines,

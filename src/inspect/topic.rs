@@ -19,13 +19,13 @@ use crate::units::Stamp;
 /// Longest message whose arrays are looked at, in bytes: an image beyond it is no tactile array.
 const LOOK_LIMIT: usize = 1 << 20;
 
-/// What is known of a topic but for its timing by log time.
+/// A topic, without its timing by log time.
 #[derive(Debug)]
 pub(super) struct Topic {
     pub(super) name: String,
     pub(super) type_name: String,
     pub(super) encoding: String,
-    /// What could be looked into, or why nothing could.
+    /// The parts of its messages that can be read, or why none can.
     pub(super) look: Result<Look, String>,
 }
 

@@ -1,4 +1,4 @@
-//! What candidates are found in.
+//! Views of topics, in which candidates are found.
 
 use super::stamps::StampStats;
 use super::topic::{Look, Topic};

@@ -1,4 +1,4 @@
-//! What stands in for object stores in a build without the feature `cloud`: every URI is refused in one line.
+//! Stand-ins for object stores in a build without the feature `cloud`: every URI is refused in one line.
 
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::refusal;
 
-/// What a profile says, by key: of the credentials file before the config file.
+/// The settings of a profile, by key: those of the credentials file count before those of the config file.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Profile(BTreeMap<String, String>);
 
@@ -67,7 +67,7 @@ impl Profile {
         self.get("aws_access_key_id").zip(self.get("aws_secret_access_key"))
     }
 
-    /// What a key says.
+    /// The value of a key.
     pub(super) fn get(&self, key: &str) -> Option<&str> {
         self.0.get(key).map(String::as_str)
     }
@@ -81,7 +81,7 @@ fn text(path: &Path) -> io::Result<String> {
     }
 }
 
-/// What a section of an INI file says; settings below others, which are indented, are passed over.
+/// The settings in a section of an INI file; nested ones, which are indented, are passed over.
 fn of_section(text: &str, section: &str) -> Option<BTreeMap<String, String>> {
     let mut keys = None::<BTreeMap<String, String>>;
     let mut is_inside = false;

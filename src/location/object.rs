@@ -29,13 +29,13 @@ pub struct Object {
     uri: Uri,
     store: Arc<Store>,
     size: u64,
-    /// What its version was when its first bytes came.
+    /// Its version when its first bytes came.
     version: OnceLock<Version>,
     /// Its start and its end, for who opens it again.
     ends: Mutex<Vec<Block>>,
 }
 
-/// What tells two versions of an object apart.
+/// The mark that tells two versions of an object apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Version {
     Tag(String),
@@ -53,7 +53,7 @@ struct Block {
 pub struct RemoteFile {
     object: Arc<Object>,
     pos: u64,
-    /// What was read last.
+    /// The block that was read last.
     block: Option<Block>,
     /// The start and the end, as far as they were read.
     ends: Vec<Block>,

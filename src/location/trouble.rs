@@ -1,4 +1,4 @@
-//! What a store said, on one line: what was asked, what came, what to do.
+//! Errors of a store on one line: what was asked, what came, what to do.
 
 use std::error::Error;
 use std::io;
@@ -8,7 +8,7 @@ use object_store::Error as StoreError;
 use super::refusal;
 use super::uri::{Scheme, Uri};
 
-/// What was asked of a store.
+/// The kind of request to a store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Asked {
     Read,
@@ -80,11 +80,11 @@ pub(super) fn of_settings(uri: &Uri, error: &StoreError) -> io::Error {
     refusal(io::ErrorKind::InvalidInput, what)
 }
 
-/// What is said of a file that is no longer the one whose first bytes were read.
+/// The error of a file that is no longer the one whose first bytes were read.
 pub(super) const CHANGED: &str =
     "it was changed while it was read: nothing is made of a mixture; run again when its writer has ended";
 
-/// What is said of a web server that has no ranges.
+/// The error of a web server that has no ranges.
 pub(super) const NO_RANGES: &str =
     "the server sends whole files only and no ranges of them: download it and give the path";
 
@@ -117,7 +117,7 @@ fn no_credentials(error: &StoreError) -> bool {
     })
 }
 
-/// What came: the status and the store's own code where there is one, else the innermost reason.
+/// The answer of the store: the status and its own code where there is one, else the innermost reason.
 fn came(error: &StoreError) -> String {
     let mut innermost = String::new();
     for error in chain(error) {

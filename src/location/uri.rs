@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::refusal;
 
-/// What a path or URI stands for.
+/// The place that a path or URI stands for.
 pub(super) enum Where<'a> {
     /// A path of this machine.
     Here(Cow<'a, Path>),
@@ -15,7 +15,7 @@ pub(super) enum Where<'a> {
     Remote(io::Result<Uri>),
 }
 
-/// Who is asked for a URI, and how.
+/// The kind of store that a URI leads to, by its scheme.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Scheme {
     S3,
@@ -178,7 +178,7 @@ impl Scheme {
         }
     }
 
-    /// What the first part of a URI names.
+    /// The word for the first part of a URI.
     pub(super) fn bucket(self) -> &'static str {
         match self {
             Scheme::S3 | Scheme::Gs => "bucket",

@@ -336,7 +336,7 @@ fn check_outputs(path: &Path, names: &TensorNames) -> Result<(), ModelError> {
     }
 }
 
-/// What an output must be.
+/// The requirement on an output.
 #[derive(Debug, Clone, Copy)]
 enum Expected {
     Probability,

@@ -33,7 +33,7 @@ pub struct Figure {
     n_named: usize,
 }
 
-/// What a heatmap shows.
+/// Contents of a heatmap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heat {
     /// `[columns]`
@@ -44,7 +44,7 @@ pub struct Heat {
     pub values: Vec<Vec<f64>>,
     /// Values at the ends of the colours; one that is symmetric about zero gets two colours.
     pub range: [f64; 2],
-    /// What stands beside the colours.
+    /// The unit, beside the colours.
     pub unit: String,
 }
 

@@ -6,7 +6,7 @@ use crate::fusion::{ContactDetector, ContactThresholds, Estimate, Flags, ForceGa
 use crate::msg::ContactState;
 use crate::units::{Newton, Stamp};
 
-/// What turning a force into the frame of a wrench and back leaves of it, as a share of it, at most.
+/// Largest error of turning a force into the frame of a wrench and back, as a share of the force.
 const ROUNDING: f64 = 1e-9;
 
 /// The estimates of one region, frame by frame.
@@ -94,7 +94,7 @@ impl EstimateTrack {
         self.tangential.iter().any(Option::is_some)
     }
 
-    /// What the pose correction removed at a frame; `None` where there was no correction.
+    /// The force that the pose correction removed at a frame; `None` where there was no correction.
     pub fn artifact(&self, idx: usize) -> Option<Newton> {
         Estimate { force: self.force[idx], force_base: self.base[idx], flags: self.flags[idx], ..Estimate::default() }
             .artifact()

@@ -1,4 +1,4 @@
-//! What an earlier replay wrote, so that it need not be written again.
+//! Outputs of earlier replays, which need not be written again.
 
 use std::path::{Path, PathBuf};
 

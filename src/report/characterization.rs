@@ -1,4 +1,4 @@
-//! What [`characterization`](crate::characterization) found.
+//! Reports on a [`characterization`](crate::characterization).
 
 mod page;
 mod text;

@@ -41,7 +41,7 @@ pub fn junit(name: &str, checks: &[Check]) -> Result<String, SerializeError> {
     report.to_string()
 }
 
-/// What failed, a line each, and how many passed.
+/// The failed checks, a line each, and how many passed.
 pub fn text(checks: &[Check]) -> String {
     let mut text = String::new();
     for check in checks {

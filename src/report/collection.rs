@@ -1,4 +1,4 @@
-//! What a person sees while a session is collected.
+//! The screen of a collection: what a person sees while a session is collected.
 
 mod screen;
 mod view;

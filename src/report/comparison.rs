@@ -40,7 +40,7 @@ fn agreement_wanted(tolerance_n: f64) -> String {
     if tolerance_n == 0.0 { "equal bit by bit".to_owned() } else { format!("equal within {tolerance_n} N") }
 }
 
-/// What differs, region by region.
+/// The differences, region by region.
 ///
 /// `names` are those of the two bags; forces may differ by `tolerance_n`, N.
 pub fn text(found: &Diff, names: [&str; 2], tolerance_n: f64) -> String {

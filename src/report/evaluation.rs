@@ -1,4 +1,4 @@
-//! What [`evaluate`](crate::evaluate) found.
+//! Reports on an evaluation by [`evaluate`](crate::evaluate).
 
 mod page;
 mod pose_quality;

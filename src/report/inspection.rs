@@ -1,4 +1,4 @@
-//! What [`inspect`](crate::inspect) found in a bag or a model.
+//! Reports on a bag or a model, as [`inspect`](crate::inspect) found it.
 
 mod bag;
 mod format;

@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use crate::eval::{ScoredFrames, Scoring};
 use crate::page::longest_step;
 
-/// What is shown of the session, s.
+/// Length of the part of the session that is shown, s.
 const SPAN_S: f64 = 25.0;
 
 /// Upper limit of the force axis, gF: a firm press must not make light touches invisible.

@@ -10,7 +10,7 @@ const HANGING: usize = 2;
 /// How much is said besides results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Voice {
-    /// What was lost or is in doubt.
+    /// Losses and doubts.
     Quiet,
     /// Notes and progress besides.
     Usual,

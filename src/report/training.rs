@@ -39,7 +39,7 @@ pub fn of_step(progress: &Progress, kind: Kind) -> Option<String> {
     Some(line + if progress.is_best { "  best" } else { "" })
 }
 
-/// What a person wants to know at the end.
+/// Summary of a training for a person, at its end.
 pub fn of_report(report: &Report, request: &Request) -> String {
     let mut text = String::new();
     let synthetic = if report.is_synthetic() { " (synthetic data)" } else { "" };

@@ -1,4 +1,4 @@
-//! What connects a process to a ROS 2 graph, on DDS or Zenoh: arguments, environment, names, QoS, security, and the
+//! The connection of a process to a ROS 2 graph, on DDS or Zenoh: arguments, environment, names, QoS, security, and the
 //! participant with its publishers, subscriptions and services.
 
 pub mod args;

@@ -291,7 +291,7 @@ impl Labelled {
         Some(stamps.iter().map(|stamp| track.tangential_at(tares, *stamp, max_gap)).collect())
     }
 
-    /// What the recorder noted.
+    /// The recorder's notes.
     pub fn notes(&self) -> &Notes {
         &self.notes
     }

@@ -53,7 +53,7 @@ pub struct ManusErgonomics {
     pub value: f32,
 }
 
-/// What a Manus glove sends, without a header.
+/// A message of a Manus glove, without a header.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ManusGlove {
     /// Number of the glove.

@@ -108,7 +108,7 @@ impl Data {
         )
     }
 
-    /// What a taxel reads of a light touch, on average.
+    /// The reading of a taxel under a light touch, on average.
     pub(super) fn touch_scale(&self) -> f32 {
         let of = |artifact: &Arc<ArtifactModel>| {
             let sum: f64 = artifact.touch.iter().map(|touch| touch.abs()).sum();

@@ -93,7 +93,7 @@ pub enum TrainingError {
 }
 
 impl TrainingError {
-    /// What is wrong with a file or bag.
+    /// An error in a file or bag.
     pub(super) fn at(path: &Path, reason: &dyn Display) -> Self {
         TrainingError::At { path: path.display().to_string(), reason: reason.to_string() }
     }

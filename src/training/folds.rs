@@ -12,7 +12,7 @@ use crate::evaluate::{self, fold_path};
 use crate::observer::Observer;
 use crate::train::Progress;
 
-/// What a model is trained without, one after the other.
+/// The groups that models are trained without, one after the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HoldOut {
@@ -23,7 +23,7 @@ pub enum HoldOut {
 }
 
 impl HoldOut {
-    /// What is left out at a time.
+    /// The word for one group.
     pub fn what(self) -> &'static str {
         match self {
             HoldOut::Users => "user",
@@ -35,7 +35,7 @@ impl HoldOut {
 /// Each user or donning by the model that was trained without it, every frame scored.
 #[derive(Debug, Clone, Serialize)]
 pub struct HeldOutScores {
-    /// What was left out.
+    /// The kind of group that was left out.
     pub hold_out: HoldOut,
     /// How many there were.
     pub n_groups: usize,

@@ -1,4 +1,4 @@
-//! What a training run was, and how its model does on what it has not seen.
+//! Report on a training run, with the scores of its model on data that it has not seen.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ const TEST_BATCH: usize = 4096;
 pub struct SessionNotes {
     /// Its name.
     pub name: String,
-    /// Who wore the glove, where the recording says so.
+    /// The wearer, where the recording says so.
     pub user: Option<String>,
     /// The glove, where the recording says so.
     pub glove: Option<String>,
@@ -242,7 +242,7 @@ impl Report {
         self.test.as_ref()
     }
 
-    /// What it was trained on, in the order of the bags.
+    /// The sessions that it was trained on, in the order of the bags.
     pub fn sessions(&self) -> &[SessionNotes] {
         &self.sessions
     }

@@ -1,4 +1,4 @@
-//! What pages of a running node are told, as it comes.
+//! Updates for the pages of a running node, as they come.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use super::setup::Setup;
 /// Updates that a page may be behind before it misses some.
 const QUEUE: usize = 64;
 
-/// What pages of a running node are told.
+/// Sends updates to the pages of a running node.
 #[derive(Debug, Clone)]
 pub struct Feed {
     setup: Arc<Setup>,
@@ -34,7 +34,7 @@ pub(super) enum State {
     Gone,
 }
 
-/// What came since the last update, and how the node is now.
+/// The data since the last update, and how the node is now.
 #[derive(Debug, Serialize)]
 pub(super) struct Update<'a> {
     pub(super) state: State,

@@ -1,4 +1,4 @@
-//! What is told of a region at a frame, without its taxels.
+//! Values of a region at a frame, without its taxels.
 
 use crate::fusion::Estimate;
 use crate::msg::{ContactState, adaptation_code};
@@ -8,7 +8,7 @@ use crate::units::Newton;
 pub(super) const VALUES: [&str; 7] =
     ["force", "force_base", "truth", "artifact", "touch", "pose_age", "artifact_change"];
 
-/// What is told of a region at a frame, without its taxels.
+/// Values of a region at a frame, without its taxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scalars {
     /// NaN where there is none; N, s, or of 1.

@@ -24,8 +24,8 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Points of a trace that a page may ask for.
 const POINTS: std::ops::RangeInclusive<usize> = 10..=20_000;
 
-/// What a page may do: run its own scripts, and talk to this server. It loads nothing from elsewhere, and no other page can
-/// hold it. Libraries set styles of elements by script, which needs no leave.
+/// Limits of a page: it may run its own scripts, and talk to this server. It loads nothing from elsewhere, and no other
+/// page can hold it. Libraries set styles of elements by script, which needs no leave.
 const HEADERS: [(HeaderName, &str); 5] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -37,7 +37,7 @@ const HEADERS: [(HeaderName, &str); 5] = [
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-/// What is shown.
+/// The bag or the node that is shown.
 #[derive(Debug, Clone)]
 pub enum Content {
     /// A bag.
@@ -55,7 +55,7 @@ pub struct Server {
     secret: String,
 }
 
-/// What requests are answered from.
+/// State from which requests are answered.
 #[derive(Clone)]
 struct Answering {
     /// The names under which this server may be asked: any other name is of a page elsewhere, whose name was made to lead
@@ -193,7 +193,7 @@ async fn frame(State(answering): State<Answering>, Query(Moment { t }): Query<Mo
     from_session(answering, move |session| session.at(t)).await
 }
 
-/// What a session tells, read from its files beside the other requests.
+/// Answers from a session, read from its files beside the other requests.
 async fn from_session<T: Serialize + Send + 'static>(
     answering: Answering,
     told: impl FnOnce(&Session) -> Result<T, ViewError> + Send + 'static,
@@ -210,7 +210,7 @@ async fn from_session<T: Serialize + Send + 'static>(
     }
 }
 
-/// What a node says, as it comes.
+/// Updates of a node, as they come.
 #[cfg(feature = "ros")]
 async fn updates(State(answering): State<Answering>) -> Response {
     match answering.content {

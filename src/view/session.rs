@@ -18,7 +18,7 @@ use crate::sessions::{Labelled, NeedsTruth, SessionError, hold_estimates, sessio
 use crate::units::{Newton, Stamp, nanos};
 use crate::zero::{self, KnownModels, Wanted};
 
-/// What is to be shown.
+/// The bag to show, and how.
 #[derive(Debug, Clone, Copy)]
 pub struct Request<'a> {
     /// The bag.
@@ -128,7 +128,7 @@ struct Read {
     notes: Vec<String>,
 }
 
-/// What the frames of all regions need beside the estimates: the true force.
+/// Source of the true force, which the frames of all regions need beside the estimates.
 struct Keeping<'a> {
     cfg: &'a Config,
     labelled: &'a Labelled,
@@ -152,7 +152,7 @@ impl<'a> Keeping<'a> {
         self.cfg.fusion.regions.iter().map(|region| Writing::new(n_taxels(region.taxels.len()), has_features)).collect()
     }
 
-    /// What the page must know of all regions.
+    /// The setup of each region.
     fn setups(&self, has_taxels: bool, baselines: &[Option<Baseline>]) -> Vec<RegionSetup> {
         let setup = |region: &crate::fusion::RegionConfig| {
             let n_taxels = if has_taxels { region.taxels.len() } else { 0 };

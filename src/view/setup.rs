@@ -1,4 +1,4 @@
-//! What a page must know before it shows frames.
+//! Setup of a page, which it needs before it shows frames.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ use crate::fusion::{Baseline, Flags, RegionConfig};
 use crate::init::finger;
 use crate::msg::ContactState;
 
-/// What becomes of the artifact, by the values of `ContactState.msg`.
+/// Words for the states of the artifact filter, by the values of `ContactState.msg`.
 const ADAPTATIONS: [(u8, &str); 6] = [
     (ContactState::ADAPTATION_OFF, "not taken out of the taxels"),
     (ContactState::ADAPTATION_FROZEN, "taken out of the taxels, as calibrated"),
@@ -36,7 +36,7 @@ pub(super) enum Kind {
     Live,
 }
 
-/// What a page must know before it shows frames.
+/// Setup of a page, which it needs before it shows frames.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Setup {
     /// Name of the bag or the node.
@@ -56,7 +56,7 @@ pub(super) struct Setup {
     pub(super) adaptations: Vec<&'static str>,
     /// The protocol's items over time.
     pub(super) stages: Vec<StageSetup>,
-    /// What a person should know about the data.
+    /// Notes for a person on the data.
     pub(super) notes: Vec<String>,
 }
 
@@ -81,7 +81,7 @@ pub(super) struct RegionSetup {
     zero: Option<Vec<f32>>,
     /// `[taxels]`: readings over the whole session.
     readings: Vec<Range>,
-    /// What the model is given over the whole session, if that is known.
+    /// Range of the model's input over the whole session, if that is known.
     features: Option<Range>,
 }
 

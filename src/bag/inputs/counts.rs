@@ -1,4 +1,4 @@
-//! What became of the messages of a bag.
+//! Counts of the messages of a bag, read and unreadable.
 
 use std::collections::BTreeMap;
 
@@ -6,14 +6,14 @@ use serde::Serialize;
 
 use crate::msg::binding::SampleError;
 
-/// What came on a topic that feeds the core.
+/// Counts of the messages of a topic that feeds the core.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct TopicCounters {
     /// Messages that were read, as everything that the parameters say is in them.
     pub read: u64,
     /// Messages that weren't, by reason.
     pub unreadable: BTreeMap<&'static str, u64>,
-    /// What was wrong with the first of those.
+    /// The error of the first of those.
     pub first_error: Option<String>,
     /// Messages that are not for any source: `only` asks for others.
     #[serde(skip_serializing_if = "is_zero")]
@@ -27,19 +27,19 @@ fn is_zero(n: &u64) -> bool {
     *n == 0
 }
 
-/// What was found in the parts of a message.
+/// Findings in the parts of a message.
 #[derive(Debug, Default)]
 pub(super) struct MessageParts {
     pub(super) is_for_a_source: bool,
     pub(super) error: Option<(&'static str, String)>,
 }
 
-/// What a source has of the messages of its topic.
+/// A source's share of the messages of its topic.
 #[derive(Debug, Default)]
 pub(super) struct Share {
     pub(super) n_for_it: u64,
     pub(super) n_others: u64,
-    /// What was said of the first of the others.
+    /// The reason why the first of the others is not for this source.
     pub(super) first_other: String,
 }
 

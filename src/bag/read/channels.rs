@@ -32,7 +32,7 @@ pub struct BagChannel {
     pub message_encoding: String,
     /// The definition of the messages, where the recorder wrote one.
     pub schema: Option<Arc<BagSchema>>,
-    /// What the recorder noted: `offered_qos_profiles`, `topic_type_hash`.
+    /// The recorder's metadata of the channel: `offered_qos_profiles`, `topic_type_hash`.
     pub metadata: BTreeMap<String, String>,
 }
 
@@ -86,7 +86,7 @@ pub(super) struct ChannelTable {
     alike: BTreeMap<u64, Vec<usize>>,
     /// Where types that no recorder defined are looked for.
     installed: Installed,
-    /// What was found there, by type name.
+    /// Schemas that were found there, by type name.
     found: BTreeMap<String, Option<Arc<BagSchema>>>,
 }
 
@@ -166,7 +166,7 @@ fn likeness(channel: &BagChannel) -> u64 {
 /// The most bytes of schemas and channels that one file may define; real bags stay under a few MB.
 pub(super) const MAX_DEFINITION_BYTES: usize = 256 << 20;
 
-/// What the schema and channel ids of one file mean.
+/// The schemas and channels of one file, by their ids in that file.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Definitions {
     schemas: BTreeMap<u16, Arc<BagSchema>>,
@@ -183,7 +183,7 @@ impl Definitions {
     /// Take in a schema record.
     ///
     /// # Errors
-    /// What is wrong with it, for a person.
+    /// The reason, for a person.
     pub(super) fn handle_schema(&mut self, body: &[u8]) -> Result<(), String> {
         let mut fields = Fields(body);
         let parsed = (|| {
@@ -212,7 +212,7 @@ impl Definitions {
     /// Take in a channel record of input `input`.
     ///
     /// # Errors
-    /// What is wrong with it, for a person.
+    /// The reason, for a person.
     pub(super) fn handle_channel(&mut self, body: &[u8], input: usize, table: &mut ChannelTable) -> Result<(), String> {
         let mut fields = Fields(body);
         let parsed =

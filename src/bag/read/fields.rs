@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-/// What is left of a record's body. Every reader gives `None` where the body ends too early.
+/// The unread rest of a record's body. Every reader gives `None` where the body ends too early.
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
 impl<'a> Fields<'a> {

@@ -1,4 +1,4 @@
-//! What a record says besides the bytes that it carries.
+//! Heads of records: all of a record but the bytes that it carries.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -25,7 +25,7 @@ pub(super) struct Files {
     pub(super) places: Vec<Place>,
     /// The recorder left no list of files: it was stopped in mid-write, so a file may be empty.
     pub(super) unlisted: bool,
-    /// What a person should know about how they were found.
+    /// A note for a person on how they were found.
     pub(super) note: Option<String>,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Files {
 pub struct Recordings {
     /// Each is a `.mcap` file, or the folder of one recording; in the order of their names.
     pub paths: Vec<PathBuf>,
-    /// What a person should know about how they were found.
+    /// A note for a person on how they were found.
     pub note: Option<String>,
 }
 
@@ -135,7 +135,7 @@ fn name_of(path: &Path) -> String {
     path.file_name().map(|name| one_line(&name.to_string_lossy())).unwrap_or_default()
 }
 
-/// What of a folder's entries tells whether it is a bag.
+/// The entries of a folder that tell whether it is a bag.
 #[derive(Default)]
 struct Contents {
     files: Vec<Place>,

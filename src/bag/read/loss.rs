@@ -1,4 +1,4 @@
-//! What could not be read out of a bag, kept for a person to see.
+//! Losses: parts of a bag that could not be read, kept for a person to see.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ pub struct Loss {
     pub file: PathBuf,
     /// Where in the file: the first byte of the record, or where the file ends.
     pub at_byte: u64,
-    /// What happened, in words for a person; it names the byte where that helps.
+    /// The reason, in words for a person; it names the byte where that helps.
     pub what: String,
 }
 

@@ -125,7 +125,7 @@ pub(super) struct Order {
     pub(super) by_time: bool,
     /// Whether messages come as they stand.
     pub(super) as_written: bool,
-    /// What is to be read of an MCAP file, where that is not everything.
+    /// The parts of an MCAP file that are read, where that is not everything.
     pub(super) only: Option<Only>,
 }
 

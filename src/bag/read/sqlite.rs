@@ -269,7 +269,7 @@ fn out_of_order() -> Trouble {
     Trouble::Content("rows don't follow one another".to_owned())
 }
 
-/// What a recorder that didn't end left beside its bag, and what to do; `None` where there is nothing.
+/// The log that a recorder that didn't end left beside its bag, and what to do; `None` where there is none.
 fn beside(path: &Path) -> Option<String> {
     let holds = [
         ("-wal", "what its recorder had not yet put into the bag, which is not read"),

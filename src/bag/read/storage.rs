@@ -106,7 +106,7 @@ fn unpack(body: &mut Vec<u8>) -> Result<(), String> {
     Ok(())
 }
 
-/// What a file says of itself as a whole, with its channels entered into `table`; `None` where it has to be read for that.
+/// Summary of a file, with its channels entered into `table`; `None` where all of it has to be read for that.
 ///
 /// # Errors
 /// [`BagError::Io`] when the file can't be read, [`BagError::NotABag`] where a sqlite3 file holds no bag.

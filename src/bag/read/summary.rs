@@ -1,4 +1,4 @@
-//! What the end of a file tells about the whole of it, without reading the whole.
+//! Summary of a file from its end, without reading the whole.
 
 use std::collections::BTreeMap;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
@@ -24,7 +24,7 @@ const DATA_END_LEN: u64 = 1 + 8 + 4;
 /// The longest record of a summary that is worth reading: a schema of some MB.
 const MAX_SUMMARY_RECORD: u64 = 64 << 20;
 
-/// What one file's summary section says.
+/// Summary of one file.
 #[derive(Debug)]
 pub(super) struct FileSummary {
     pub(super) statistics: Option<Statistics>,

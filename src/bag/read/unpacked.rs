@@ -105,7 +105,7 @@ impl Unpacked {
         Self::kept(place, out)
     }
 
-    /// What was unpacked or copied. Of what isn't on this machine, it is there for who opens it next, too.
+    /// Keeps an unpacked or copied file. That of a remote file is there for the next reader, too.
     fn kept(place: &Place, out: NamedTempFile) -> Result<Self, BagError> {
         let temporary = out.into_temp_path();
         let temporary = if place.is_remote() { place.keep(temporary) } else { Arc::new(temporary) };

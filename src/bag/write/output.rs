@@ -21,7 +21,7 @@ pub(super) struct Output {
     place: Place,
 }
 
-/// What of the [`WriteOptions`] counts when the bag is complete.
+/// The [`WriteOptions`] that count when the bag is complete.
 struct Options {
     overwrite: bool,
     owns_folder: bool,

@@ -13,7 +13,7 @@ use crate::protocol::{Annotations, Protocol};
 pub(super) struct Begun {
     pub(super) about: About,
     pub(super) protocol: Protocol,
-    /// What was annotated in earlier runs.
+    /// Annotations of earlier runs.
     pub(super) annotations: Annotations,
     output: PathBuf,
     /// It is made when something is to be put into it.

@@ -29,7 +29,7 @@ pub(super) enum End {
     NotBegun(Vec<String>),
 }
 
-/// What goes on.
+/// The phase of a collection.
 enum Phase {
     Checking(Box<Preflight>),
     /// The checks found something.

@@ -214,7 +214,7 @@ impl Desk {
     }
 }
 
-/// What the parameters name as sensors.
+/// The sensors that the parameters name.
 fn layout(cfg: &Config) -> Layout {
     let mut joints: Vec<String> = Vec::new();
     for joint in cfg.fusion.regions.iter().flat_map(|region| &region.joints) {

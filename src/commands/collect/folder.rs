@@ -19,7 +19,7 @@ const NOTES: &str = "collection.yaml";
 const PROTOCOL: &str = "protocol.yaml";
 const PARTS: &str = "parts";
 
-/// What a collection is of. YAML on disk.
+/// Head of a collection: protocol, order, glove, user and donning. YAML on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct About {
@@ -128,7 +128,7 @@ impl Folder {
         Ok(())
     }
 
-    /// What has been recorded, in its order. What a run that was killed left is given a name first.
+    /// The recorded parts, in their order. A part that a killed run left is given a name first.
     pub(super) fn parts(&self) -> Result<Vec<PathBuf>, Failure> {
         let folder = self.path.join(PARTS);
         let failed = |error: std::io::Error| Failure(format!("{}: {error}", folder.display()));

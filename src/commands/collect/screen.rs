@@ -6,7 +6,7 @@ use super::super::terminal::Terminal;
 use super::super::{Failure, say};
 use crate::report::collection::{Mood, View, draw};
 
-/// What a person pressed.
+/// A key that a person pressed, by its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Key {
     /// Space or Enter.

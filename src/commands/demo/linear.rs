@@ -1,4 +1,4 @@
-//! What everybody tries first: the sum of the taxels times a gain, as a model of its own.
+//! The simplest model, which everybody tries first: the sum of the taxels times a gain.
 
 use crate::fusion::ArtifactModel;
 use crate::model::onnx::{

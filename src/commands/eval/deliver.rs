@@ -1,4 +1,4 @@
-//! What becomes of an evaluation, of one process or merged: it is held against gates, written, printed.
+//! Delivery of an evaluation, of one process or merged: it is held against gates, written, printed.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! What a live graph publishes, as a bag: the rest of `tpf init` reads it as any other.
+//! Topics of a live graph, recorded as a bag: the rest of `tpf init` reads it as any other.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ pub(super) struct LiveArgs {
     ros: RosArguments,
 }
 
-/// What came on a topic.
+/// A topic that is recorded.
 struct Seen {
     endpoint: Endpoint,
     channel: OutChannel,
@@ -163,7 +163,7 @@ fn look(listening: &Listening) -> Result<Vec<Endpoint>, Failure> {
     }
 }
 
-/// What of the graph is listened to: each topic once, in the order of their names, without those that no glove sends on.
+/// The topics to listen to: each once, in the order of their names, without those that no glove sends on.
 fn wanted(found: Vec<Endpoint>) -> Vec<Endpoint> {
     let mut by_topic: BTreeMap<String, Endpoint> = BTreeMap::new();
     for endpoint in found {

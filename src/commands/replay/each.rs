@@ -12,7 +12,7 @@ use crate::files;
 use crate::replay::is_there;
 use crate::sessions::{Shard, session_name};
 
-/// What became of one recording.
+/// The result of the replay of one recording.
 #[derive(Default, Serialize)]
 struct Replayed {
     bag: String,

@@ -23,7 +23,7 @@ const VERSION_NOTE: &str = "made_by";
 const HEAD_NOTE: &str = "tpf_head";
 const CHECKSUM_NOTE: &str = "tpf_checksum";
 
-/// What a partial tells before its statistics are read.
+/// Notes of a partial, which are read before its statistics.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Notes {
     pub(super) fingerprint: Fingerprint,
@@ -39,7 +39,7 @@ pub(super) struct Notes {
     pub(super) bags: Vec<BagNote>,
 }
 
-/// What a partial tells of a bag before its statistics are read.
+/// Note on a bag of a partial, which is read before its statistics.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct BagNote {
     pub(super) bag: String,
@@ -141,7 +141,7 @@ impl PartialReader {
         Ok(PartialReader { path: path.to_path_buf(), table, notes })
     }
 
-    /// What became of one of its bags.
+    /// The result of one of its bags.
     pub(super) fn part(&self, idx: usize) -> Result<BagPart, MergeError> {
         let damaged = |reason: String| MergeError::Damaged { path: self.path.clone(), reason };
         let note = self.notes.bags.get(idx).ok_or_else(|| damaged("it has no such bag".to_owned()))?;
@@ -158,7 +158,7 @@ impl PartialReader {
     }
 }
 
-/// What a version writes about itself.
+/// The version note of a partial.
 fn made_by(version: &str) -> String {
     format!("tactile_pose_fusion {version}")
 }

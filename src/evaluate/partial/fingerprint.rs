@@ -1,4 +1,4 @@
-//! What the statistics of bags depend on besides the bags: partials are merged only where all of it is the same.
+//! Fingerprint of all that statistics depend on besides the bags: partials are merged only where it is the same.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::evaluate::{EvaluateError, Request};
 use crate::location;
 use crate::zero::Wanted;
 
-/// What statistics depend on, but for the models, which the series name.
+/// All that statistics depend on besides the bags, but for the models, which the series name.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Fingerprint {
     /// Of this package.

@@ -75,7 +75,7 @@ pub fn merge(
     Ok(merged)
 }
 
-/// What one command line would name to score these bags in this order.
+/// The bags and folders that one command line names to score these bags in this order.
 fn named(notes: &[Notes], places: &[Place], expected: Option<Expected<'_>>) -> Vec<String> {
     let folder = expected.and_then(|expected| expected.folder);
     if let Some(folder) = folder {

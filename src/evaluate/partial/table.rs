@@ -9,7 +9,7 @@ use crate::evaluate::Stretch;
 use crate::evaluate::scored::{BagPart, ScoredBag};
 use crate::evaluate::stretches::BestAndWorst;
 
-/// What a row is of, and its statistics.
+/// The columns of a row: its kind, its origin and its statistics.
 pub(super) const COLUMNS: [(&str, Kind); 24] = [
     ("bag", Kind::Text),
     ("of", Kind::Text),
@@ -63,7 +63,7 @@ pub(super) fn columns() -> Vec<(&'static str, Kind)> {
     COLUMNS.into_iter().chain([SAMPLES]).collect()
 }
 
-/// What became of a bag, as cells.
+/// The result of a bag, as cells.
 pub(super) fn cells(part: &BagPart) -> Result<Vec<Cells>, serde_json::Error> {
     let of = |name: &str| StatRow { of: name.to_owned(), ..StatRow::default() };
     let mut rows = Vec::new();
@@ -151,10 +151,10 @@ fn into_cells(bag: &str, rows: Vec<Row>) -> Vec<Cells> {
     ]
 }
 
-/// What became of a bag, from the cells of a table of these columns, with statistics of so many series.
+/// The result of a bag, from the cells of a table of these columns, with statistics of so many series.
 ///
 /// # Errors
-/// What is wrong with them, in words.
+/// The reason, in words.
 pub(super) fn part(cells: Vec<Cells>, n_series: usize) -> Result<BagPart, String> {
     let rows = from_cells(cells).ok_or("its columns are not those of a partial")?;
     let [(bag, first), rest @ ..] = rows.as_slice() else { return Err("a group of its rows is empty".to_owned()) };

@@ -1,4 +1,4 @@
-//! What a shard of a dataset tells of itself.
+//! Notes of a shard of a dataset.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,14 +12,14 @@ use crate::export::{ExportError, Request};
 use crate::location;
 use crate::sessions::Shard;
 
-/// What a shard tells of itself.
+/// Notes of a shard.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct ShardNotes {
     pub(crate) version: String,
     pub(crate) shard: Shard,
     /// In all shards.
     pub(crate) n_bags: usize,
-    /// Whatever else episodes depend on besides the bags.
+    /// Everything else that episodes depend on besides the bags.
     pub(crate) made_by: BTreeMap<String, String>,
     pub(super) spec: DatasetSpec,
     /// In the order of the shard.

@@ -14,7 +14,7 @@ use crate::sessions::hash_file;
 /// The file that makes a dataset a shard, below its folder.
 pub(super) const FILE: &str = "meta/tpf_shard.json";
 
-/// What the file has in it.
+/// Contents of the file.
 #[derive(Serialize, Deserialize)]
 struct Sealed {
     notes: ShardNotes,
@@ -43,7 +43,7 @@ pub(super) fn seal(folder: &Path, notes: &ShardNotes) -> io::Result<String> {
 /// The notes of the shard in `folder`, if it is still what was sealed.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// The reason, in words.
 pub(super) fn open(folder: &Path) -> Result<ShardNotes, String> {
     let text = match location::read_text(&folder.join(FILE)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {

@@ -39,7 +39,7 @@ const UNKNOWN_VARIANCE: f64 = 100.0;
 /// Share of the residual that is left in the mean of a block.
 const RESIDUAL_SHARE: f64 = 0.6;
 
-/// What noise of the joint angles puts into the taxels stays for longer than a measurement, and is alike in all taxels: its
+/// Noise of the joint angles stays in the taxels for longer than a measurement, and is alike in all taxels: its
 /// variance counts as that of errors of their own by so many measurements, for each taxel.
 const ALIKE_BLOCKS: f64 = 16.0;
 
@@ -212,7 +212,7 @@ impl ArtifactFilter {
         Some(fit)
     }
 
-    /// What it is doing while there are no frames to correct.
+    /// State while there are no frames to correct.
     pub fn idle(&self) -> Adaptation {
         match (self.following, &self.fit) {
             (Following::Off, _) => Adaptation::Off,
@@ -311,7 +311,7 @@ impl ArtifactFilter {
         fit.offset[taxel] + shapes[..joints].iter().enumerate().map(|(joint, shape)| gain(joint) * shape).sum::<f64>()
     }
 
-    /// What noise of the joint angles puts into the taxels, by the slopes of the artifact at this pose.
+    /// Measures the noise that joint angles put into the taxels, by the slopes of the artifact at this pose.
     fn measure_pose_noise(&mut self) {
         let (n, joints) = (self.model.n_taxels, self.model.n_joints);
         self.pose_noise.fill(0.0);

@@ -10,7 +10,7 @@ const MAX_ANGLE: f32 = 100.0;
 /// before.
 #[derive(Debug, Clone)]
 pub struct JointHistory {
-    /// What is left of a mean after a frame.
+    /// Share of a mean that is left after a frame.
     decay: [f64; HISTORY_S.len()],
     noise: JointNoise,
     /// `[joints, HISTORY_S]`, rad.

@@ -50,7 +50,7 @@ pub struct DonningFrames<'a> {
     pub learned: &'a [bool],
 }
 
-/// What is learned of a donning.
+/// Data of a donning to learn from.
 struct Donning<'s> {
     frames: DonningFrames<'s>,
     n_taxels: usize,
@@ -242,7 +242,7 @@ fn fit_taxel(donnings: &mut [Donning<'_>], taxel: usize, shapes: &mut [f64]) -> 
     Ok(())
 }
 
-/// What the rounds need of a taxel and a donning, over frames in the air.
+/// Sums over frames in the air that the rounds need of a taxel and a donning.
 struct Sums {
     /// Of products of the basis functions, and of those with the taxel; all without their means.
     squares: DMatrix<f64>,

@@ -92,7 +92,7 @@ impl Finger {
         filter
     }
 
-    /// What corrected taxels say of touch, gF, over so many seconds: its mean and its deviation.
+    /// Touch that corrected taxels show, gF, over so many seconds: its mean and its deviation.
     fn feel(&mut self, filter: &mut ArtifactFilter, seconds: f64, touch_gf: impl Fn(f64) -> f64) -> (f64, f64) {
         let n = (seconds * HZ) as usize;
         let (mut sum, mut squares) = (0.0, 0.0);

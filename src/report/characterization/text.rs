@@ -63,7 +63,7 @@ fn region(text: &mut String, result: &RegionResult) {
     offset(text, report);
 }
 
-/// What is left of the artifact, step by step, in words and numbers for a table.
+/// The artifact that is left, step by step, in words and numbers for a table.
 pub(super) fn left_in_air(left: &LeftInAir) -> [(&'static str, f64); 6] {
     [
         ("as read, above the zero", left.as_read),
@@ -75,7 +75,7 @@ pub(super) fn left_in_air(left: &LeftInAir) -> [(&'static str, f64); 6] {
     ]
 }
 
-/// What a user should make of it.
+/// Advice to the user.
 pub(super) fn advice(left: &LeftInAir) -> &'static str {
     let share = left.explained(left.followed);
     if share < 0.5 {

@@ -1,4 +1,4 @@
-//! What a person sees of a collection at one moment, whatever shows it.
+//! View of a collection at one moment, whatever shows it.
 
 use crate::collect::{Layout, Preflight, Senses, Session, State, Stream};
 use crate::protocol::{Action, ForceLevels};
@@ -45,7 +45,7 @@ pub(crate) struct Row {
     pub(crate) is_current: bool,
 }
 
-/// What a person sees.
+/// View of a collection at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct View {
     pub(crate) title: String,
@@ -69,7 +69,7 @@ pub(crate) struct View {
 }
 
 impl View {
-    /// What is to be seen of a session and the sensors; the caller says what goes on.
+    /// The view of a session and the sensors; the caller says what goes on.
     pub(crate) fn new(title: &str, session: &Session, senses: &Senses, zero: f64, now: Stamp) -> Self {
         View {
             title: title.to_owned(),
@@ -91,7 +91,7 @@ impl View {
         }
     }
 
-    /// What is asked for in a session.
+    /// Adds the prompts of a session.
     pub(crate) fn of_session(mut self, session: &Session, now: Stamp) -> Self {
         let protocol = session.protocol();
         let wording =
@@ -141,7 +141,7 @@ impl View {
         self
     }
 
-    /// What is asked for in the checks.
+    /// Adds the prompts of the checks.
     pub(crate) fn of_checks(mut self, checks: &Preflight, now: Stamp) -> Self {
         let (at, n) = checks.progress();
         self.mood = Mood::Ready;

@@ -13,7 +13,7 @@ use crate::report::checks;
 use crate::report::terminal::{self, shown};
 use crate::units::{GramForce, Newton};
 
-/// What the names of measures stand for.
+/// The meaning of the names of measures.
 pub(super) const MEASURES_IN_WORDS: &str = "BA: balanced accuracy of touch. F1: harmonic mean of precision and recall of touch. \
      MDF: minimal detectable force. MAE: mean absolute error of the force. R2: coefficient of determination. gF: gram-force.";
 
@@ -26,7 +26,7 @@ pub fn short_text(result: &Evaluated) -> String {
     text
 }
 
-/// What all of it comes to: at the end, where a terminal stands then.
+/// The verdict: at the end, where a terminal stands then.
 fn at_the_end(text: &mut String, result: &Evaluated) {
     if let Some(verdict) = verdict(result) {
         let _ = writeln!(text, "\n{}", verdict.line());
@@ -73,7 +73,7 @@ fn tangential(text: &mut String, result: &Evaluated) {
     let _ = writeln!(text, "\n{TANGENTIAL}\n\n{}", shown(&table, 2));
 }
 
-/// What the table of the tangential force is called, and its columns.
+/// The title of the table of the tangential force, and its columns.
 pub(super) const TANGENTIAL: &str = "Tangential force: its mean error, the angle between true and estimated force over touch, and its mean error along x, y, z of the patch";
 pub(super) const TANGENTIAL_HEADER: [&str; 6] =
     ["Glove", "Model", "Tangential MAE N (gF)", "Angle deg", "Bias x, y, z gF", "Frames"];
@@ -183,7 +183,7 @@ fn improvements(text: &mut String, result: &Evaluated) {
     }
 }
 
-/// What one model gains over another, in a line.
+/// The gain of one model over another, in a line.
 pub(super) fn improvement(change: &Improvement) -> String {
     let share = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:+.1} %", -100.0 * share));
     format!(
@@ -228,7 +228,7 @@ fn paired(text: &mut String, pairing: &Pairing) {
     let _ = writeln!(text, "{}", shown(&table, 2));
 }
 
-/// What a measure is called.
+/// The name of a measure.
 pub(super) fn measure_name(measure: Measure) -> &'static str {
     match measure {
         Measure::Ba => "BA",

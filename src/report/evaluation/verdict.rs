@@ -1,4 +1,4 @@
-//! What an evaluation comes to, in a line: better or worse, by how much, and whether the gates let it pass.
+//! The verdict of an evaluation, in a line: better or worse, by how much, and whether the gates let it pass.
 
 use crate::eval::{Cell, Check, Measure, Verdict};
 use crate::evaluate::{Change, Evaluated, GloveHeadline, Headline};
@@ -75,7 +75,7 @@ fn gates(checks: &[Check], n_failed: usize) -> String {
     }
 }
 
-/// What a measure is called where it stands first.
+/// Names of measures where they stand first, and their units.
 const MEASURES: [(Measure, &str, &str); 3] = [
     (Measure::Mdf, "minimal detectable force (MDF)", " gF"),
     (Measure::Mae, "mean absolute error (MAE)", " gF"),

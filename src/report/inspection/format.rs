@@ -5,7 +5,7 @@ use comfy_table::{CellAlignment, Table, presets};
 pub(super) use crate::bag::printable;
 pub(super) use crate::inspect::{count, number, range};
 
-/// What stands where a number is not known.
+/// Stands where a number is not known.
 pub(super) const UNKNOWN: &str = "-";
 
 /// As [`number`], with a dash where it is not known.

@@ -1,8 +1,8 @@
 //! Another calibration file for a running node, by a request that sets `calibration.file`.
 //!
-//! Whoever may set parameters decides then which file this process reads, and `~/calibrate` writes to it. So the file must
-//! lie in the folder of the calibration file that the node was started with, and must be a calibration that fits: nobody
-//! makes the node read, wait for or replace any other file.
+//! Everyone who may set parameters then decides which file this process reads, and `~/calibrate` writes to it. So the
+//! file must lie in the folder of the calibration file that the node was started with, and must be a calibration that
+//! fits: nobody makes the node read, wait for or replace any other file.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! What the services, the action and the lifecycle share.
+//! Data shared by the services, the action and the lifecycle.
 
 use std::cell::{Cell, RefCell};
 use std::path::PathBuf;

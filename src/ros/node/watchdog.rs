@@ -11,7 +11,7 @@ pub struct Watchdog {
     sources: Vec<Source>,
 }
 
-/// What is missing.
+/// The data that is missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Silence {
     /// No messages.

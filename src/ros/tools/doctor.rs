@@ -71,11 +71,11 @@ pub enum Level {
 /// The result of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// What was checked, in a word.
+    /// The checked part, in a word.
     pub part: String,
     /// How good it is.
     pub level: Level,
-    /// What was found, what it means, and, unless it is OK, what to do.
+    /// The result, its meaning, and, unless it is OK, what to do.
     pub text: String,
 }
 
@@ -90,7 +90,7 @@ pub struct Examination {
     pub topics: Vec<Topic>,
 }
 
-/// What is examined.
+/// The node, graph and machine to examine.
 pub struct Request<'a> {
     /// The name under which the graph is joined.
     pub name: &'a NodeName,

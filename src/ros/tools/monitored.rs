@@ -1,4 +1,4 @@
-//! What a running node says, as one that listens keeps it.
+//! Contacts and diagnostics of a running node, as a listener keeps them.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -30,7 +30,7 @@ pub struct MonitoredRegion {
     pub n_onsets: u64,
 }
 
-/// What a node was heard to say.
+/// Contacts and diagnostics that were heard from a node.
 #[derive(Debug, Clone)]
 pub struct Monitored {
     /// The topic with its contacts.

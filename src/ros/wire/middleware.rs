@@ -320,7 +320,7 @@ impl Participant {
     }
 }
 
-/// What tools can't do on Zenoh yet.
+/// The error of an action that tools can't do on Zenoh yet.
 #[cfg(feature = "zenoh")]
 fn not_on_zenoh(what: &str) -> NodeError {
     create(what, &"tools reach it on DDS only; on Zenoh use ros2 service, ros2 action and ros2 node")

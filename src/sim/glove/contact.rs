@@ -71,7 +71,7 @@ pub(super) struct ContactField {
     felt: Felt,
 }
 
-/// What the glove feels of a touch at one point in time.
+/// A touch as the glove feels it at one point in time.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Felt {
     /// Gain of all taxels.
@@ -105,7 +105,7 @@ impl ContactField {
         }
     }
 
-    /// What was felt at the last sample.
+    /// The touch as it was felt at the last sample.
     pub(super) fn felt(&self) -> Felt {
         self.felt
     }

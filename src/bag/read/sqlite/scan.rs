@@ -1,4 +1,4 @@
-//! What the rows of a file say as a whole, without their data.
+//! Summary of the rows of a file, without their data.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::bag::read::summary::{FileSummary, Statistics};
 use crate::bag::read::unpacked::Unpacked;
 use crate::units::Stamp;
 
-/// What a file says as a whole; its channels are entered into `table`.
+/// Summary of a file; its channels are entered into `table`.
 ///
 /// The index by time, which every recorder makes, tells whether rows stand in the order of time, and when the first and the
 /// last came. It is small beside the rows, which are looked at one by one only where there is none, or where they don't stand in

@@ -7,7 +7,7 @@ use rusqlite::Connection;
 
 use crate::bag::read::channels::{BagChannel, BagSchema, ChannelTable, MAX_DEFINITION_BYTES};
 
-/// What a channel takes besides its texts.
+/// Memory of a channel besides its texts.
 const CHANNEL_BYTES: usize = 512;
 
 /// The longest text of a topic or definition that is read.

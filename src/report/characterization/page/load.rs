@@ -1,4 +1,4 @@
-//! What force reads, and what a pose reads that is none.
+//! Response to force, and the artifact: readings of a pose that are no force.
 
 use super::super::text::{advice, left_in_air};
 use super::header;
@@ -6,7 +6,7 @@ use crate::characterization::RegionResult;
 use crate::characterize::{ArtifactSize, LeftInAir, Spread};
 use crate::page::{Cell, Figure, Page, Style, Table};
 
-/// What is left of the artifact, in the order of [`left_in_air`].
+/// Steps of taking the artifact out, in the order of [`left_in_air`].
 const LEFT: [&str; 6] = ["As read", "Fixed map", "With offset", "Own gains", "Calibrated", "Followed"];
 
 /// Poses that the bars show.
@@ -71,7 +71,7 @@ pub(super) fn response(page: &mut Page, result: &RegionResult) {
     });
 }
 
-/// What the pose with the largest artifact reads like, in a sentence; `None` without movement in the air.
+/// The readings at the pose with the largest artifact, in a sentence; `None` without movement in the air.
 pub(super) fn largest(result: &RegionResult) -> Option<String> {
     let artifact = &result.report.artifact;
     let by_pose = artifact.by_pose.iter().map(|pose| (format!("the pose or movement \"{}\"", pose.pose), &pose.size));
@@ -143,7 +143,7 @@ pub(super) fn artifact(page: &mut Page, result: &RegionResult) {
     });
 }
 
-/// What is left of the artifact where more and more is known of the donning.
+/// The artifact that is left where more and more is known of the donning.
 pub(super) fn following(page: &mut Page, result: &RegionResult) {
     let RegionResult { region, report, .. } = result;
     let following = &report.following;

@@ -1,4 +1,4 @@
-//! What lags, and what the sensor does at rest.
+//! Lag of the taxels, and the sensor at rest.
 
 use super::header;
 use crate::characterization::RegionResult;

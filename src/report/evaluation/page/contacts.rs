@@ -11,7 +11,7 @@ use crate::page::{Cell, Figure, Page, Section, Table};
 /// Poses that a plot shows.
 const N_POSES: usize = 20;
 
-/// What is shown of latencies before someone zooms out, ms: a window's blur before, a slow press after.
+/// Latencies that are shown before someone zooms out, ms: a window's blur before, a slow press after.
 const SHOWN_MS: [f64; 2] = [-150.0, 350.0];
 
 pub(super) fn contacts(page: &mut Page, result: &Evaluated) {

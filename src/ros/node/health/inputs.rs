@@ -44,7 +44,7 @@ pub struct InputHealth {
     newest: Option<Stamp>,
     second: Second,
     unreadable: BTreeMap<&'static str, u64>,
-    /// What was said of the first message that is for another source.
+    /// The error of the first message that is for another source.
     for_another: Option<String>,
 }
 
@@ -165,7 +165,7 @@ impl InputHealth {
         self.for_another.get_or_insert_with(|| text.to_owned());
     }
 
-    /// What was said of the first message that is for another source.
+    /// The error of the first message that is for another source.
     pub fn for_another(&self) -> Option<&str> {
         self.for_another.as_deref()
     }

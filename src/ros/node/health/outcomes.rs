@@ -77,7 +77,7 @@ impl Outcomes {
     }
 }
 
-/// What to check for a flag when no input has a known problem.
+/// Advice for a flag when no input has a known problem.
 pub fn advice(flag: &str) -> &'static str {
     match flag {
         "WARMUP" => "a model's window begins anew after each gap: look for gaps in the taxels",

@@ -55,7 +55,7 @@ impl ClockWatch {
         self.last = (running, system);
     }
 
-    /// What was found, by the marks below a root folder.
+    /// The findings, by the marks below a root folder.
     pub(super) fn findings(&self, root: &Path) -> Vec<Finding> {
         let mut findings = Vec::new();
         let watched_s = self.last.0.as_secs_f64();

@@ -16,7 +16,7 @@ const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 /// How long a datagram may take to come back.
 const LIMIT: Duration = Duration::from_millis(500);
 
-/// What to do when multicast doesn't work.
+/// Advice for when multicast doesn't work.
 const ADVICE: &str = "participants find each other by multicast: allow UDP to 239.255.0.1 and ports 7400 and above in the firewall, switch multicast on for the interface (ip link set NAME multicast on), or stay on this host (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST)";
 
 /// An IPv4 address of an interface.

@@ -1,4 +1,4 @@
-//! What a node with given parameters would find: models, calibration, inputs, names, and the estimates that it would make.
+//! Findings on a node with given parameters: models, calibration, inputs, names, and the estimates that it would make.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -149,7 +149,7 @@ impl Subject {
         }
     }
 
-    /// What the node would find.
+    /// The findings on the node.
     pub(super) fn findings(&mut self, around: &Around) -> Vec<Finding> {
         let mut findings = Vec::new();
         for (source, wanted) in self.wanted_by_source().into_iter().enumerate() {

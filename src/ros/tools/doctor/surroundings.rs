@@ -117,7 +117,7 @@ fn mismatches(around: &Around) -> Vec<Finding> {
     findings
 }
 
-/// What a running node of this package says of itself.
+/// The findings on a running node of this package, from its diagnostics.
 pub(super) fn of_node(name: &str, node: &Monitored) -> Vec<Finding> {
     let part = format!("node {name}");
     let mut findings: Vec<Finding> = Vec::new();
