@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use tactile_pose_fusion::calibrate::{self as calibrating, CalibrateError, Calibrated};
+use tactile_pose_fusion::calibration::Calibration;
 use tactile_pose_fusion::characterization;
 use tactile_pose_fusion::config::Config;
 use tactile_pose_fusion::eval::{Split, SplitBy};
@@ -231,9 +232,10 @@ pub(crate) fn calibrate(
     let in_air = told_in_air(in_air.as_deref(), zero_load_below_n)?;
     let in_air = in_air.as_ref();
     let request = calibrating::Request { first_s, in_air, known_forces, ..calibrating::Request::new(&bags) };
+    work::quietly(watcher.py(), || Calibration::check_new(&output))?;
     let Calibrated { calibration, from, touches } =
         work::run::<_, CalibrateError>(watcher, |observer| calibrating::run(cfg, &request, observer))?;
-    calibration.save(&output).map_err(|error| raise(&error))?;
+    work::quietly(watcher.py(), || calibration.save(&output))?;
     let gains = touches.iter().map(|found| {
         let gain = &found.gain;
         (regions[found.region].clone(), gain.gain, gain.low, gain.high, found.touches.len())

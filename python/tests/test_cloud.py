@@ -111,7 +111,7 @@ def test_uris_give_what_paths_give(sessions: tuple[list[str], list[str]], object
     ours, theirs = tpf.replay(here[0], params), tpf.replay(there[0], by_uri)
     assert len(ours) > 0 and list(ours) == list(theirs)
     for name in ours:
-        np.testing.assert_array_equal(ours[name].force, theirs[name].force)
+        np.testing.assert_array_equal(ours[name].force_n, theirs[name].force_n)
 
     model = ROOT / "models" / MODEL
     local = tpf.evaluate(here[:2], params, model=model, split=None)
@@ -121,8 +121,8 @@ def test_uris_give_what_paths_give(sessions: tuple[list[str], list[str]], object
     tpf.replay_to(here[0], tmp_path / "out.mcap", params)
     tpf.replay_to(there[0], "s3://bags/out.mcap", by_uri)
     assert (tmp_path / "out.mcap").read_bytes() == (objects / "out.mcap").read_bytes()
-    tpf.export_lerobot(here[:2], params, tmp_path / "set", fps=20)
-    tpf.export_lerobot(there[:2], by_uri, "s3://bags/set", fps=20)
+    tpf.export_lerobot(here[:2], tmp_path / "set", params, fps=20)
+    tpf.export_lerobot(there[:2], "s3://bags/set", by_uri, fps=20)
     assert _files(tmp_path / "set") == _files(objects / "set")
     with pytest.raises(tpf.BagError, match="is there already"):
         tpf.replay_to(there[0], "s3://bags/out.mcap", by_uri)
@@ -186,7 +186,8 @@ def test_what_a_store_refuses_is_one_line_and_makes_nothing_here(
         (tpf.BagError, "a user, a password", lambda: tpf.inspect(Path("https://127.0.0.1/bag.mcap?sig=topsecretkey"))),
         (tpf.BagError, "a user, a password", lambda: tpf.inspect(Path("https://me:topsecretkey@127.0.0.1/bag.mcap"))),
     ]
-    for kind, said, call in cases:
+    for idx, (kind, said, call) in enumerate(cases):
+        print(f"case {idx}: {said}")  # shown where it fails
         with pytest.raises(tpf.TactilePoseFusionError) as refused:
             call()
         line = str(refused.value)
@@ -203,7 +204,7 @@ def test_a_file_uri_is_the_path_that_it_names(bag: Path, params: Path, tmp_path:
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "c.mcap").read_bytes()
     model = ROOT / "models" / MODEL
     partial = many.partial([bag.as_uri()], params, model=model, options=["--whole"])
-    assert many.merge([partial], [bag.as_uri()])["failed"] == []
+    assert "failed" not in many.merge([partial], [bag.as_uri()])
 
 
 @pytest.mark.parametrize(
