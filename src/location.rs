@@ -170,7 +170,7 @@ pub fn open(path: &Path) -> io::Result<Reader> {
 /// All bytes of a file.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path)?.read_to_end(&mut bytes)?;
@@ -180,7 +180,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// The text of a file.
 ///
 /// # Errors
-/// As [`open`], and `InvalidData` where it is no UTF-8.
+/// As [`open()`], and `InvalidData` where it is no UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     open(path)?.read_to_string(&mut text)?;
@@ -227,7 +227,7 @@ impl LocalFile {
 /// The file at `path`, copied to the folder for temporary files where it isn't on this machine.
 ///
 /// # Errors
-/// As [`open`], and where it can't be copied.
+/// As [`open()`], and where it can't be copied.
 pub fn local_file(path: &Path) -> io::Result<LocalFile> {
     if let Some(here) = local(path) {
         return Ok(LocalFile { path: here.into_owned(), _copy: None });
