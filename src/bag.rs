@@ -28,7 +28,7 @@ pub use portion::Portion;
 pub use qos::BEST_EFFORT_QOS;
 pub use read::{
     BagAttachment, BagChannel, BagMessage, BagMetadata, BagReader, BagRecord, BagSchema, BagSummary, Loss,
-    RECORD_LIMIT, Recordings, SchemaError, recordings_at,
+    RECORD_LIMIT, Recordings, SchemaError, recordings_at, stored_bytes,
 };
 pub use stats::{BagStats, GAP_FACTOR, TopicStats};
 pub use write::{BagWriter, Compression, Finished, NewChannel, OutChannel, WriteOptions};

@@ -80,6 +80,7 @@ pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> R
     let wanted = request.first_s.map_or(Wanted::Any, Wanted::First);
     let cfg = annotated(&cfg, request.bags, request.in_air, observer)?;
     let mut zero = zero::find(wanted, &cfg, request.bags, &known_models)?;
+    check(observer)?;
     zero.notes.iter().for_each(|note| observer.note(note));
     let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
     zero.install(&mut fusion)?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::files::{self, NewFile};
+use crate::files;
 use crate::fusion::{ArtifactFit, Baseline, ForceGain, TactileSource};
 use crate::location;
 
@@ -138,7 +138,7 @@ impl Calibration {
     /// # Errors
     /// [`CalibrationFileError::Exists`] if the file exists, [`CalibrationFileError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), CalibrationFileError> {
-        self.written_for(path)?.put_in_place_if_new().map_err(|error| new_error(path, error))
+        self.write(path, false)
     }
 
     /// Checks that a new calibration file can be written: before somebody calibrates, not after.
@@ -146,7 +146,7 @@ impl Calibration {
     /// # Errors
     /// As [`save`](Self::save).
     pub fn check_new(path: &Path) -> Result<(), CalibrationFileError> {
-        location::check_output(path, false).map(drop).map_err(|error| new_error(path, error))
+        location::check_output(path, false).map_err(|error| new_error(path, error))
     }
 
     /// Writes a calibration file and replaces an existing one. The new file appears complete or not at all.
@@ -154,14 +154,12 @@ impl Calibration {
     /// # Errors
     /// [`CalibrationFileError::Write`].
     pub fn replace(&self, path: &Path) -> Result<(), CalibrationFileError> {
-        let written = self.written_for(path)?.put_in_place();
-        written.map_err(|source| CalibrationFileError::Write { path: path.into(), source })
+        self.write(path, true)
     }
 
-    fn written_for(&self, path: &Path) -> Result<NewFile, CalibrationFileError> {
-        let write_error = |source| CalibrationFileError::Write { path: path.to_path_buf(), source };
-        let text = serde_saphyr::to_string(self).map_err(|error| write_error(std::io::Error::other(error)))?;
-        files::written_for(path, text.as_bytes()).map_err(write_error)
+    fn write(&self, path: &Path, overwrite: bool) -> Result<(), CalibrationFileError> {
+        let text = serde_saphyr::to_string(self).map_err(|error| new_error(path, std::io::Error::other(error)))?;
+        files::write(path, text.as_bytes(), overwrite).map_err(|error| new_error(path, error))
     }
 }
 

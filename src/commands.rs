@@ -284,7 +284,7 @@ fn protocol(file: Option<&Path>) -> Result<Protocol, Failure> {
 
 /// Refuses an output that can't be written, or that is there and is not to be replaced.
 fn check_output(path: &Path, overwrite: bool) -> Result<(), Failure> {
-    location::check_output(path, overwrite).map(drop).map_err(|error| match error.kind() {
+    location::check_output(path, overwrite).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => {
             Failure(format!("{} is there already; give another name, or --overwrite", path.display()))
         }

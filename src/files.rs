@@ -63,14 +63,6 @@ impl NewFile {
             None => location::put(self.temp.path(), &self.out, self.overwrite),
         }
     }
-
-    /// Gives it its name, if nothing has that name.
-    ///
-    /// # Errors
-    /// `AlreadyExists`, the system's error, or the store's.
-    pub fn put_in_place_if_new(self) -> io::Result<()> {
-        NewFile { overwrite: false, ..self }.put_in_place()
-    }
 }
 
 impl Write for NewFile {
@@ -83,22 +75,12 @@ impl Write for NewFile {
     }
 }
 
-/// A file that is to be at `path` and holds `bytes`: whoever asked for it gives it its name.
-///
-/// # Errors
-/// The system's error if it can't be made or written.
-pub fn written_for(path: &Path, bytes: &[u8]) -> io::Result<NewFile> {
-    let mut file = NewFile::begin(path, true)?;
-    file.write_all(bytes)?;
-    Ok(file)
-}
-
 /// Writes a file in place of what is there, if anything is.
 ///
 /// # Errors
 /// The system's error; the existing file is then unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    written_for(path, bytes)?.put_in_place()
+    write(path, bytes, true)
 }
 
 /// Writes a file. Without `overwrite` it replaces nothing.

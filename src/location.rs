@@ -24,7 +24,6 @@ mod wire;
 
 use std::borrow::Cow;
 use std::ffi::OsString;
-use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -158,13 +157,7 @@ pub fn list(folder: &Path) -> io::Result<Vec<Entry>> {
 /// # Errors
 /// `NotFound`, or why it can't be read.
 pub fn open(path: &Path) -> io::Result<Reader> {
-    match uri::of(path) {
-        Where::Here(here) => File::open(here).map(Reader::Local),
-        Where::Remote(_) => match find(path)? {
-            Found::File(place) => place.open(),
-            Found::Folder | Found::Other => Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder")),
-        },
-    }
+    Place::at(path)?.open()
 }
 
 /// All bytes of a file.
@@ -251,16 +244,16 @@ pub fn canonical(path: &Path) -> io::Result<PathBuf> {
 }
 
 /// Refuses an output that can't be written, before work goes into it: something is there that is not to be replaced, its URI is
-/// none of a store, or the store refuses. Returns whether something is there.
+/// none of a store, or the store refuses.
 ///
 /// # Errors
 /// `AlreadyExists`, or one line on what the store said.
-pub fn check_output(path: &Path, overwrite: bool) -> io::Result<bool> {
-    let is_there = match uri::of(path) {
-        Where::Here(here) => std::fs::symlink_metadata(here).is_ok(),
-        Where::Remote(uri) => return upload::check(&uri?, overwrite),
-    };
-    if is_there && !overwrite { Err(already()) } else { Ok(is_there) }
+pub fn check_output(path: &Path, overwrite: bool) -> io::Result<()> {
+    match uri::of(path) {
+        Where::Here(here) if !overwrite && std::fs::symlink_metadata(&here).is_ok() => Err(already()),
+        Where::Here(_) => Ok(()),
+        Where::Remote(uri) => upload::check(&uri?, overwrite),
+    }
 }
 
 /// The reason why something elsewhere can't be used: one line, without the URI.
@@ -288,7 +281,7 @@ pub(crate) fn already() -> io::Error {
 /// `AlreadyExists` where something is there that is not to be replaced, or one line on what the store said.
 pub fn put(file: &Path, to: &Path, overwrite: bool) -> io::Result<()> {
     match uri::of(to) {
-        Where::Here(here) => std::fs::copy(file, here).map(drop),
+        Where::Here(_) => Err(io::Error::other("is a path of this machine")),
         Where::Remote(uri) => upload::file(file, &uri?, overwrite),
     }
 }

@@ -29,7 +29,7 @@ use channels::ChannelTable;
 pub use channels::{BagChannel, BagSchema, SchemaError};
 use file::Context;
 use head::{Head, MESSAGE_HEAD_LEN};
-pub use locate::{Recordings, recordings_at};
+pub use locate::{Recordings, recordings_at, stored_bytes};
 pub use loss::Loss;
 use loss::Losses;
 use order::{ChunkPlace, Chunks, Late, Only, Order};

@@ -65,6 +65,8 @@ pub enum RowError {
     Unknown { of: String, name: String },
     #[error("a row of {of}, {name} has {what} {got}, expected {expected}")]
     Value { of: String, name: String, what: &'static str, got: String, expected: String },
+    #[error("forces in the air have a sum without a histogram, or a histogram without a sum")]
+    HalfOfSizes,
 }
 
 impl Evaluation {
@@ -96,12 +98,10 @@ impl Evaluation {
         }
         // Sizes have ends where there are any.
         let in_air = |glove: &ContactTallies| glove.in_air.by_pose.values().all(|sums| sums.sizes.is_whole());
-        match evaluation.by_glove.values().all(in_air) {
-            true => Ok(evaluation),
-            false => {
-                Err(RowError::Unknown { of: "in_air".to_owned(), name: "abs_force without its other half".to_owned() })
-            }
+        if !evaluation.by_glove.values().all(in_air) {
+            return Err(RowError::HalfOfSizes);
         }
+        Ok(evaluation)
     }
 }
 
@@ -116,6 +116,11 @@ fn count(of: &str, name: &str, glove: &str, n: i64) -> StatRow {
 
 fn samples(of: &str, name: &str, glove: &str, samples: &[f64]) -> StatRow {
     StatRow { samples: Some(samples.to_vec()), ..named(of, name, glove) }
+}
+
+/// A whole number that was written as a double; `None` where it is none, or above `most`.
+fn number_to(n: f64, most: u64) -> Option<u64> {
+    (n.fract() == 0.0 && (0.0..=most as f64).contains(&n)).then_some(n as u64)
 }
 
 /// A count as it is written.
@@ -323,13 +328,12 @@ fn read_contacts(tallies: &mut ContactTallies, row: &StatRow) -> Result<(), RowE
                         return Err(row.wrong("samples", Some("a second histogram"), "one for each pose"));
                     }
                     for pair in row.samples()?.chunks(2) {
-                        let bin = pair.first().filter(|bin| (0.0..f64::from(Histogram::<8>::N_BINS)).contains(*bin));
-                        let n = pair.get(1).filter(|n| (0.0..=MAX_COUNT as f64).contains(*n));
-                        let whole = bin.zip(n).filter(|(bin, n)| bin.fract() == 0.0 && n.fract() == 0.0);
-                        let Some((bin, n)) = whole else {
+                        let bin = pair.first().and_then(|bin| number_to(*bin, u64::from(Histogram::<8>::N_BINS) - 1));
+                        let n = pair.get(1).and_then(|n| number_to(*n, MAX_COUNT.unsigned_abs()));
+                        let Some((bin, n)) = bin.zip(n) else {
                             return Err(row.wrong("samples", Some(format!("{pair:?}")), "bins and their counts"));
                         };
-                        sums.sizes.histogram.add(*bin as u32, *n as u64);
+                        sums.sizes.histogram.add(bin as u32, n);
                     }
                 }
                 _ => return Err(row.unknown()),
@@ -384,8 +388,7 @@ impl StatRow {
     /// So many whole numbers.
     fn whole_numbers<const N: usize>(&self, most: u64) -> Result<[u64; N], RowError> {
         let samples = self.samples()?;
-        let is_whole = |n: &f64| n.fract() == 0.0 && (0.0..=most as f64).contains(n);
-        let numbers: Vec<u64> = samples.iter().filter(|n| is_whole(n)).map(|n| *n as u64).collect();
+        let numbers: Vec<u64> = samples.iter().filter_map(|n| number_to(*n, most)).collect();
         numbers.try_into().map_err(|_| {
             self.wrong("samples", Some(format!("{samples:?}")), format!("{N} whole numbers, at most {most}"))
         })

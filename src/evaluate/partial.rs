@@ -123,3 +123,8 @@ fn sha256_of(path: &Path) -> Result<String, EvaluateError> {
     let bytes = location::read(path).map_err(|error| EvaluateError::File { path: PathBuf::from(path), error })?;
     Ok(hex(Sha256::digest(bytes)))
 }
+
+/// Whether a file is there. A store that can't be asked is an error, and not an absent file.
+fn is_there(path: &Path) -> Result<bool, EvaluateError> {
+    location::exists(path).map_err(|error| EvaluateError::File { path: path.to_owned(), error })
+}

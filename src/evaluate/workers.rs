@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use super::EvaluateError;
 use super::plan::{Plan, Session};
-use crate::bag::BagReader;
+use crate::bag::stored_bytes;
 use crate::observer::{cancel_flag, cancelled_by, check};
 use crate::sessions::Core;
 
@@ -28,8 +28,7 @@ pub(super) fn run(
     let (next, done) = (AtomicUsize::new(0), AtomicU64::new(0));
     let first = Mutex::new(Some(first));
     // A bag that can't be opened says so when it is its turn.
-    let size = |bag: &PathBuf| BagReader::open(std::slice::from_ref(bag)).map_or(0, |reader| reader.bytes_total());
-    let total = bags.iter().map(size).sum();
+    let total = bags.iter().map(|bag| stored_bytes(bag).unwrap_or(0)).sum();
     let cancel = cancel_flag();
     std::thread::scope(|scope| {
         let (sender, sessions) = channel();

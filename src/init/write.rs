@@ -107,11 +107,7 @@ fn put(request: &Request<'_>, text: &[u8]) -> Result<(), InitFileError> {
         path: path.to_path_buf(),
         reason: format!("cannot write: {error}"),
     };
-    if request.overwrite {
-        return files::replace(path, text).map_err(cannot);
-    }
-    let file = files::written_for(path, text).map_err(cannot)?;
-    file.put_in_place_if_new().map_err(|error| match error.kind() {
+    files::write(path, text, request.overwrite).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => InitFileError::Exists { path: path.to_path_buf() },
         _ => cannot(error),
     })

@@ -28,7 +28,7 @@ pub(super) fn list(_folder: &Path, _uri: Uri) -> io::Result<Vec<Entry>> {
     Err(refused())
 }
 
-pub(super) fn check(_uri: &Uri, _overwrite: bool) -> io::Result<bool> {
+pub(super) fn check(_uri: &Uri, _overwrite: bool) -> io::Result<()> {
     Err(refused())
 }
 

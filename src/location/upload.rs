@@ -33,7 +33,7 @@ const ABORT_LIMIT: Duration = Duration::from_secs(5);
 /// Name of the note by which an upload whose answer was lost is known again.
 const MARK: &str = "tpfupload";
 
-pub(super) fn check(uri: &Uri, overwrite: bool) -> io::Result<bool> {
+pub(super) fn check(uri: &Uri, overwrite: bool) -> io::Result<()> {
     if uri.is_web() {
         let why = "a web server takes no outputs: write to a path, or to s3://, gs:// or az://";
         return Err(refusal(io::ErrorKind::Unsupported, why));
@@ -47,8 +47,8 @@ pub(super) fn check(uri: &Uri, overwrite: bool) -> io::Result<bool> {
             Err(refusal(io::ErrorKind::IsADirectory, "is a folder, which no output replaces"))
         }
         Ok(_) if !overwrite => Err(already()),
-        Ok(_) => may_write(uri).map(|()| true),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => may_write(uri).map(|()| false),
+        Ok(_) => may_write(uri),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => may_write(uri),
         Err(error) => Err(error),
     }
 }

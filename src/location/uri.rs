@@ -36,7 +36,7 @@ pub(super) struct Uri {
 }
 
 /// Schemes after whose names no folder of this machine is called.
-const SCHEMES: [&str; 7] = ["s3", "s3a", "gs", "az", "http", "https", "file"];
+const SCHEMES: [&str; 6] = ["s3", "s3a", "gs", "az", "http", "https"];
 
 /// Tells what a path is.
 pub(super) fn of(path: &Path) -> Where<'_> {

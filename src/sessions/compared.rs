@@ -9,7 +9,7 @@ use crate::bag::{BagChannel, BagReader, ContactReader};
 use crate::eval::{Diff, DiffConfig, EstimateRecord, diff};
 use crate::fusion::{Adaptation, ContactEvent, Flags};
 use crate::msg::{ContactArray, ContactState, Time, WireType, WrenchStamped, from_cdr};
-use crate::observer::Observer;
+use crate::observer::{Observer, check};
 use crate::units::Stamp;
 
 /// Result of a comparison of two recordings.
@@ -36,8 +36,9 @@ pub fn compare(a: &Path, b: &Path, cfg: DiffConfig, observer: &dyn Observer) -> 
 }
 
 /// Estimates of a bag, one per region and frame: the contents of `ContactArray`, with the wrench of the same stamp.
-struct Records {
+struct Records<'o> {
     path: PathBuf,
+    observer: &'o dyn Observer,
     reader: BagReader,
     contacts: ContactReader,
     wrenches: BTreeMap<String, (Time, [f64; 6])>,
@@ -45,8 +46,8 @@ struct Records {
     n_arrays: u64,
 }
 
-impl Records {
-    fn open(path: &Path, observer: &dyn Observer) -> Result<Self, SessionError> {
+impl<'o> Records<'o> {
+    fn open(path: &Path, observer: &'o dyn Observer) -> Result<Self, SessionError> {
         let mut reader = BagReader::open(&[path.to_path_buf()])?;
         let is_read = |channel: &&Arc<BagChannel>| {
             [WrenchStamped::TYPE_NAME, ContactArray::TYPE_NAME].contains(&channel.type_name())
@@ -56,7 +57,7 @@ impl Records {
         reader.notes().iter().for_each(|note| observer.note(note));
         let (wrenches, waiting) = (BTreeMap::new(), Vec::new().into_iter());
         let contacts = ContactReader::default();
-        Ok(Records { path: path.to_path_buf(), reader, contacts, wrenches, waiting, n_arrays: 0 })
+        Ok(Records { path: path.to_path_buf(), observer, reader, contacts, wrenches, waiting, n_arrays: 0 })
     }
 
     fn check(&self) -> Result<(), SessionError> {
@@ -77,6 +78,7 @@ impl Records {
             if let Some(record) = self.waiting.next() {
                 return Ok(Some(record));
             }
+            check(self.observer)?;
             let Some(message) = self.reader.next_message()? else { return Ok(None) };
             let topic = &message.channel.topic;
             let malformed = |error: String| SessionError::at(&self.path, &format!("{topic}: {error}"));
@@ -106,7 +108,7 @@ impl Records {
     }
 }
 
-impl Iterator for &mut Records {
+impl Iterator for &mut Records<'_> {
     type Item = Result<EstimateRecord, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {

@@ -51,6 +51,17 @@ pub(super) fn files(input: &Path) -> Result<Files, BagError> {
     }
 }
 
+/// Size of a bag's files as they are stored. None of them is unpacked or copied.
+///
+/// # Errors
+/// [`BagError`] when there is no bag, or a file can't be opened.
+pub fn stored_bytes(bag: &Path) -> Result<u64, BagError> {
+    files(bag)?.places.iter().try_fold(0_u64, |total, place| {
+        let size = place.open().and_then(|file| file.size());
+        Ok(total.saturating_add(size.map_err(|error| BagError::io(place.path(), "open", error))?))
+    })
+}
+
 fn folder(folder: &Path) -> Result<Files, BagError> {
     let listing_path = folder.join(METADATA_FILE);
     if is_file(&listing_path)? {

@@ -7,11 +7,10 @@ use sha2::{Digest, Sha256};
 
 use super::error::MergeError;
 use super::fingerprint::Fingerprint;
-use super::{PartialBag, PartialOut, hex, table};
+use super::{PartialBag, PartialOut, hex, is_there, table};
 use crate::columns::{ColumnFile, TableReader};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::scored::{BagPart, Head};
-use crate::location;
 use crate::sessions::Shard;
 
 /// Form of the table and its notes.
@@ -62,8 +61,8 @@ impl PartialFile {
         let made_by = made_by(env!("CARGO_PKG_VERSION"));
         let notes = [(FORMAT_NOTE, FORMAT.to_owned()), (VERSION_NOTE, made_by)];
         // It replaces only what is there as the work begins.
-        let replaces = location::exists(path).map_err(|error| EvaluateError::File { path: path.to_owned(), error })?;
-        Ok(PartialFile { file: ColumnFile::create(path, &table::columns(), &notes, replaces)?, bags: Vec::new() })
+        let file = ColumnFile::create(path, &table::columns(), &notes, is_there(path)?)?;
+        Ok(PartialFile { file, bags: Vec::new() })
     }
 
     /// Adds the `nth` of the bags that were given.

@@ -1,16 +1,15 @@
 //! Fingerprint of all that statistics depend on besides the bags: partials are merged only where it is the same.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{hex, sha256_of};
+use super::{hex, is_there, sha256_of};
 use crate::config::Config;
 use crate::evaluate::held_out::folds_of;
 use crate::evaluate::{EvaluateError, Request};
-use crate::location;
 use crate::zero::Wanted;
 
 /// All that statistics depend on besides the bags, but for the models, which the series name.
@@ -90,9 +89,4 @@ impl Fingerprint {
 
 fn named(path: &std::path::Path) -> PathBuf {
     path.file_name().map(PathBuf::from).unwrap_or_default()
-}
-
-/// Whether a file is there. A store that can't be asked is an error, and not an absent file.
-fn is_there(path: &Path) -> Result<bool, EvaluateError> {
-    location::exists(path).map_err(|error| EvaluateError::File { path: path.to_owned(), error })
 }
