@@ -12,7 +12,9 @@ mod yaml;
 use std::io::Read;
 use std::path::Path;
 
-pub use domain::{CalibrationConfig, Config, LiveConfig, ModelConfig, TruthAxes, TruthSource};
+pub use domain::{
+    CalibrationConfig, Config, LiveConfig, ModelConfig, Publishing, TaxelLayout, TruthAxes, TruthSource, VisualsConfig,
+};
 pub use error::{ConfigError, ParamError};
 pub use names::{NameError, NodeName, resolve_name};
 pub use param_file::{Origin, Param, ParamTree, parse_param_file, parse_param_files};

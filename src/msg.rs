@@ -14,6 +14,7 @@ mod schema;
 mod standard;
 mod texts;
 mod type_hash;
+mod visual;
 
 use byteorder::{BigEndian, LittleEndian};
 use serde::Serialize;
@@ -32,6 +33,7 @@ pub use standard::{
 };
 pub use texts::standard_text;
 pub use type_hash::{rihs01, type_hash};
+pub use visual::{ColorRGBA, CompressedImage, Image, Marker, MarkerArray, MeshFile, UVCoordinate};
 
 /// A message with a struct of its own. Its fields have the order of the `.msg` text.
 pub trait WireType: Serialize + DeserializeOwned {

@@ -7,6 +7,7 @@ mod live;
 mod reader;
 mod region;
 mod source;
+mod visuals;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use std::time::Duration;
 pub use live::LiveConfig;
 use nalgebra::{Unit, Vector3};
 use reader::Reader;
+pub use visuals::{Publishing, TaxelLayout, VisualsConfig};
 
 use super::error::ConfigError;
 use super::keys::{KEYS, ParamKey};
@@ -127,6 +129,8 @@ pub struct Config {
     pub truth: Vec<Topic<TruthFields>>,
     /// `[regions]`: index of the force sensor that measures the region's true force, if there is one.
     pub truth_of_region: Vec<Option<usize>>,
+    /// `[regions]`: where the taxels of each region are, for pictures.
+    pub layouts: Vec<TaxelLayout>,
     /// Models that regions use, in the order in which regions first name them.
     pub models: Vec<ModelConfig>,
     /// Parameters of calibrations.
@@ -196,6 +200,7 @@ impl Config {
         let truth_of_region = region::truths(&reader, &region_names, &truth_names)?;
         let regions = region::all(&reader, &region_names, &models, &tactile_sources, &joints)?;
         region::turn_truths(&reader, &regions, &truth_of_region, &mut truth_sources)?;
+        let layouts = visuals::layouts(&reader, &regions)?;
         let calibration = calibration(&reader)?;
         let (timing, receipts) = (timing(&reader)?, Receipts::default());
         let following = match reader.text("adaptation")?.as_str() {
@@ -220,6 +225,7 @@ impl Config {
             truth_sources,
             truth,
             truth_of_region,
+            layouts,
             models: models.iter().map(|name| model(&reader, name)).collect::<Result<_, _>>()?,
             calibration,
             glove: reader.non_empty("glove")?,

@@ -24,6 +24,8 @@ pub enum ParamKind {
     IntArray,
     /// `double[]` with this number of elements; ints are accepted too.
     DoubleArray(usize),
+    /// `double[]` with any number of elements; ints are accepted too.
+    Doubles,
     /// `string[]`.
     StrArray,
     /// An int, or the path of a field as a `string`.
@@ -42,6 +44,7 @@ impl ParamKind {
             ParamKind::IntArray => matches!(value, IntArray(_) | EmptyArray),
             ParamKind::StrArray => matches!(value, StrArray(_) | EmptyArray),
             ParamKind::IntOrField => matches!(value, Int(_) | Str(_)),
+            ParamKind::Doubles => matches!(value, DoubleArray(_) | IntArray(_) | EmptyArray),
             ParamKind::DoubleArray(len) => match value {
                 DoubleArray(values) => values.len() == len,
                 IntArray(values) => values.len() == len,
@@ -60,6 +63,7 @@ impl fmt::Display for ParamKind {
             ParamKind::Str => f.write_str("string"),
             ParamKind::IntArray => f.write_str("int[]"),
             ParamKind::DoubleArray(len) => write!(f, "double[{len}]"),
+            ParamKind::Doubles => f.write_str("double[]"),
             ParamKind::StrArray => f.write_str("string[]"),
             ParamKind::IntOrField => f.write_str("int or string"),
         }

@@ -1,7 +1,7 @@
 //! `.msg` texts of the types that need no installed package.
 
 /// Canonical name and text of every type that has a struct here, ours and the standard ones.
-pub(super) const TEXTS: [(&str, &str); 24] = [
+pub(super) const TEXTS: [(&str, &str); 31] = [
     ("builtin_interfaces/msg/Duration", include_str!("../../msg/standard/Duration.msg")),
     ("builtin_interfaces/msg/Time", include_str!("../../msg/standard/Time.msg")),
     ("geometry_msgs/msg/Vector3", include_str!("../../msg/standard/Vector3.msg")),
@@ -13,8 +13,11 @@ pub(super) const TEXTS: [(&str, &str); 24] = [
     ("geometry_msgs/msg/Transform", include_str!("../../msg/standard/Transform.msg")),
     ("geometry_msgs/msg/TransformStamped", include_str!("../../msg/standard/TransformStamped.msg")),
     ("geometry_msgs/msg/WrenchStamped", include_str!("../../msg/standard/WrenchStamped.msg")),
+    ("sensor_msgs/msg/CompressedImage", include_str!("../../msg/standard/CompressedImage.msg")),
+    ("sensor_msgs/msg/Image", include_str!("../../msg/standard/Image.msg")),
     ("sensor_msgs/msg/JointState", include_str!("../../msg/standard/JointState.msg")),
     ("service_msgs/msg/ServiceEventInfo", include_str!("../../msg/standard/ServiceEventInfo.msg")),
+    ("std_msgs/msg/ColorRGBA", include_str!("../../msg/standard/ColorRGBA.msg")),
     ("std_msgs/msg/Float32MultiArray", include_str!("../../msg/standard/Float32MultiArray.msg")),
     ("std_msgs/msg/Float64MultiArray", include_str!("../../msg/standard/Float64MultiArray.msg")),
     ("std_msgs/msg/Header", include_str!("../../msg/standard/Header.msg")),
@@ -26,6 +29,10 @@ pub(super) const TEXTS: [(&str, &str); 24] = [
     ("tactile_pose_fusion/msg/Stage", include_str!("../../msg/Stage.msg")),
     ("tactile_pose_fusion/msg/TaxelArray", include_str!("../../msg/TaxelArray.msg")),
     ("tf2_msgs/msg/TFMessage", include_str!("../../msg/standard/TFMessage.msg")),
+    ("visualization_msgs/msg/Marker", include_str!("../../msg/standard/Marker.msg")),
+    ("visualization_msgs/msg/MarkerArray", include_str!("../../msg/standard/MarkerArray.msg")),
+    ("visualization_msgs/msg/MeshFile", include_str!("../../msg/standard/MeshFile.msg")),
+    ("visualization_msgs/msg/UVCoordinate", include_str!("../../msg/standard/UVCoordinate.msg")),
 ];
 
 /// `.msg` text of one of our types or of a standard type that we use, by canonical name, without dependencies.

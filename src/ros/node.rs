@@ -18,6 +18,7 @@ pub(in crate::ros) mod parameters;
 mod services;
 mod serving;
 mod shared;
+mod visuals;
 mod watched;
 
 pub use calibrator::{Calibrator, Purpose, Sample};
@@ -43,18 +44,19 @@ use super::wire::graph::Wanted;
 use super::wire::middleware::{Publisher, TopicType};
 use super::wire::qos::{self, Side, reliable_qos};
 use super::wire::threads::{self, runtime};
-use crate::config::{Config, ParamTree};
+use crate::config::{Config, ParamTree, Publishing};
 use crate::fusion::{JointSourceIdx, TactileSourceIdx};
 use crate::leave;
 use crate::msg::binding::{BindingError, FrameStore, FramesBinding, JointBinding, SampleBinding, TaxelBinding};
 use crate::msg::definition::{Definitions, TypeTree};
-use crate::msg::{ContactArray, WireType, WrenchStamped, type_hash};
+use crate::msg::{ContactArray, Image, MarkerArray, TFMessage, WireType, WrenchStamped, to_cdr, type_hash};
 use engine::{Command, Engine, Input, Outputs};
 use interfaces::{DiagnosticArray, Log, TransitionEvent};
-use outbox::{LogConfig, OutIdx, Rosout};
+use outbox::{LogConfig, OutIdx, Pictures, Rosout};
 use parameters::{ParameterEvent, Parameters};
 use serving::{Duties, News};
 use shared::Managed;
+use visuals::{Drawing, Selection, patch_frames};
 
 /// How often the node checks if it should end.
 const LOOK: Duration = Duration::from_millis(20);
@@ -88,7 +90,8 @@ pub struct Setup {
 /// of its threads or the middleware's has ended.
 pub fn run(setup: Setup) -> Result<(), NodeError> {
     leave::listen();
-    let Setup { cfg, tree, args, environment, calibration, recorder } = setup;
+    let Setup { mut cfg, tree, args, environment, calibration, recorder } = setup;
+    cfg.fusion.keep_taxels = cfg.live.visuals.publishing != Publishing::Never;
     let names = Names::new(&cfg, &args.remaps)?;
     let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &environment.prefixes);
     let bindings = input_bindings(&cfg, &names, &definitions)?;
@@ -96,9 +99,19 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
 
     let mut graph = Graph::join(&cfg.node, &environment, &args.remaps)?;
     let inputs = inputs(&mut graph, &cfg, &tree, &names, bindings)?;
-    let (publishers, outputs, transition_event, parameter_events) = publishers(&mut graph, &tree, &names)?;
+    let (mut publishers, outputs, transition_event, parameter_events) = publishers(&mut graph, &tree, &names)?;
+    let (pictures, no_pictures) = pictures(&mut graph, &cfg, &tree, &names)?;
+    let frames = match &names.visuals.frames {
+        Some(topic) => {
+            let qos = qos::with_overrides(qos::static_frames(), &tree, topic, Side::Publisher)?;
+            publishers.push(graph.publisher(topic, TopicType::Known(TFMessage::TYPE_NAME), &qos)?);
+            Some(OutIdx(publishers.len() - 1))
+        }
+        None => None,
+    };
     let entities = names.inputs.iter().map(|input| (input.topic.clone(), Side::Subscription));
-    let entities = entities.chain(names.estimates.names().map(|name| (name.to_owned(), Side::Publisher)));
+    let published = names.estimates.names().chain(names.visuals.names());
+    let entities = entities.chain(published.map(|name| (name.to_owned(), Side::Publisher)));
     let of_others = qos::check_all_used(&tree, &entities.collect::<Vec<_>>())?;
     let sim_clock = match cfg.use_sim_time {
         true => {
@@ -117,8 +130,13 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
 
     let log = LogConfig { level: args.log_level, stderr: args.stderr };
     let (max_wait, settle) = (cfg.fusion.timing.max_age, graph.settle());
-    let (outbox, publishing) = outbox::start(publishers, rosout, log, Arc::clone(&clock), max_wait, settle)?;
-    environment.notes.iter().cloned().chain(graph.note()).for_each(|note| outbox.log(Severity::Warn, note));
+    let selection = pictures.as_ref().map(|_| Selection::new(&cfg));
+    let (outbox, publishing) = outbox::start(publishers, pictures, rosout, log, Arc::clone(&clock), max_wait, settle)?;
+    let notes = environment.notes.iter().cloned().chain(graph.note()).chain(no_pictures);
+    notes.for_each(|note| outbox.log(Severity::Warn, note));
+    if let Some(to) = frames {
+        outbox.send(to, to_cdr(&patch_frames(&cfg, clock.now())), None);
+    }
     if !of_others.is_empty() {
         let keys = of_others.join(", ");
         outbox.log(Severity::Warn, format!("not followed, because this node has no such topics: {keys}"));
@@ -131,6 +149,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
         outputs,
         recorder,
         neighbours: graph.neighbours(),
+        selection,
     };
     let runtime = runtime()?;
     let reading = threads::spawn("engine", move || runtime.block_on(engine.run(inputs, engine_commands)))?;
@@ -264,6 +283,35 @@ pub fn wanted(
         Ok(bindings.iter().filter_map(of_source).collect())
     };
     names.inputs.iter().zip(bindings).map(of_input).collect()
+}
+
+/// Publishers of pictures, if they may be published; or a note why they can't be.
+///
+/// # Errors
+/// [`NodeError`] if the parameters ask for pictures that can't be published, and for an override of QoS that this node
+/// doesn't support.
+fn pictures(
+    graph: &mut Graph,
+    cfg: &Config,
+    tree: &ParamTree,
+    names: &Names,
+) -> Result<(Option<Pictures>, Option<String>), NodeError> {
+    let mut publishers = Vec::new();
+    for (idx, topic) in names.visuals.pictures.iter().enumerate() {
+        let qos = qos::with_overrides(qos::pictures(), tree, topic, Side::Publisher)?;
+        let type_name = if idx == 0 { MarkerArray::TYPE_NAME } else { Image::TYPE_NAME };
+        match graph.publisher(topic, TopicType::Known(type_name), &qos) {
+            Ok(publisher) => publishers.push(publisher),
+            // Permissions of a secured graph that are older than pictures.
+            Err(error) if cfg.live.visuals.publishing == Publishing::Auto => {
+                let note = format!("no markers and images: {error}; allow them, or set visualization.publish: never");
+                return Ok((None, Some(note)));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    let always = cfg.live.visuals.publishing == Publishing::Always;
+    Ok(((!publishers.is_empty()).then(|| Pictures { publishers, drawing: Drawing::new(cfg), always }), None))
 }
 
 type Publishers = (Vec<Publisher>, Outputs, OutIdx, OutIdx);

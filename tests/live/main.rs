@@ -32,5 +32,7 @@ mod node_security;
 mod node_stop;
 #[cfg(feature = "ros")]
 mod node_view;
+#[cfg(feature = "ros")]
+mod node_visuals;
 #[cfg(feature = "zenoh")]
 mod node_zenoh;

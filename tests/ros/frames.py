@@ -7,50 +7,14 @@ names, separated by commas."""
 import json
 import sys
 import time
-from dataclasses import dataclass
 
 import rclpy
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float64, sequence
 from cyclonedds.pub import DataWriter, Publisher
 from cyclonedds.topic import Topic
-from messages import Header, Time
+from messages import Header, Quaternion, TFMessage, Time, Transform, TransformStamped, Vector3
 from std_msgs.msg import Float32MultiArray
-
-
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-class Transform(IdlStruct, typename="geometry_msgs.msg.dds_.Transform_"):
-    translation: Vector3
-    rotation: Quaternion
-
-
-@dataclass
-class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStamped_"):
-    header: Header
-    child_frame_id: str
-    transform: Transform
-
-
-@dataclass
-class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
-    transforms: sequence[TransformStamped]
 
 
 hand = json.load(open(sys.argv[1]))[int(sys.argv[2])]

@@ -77,6 +77,8 @@ def graph():
     expected = {
         f"{NODE}/index/wrench": ["geometry_msgs/msg/WrenchStamped"],
         f"{NODE}/contacts": ["tactile_pose_fusion/msg/ContactArray"],
+        f"{NODE}/markers": ["visualization_msgs/msg/MarkerArray"],
+        f"{NODE}/index/taxels_image": ["sensor_msgs/msg/Image"],
         f"{NODE}/transition_event": ["lifecycle_msgs/msg/TransitionEvent"],
         "/diagnostics": ["diagnostic_msgs/msg/DiagnosticArray"],
         "/rosout": ["rcl_interfaces/msg/Log"],
@@ -94,6 +96,14 @@ def graph():
     wait(lambda: services().get(f"{NODE}/tare") == ["std_srvs/srv/Trigger"], lambda: f"its services: {services()}")
     info = lambda: [(i.node_name, i.topic_type) for i in node.get_publishers_info_by_topic(f"{NODE}/index/wrench")]
     wait(lambda: info() == [("tactile_pose_fusion", "geometry_msgs/msg/WrenchStamped")], lambda: f"its wrench: {info()}")
+
+
+def no_pictures():
+    wait(lambda: "tactile_pose_fusion" in node.get_node_names(), "the node's name")
+    publishers = lambda: dict(node.get_publisher_names_and_types_by_node("tactile_pose_fusion", "/"))
+    wait(lambda: {f"{NODE}/contacts", "/diagnostics"} <= publishers().keys(), lambda: f"its publishers: {publishers()}")
+    wrong = [name for name in publishers() if name.endswith(("markers", "taxels_image", "tf_static"))]
+    assert not wrong, wrong
 
 
 def parameters():
@@ -321,7 +331,7 @@ def text(name, value):
     assert result.successful, result
 
 
-checks = [fed, value, text, graph, parameters, reports, tare, lifecycle, new_clients, sim_time, renamed, leaves, calibrate, cancel]
+checks = [fed, value, text, graph, no_pictures, parameters, reports, tare, lifecycle, new_clients, sim_time, renamed, leaves, calibrate, cancel]
 {check.__name__: check for check in checks}[sys.argv[1]](*sys.argv[2:])
 print("ok")
 rclpy.shutdown()

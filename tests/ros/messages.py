@@ -1,6 +1,6 @@
 """Our messages as Cyclone DDS reads and writes them: an implementation of CDR that has nothing to do with ours.
 
-The fields are those of msg/*.msg and action/Calibrate.action."""
+The fields are those of msg/*.msg, msg/standard/*.msg and action/Calibrate.action."""
 from dataclasses import dataclass, field
 from typing import List
 
@@ -42,6 +42,39 @@ class JointState(IdlStruct, typename="sensor_msgs.msg.dds_.JointState_"):
     position: sequence[float64]
     velocity: sequence[float64]
     effort: sequence[float64]
+
+
+@dataclass
+class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Transform(IdlStruct, typename="geometry_msgs.msg.dds_.Transform_"):
+    translation: Vector3
+    rotation: Quaternion
+
+
+@dataclass
+class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStamped_"):
+    header: Header
+    child_frame_id: str
+    transform: Transform
+
+
+@dataclass
+class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
+    transforms: sequence[TransformStamped]
 
 
 @dataclass

@@ -128,6 +128,8 @@ def graph():
     expected = {
         ("MP", f"{NODE}/index/wrench"): "geometry_msgs/msg/WrenchStamped",
         ("MP", f"{NODE}/contacts"): "tactile_pose_fusion/msg/ContactArray",
+        ("MP", f"{NODE}/markers"): "visualization_msgs/msg/MarkerArray",
+        ("MP", f"{NODE}/index/taxels_image"): "sensor_msgs/msg/Image",
         ("MP", f"{NODE}/transition_event"): "lifecycle_msgs/msg/TransitionEvent",
         ("MP", f"{NODE}/calibrate/_action/feedback"): "tactile_pose_fusion/action/Calibrate_FeedbackMessage",
         ("MP", f"{NODE}/calibrate/_action/status"): "action_msgs/msg/GoalStatusArray",

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::super::error::ConfigError;
 use super::reader::Reader;
+use super::visuals::{self, VisualsConfig};
 use crate::units::from_millis;
 
 /// Parameters of the live node only.
@@ -24,6 +25,8 @@ pub struct LiveConfig {
     pub min_estimates: f64,
     /// Time for which a limit must be violated before it is an error.
     pub sustained: Duration,
+    /// Markers, images and frames of the node.
+    pub visuals: VisualsConfig,
 }
 
 /// Reads these parameters.
@@ -36,5 +39,6 @@ pub(super) fn live(reader: &Reader<'_>) -> Result<LiveConfig, ConfigError> {
         max_jitter: from_millis(reader.double("diagnostics.max_jitter_ms")?),
         min_estimates: reader.double("diagnostics.min_estimates")?,
         sustained: Duration::from_secs_f64(reader.double("diagnostics.sustained_s")?),
+        visuals: visuals::visuals(reader)?,
     })
 }

@@ -90,12 +90,17 @@ impl Reader<'_> {
         }
     }
 
+    pub(super) fn all_doubles(&self, key: &str) -> Result<Vec<f64>, ConfigError> {
+        match self.value(key) {
+            Some(ParamValue::DoubleArray(values)) => Ok(values),
+            Some(ParamValue::IntArray(values)) => Ok(values.into_iter().map(|value| value as f64).collect()),
+            Some(ParamValue::EmptyArray) => Ok(Vec::new()),
+            _ => Err(self.missing(key)),
+        }
+    }
+
     pub(super) fn doubles<const LEN: usize>(&self, key: &str) -> Result<[f64; LEN], ConfigError> {
-        let values = match self.value(key) {
-            Some(ParamValue::DoubleArray(values)) => values,
-            Some(ParamValue::IntArray(values)) => values.into_iter().map(|value| value as f64).collect(),
-            _ => return Err(self.missing(key)),
-        };
+        let values = self.all_doubles(key)?;
         values.try_into().map_err(|_| self.refused(key, format!("must have {LEN} elements")))
     }
 

@@ -385,6 +385,29 @@ pub static KEYS: &[ParamKey] = &[
         Doubles(&[0.0, 0.0, 0.0, 1.0]),
         "Orientation of the patch in frame_id: a unit quaternion x, y, z, w",
     ),
+    // The place of a region's taxels, for pictures.
+    ParamKey::new(
+        "region.<name>.layout.shape",
+        Kind::IntArray,
+        Depends("as square as possible"),
+        "Rows and columns of its taxels, which are row by row: for pictures only",
+    )
+    .range(Ints { min: 1, max: 4096 }),
+    ParamKey::new(
+        "region.<name>.layout.pitch",
+        Kind::Double,
+        Double(0.004),
+        "Distance between the centers of neighbouring taxels: for pictures only",
+    )
+    .range(Above { min: 0.0, max: 1.0 })
+    .unit("m"),
+    ParamKey::new(
+        "region.<name>.layout.positions",
+        Kind::Doubles,
+        EmptyArray,
+        "Centers of its taxels in the patch's own frame, x y z of each in turn, instead of a grid: for markers only",
+    )
+    .unit("m"),
     ParamKey::new("region.<name>.contact.force_on", Kind::Double, Depends("contact.force_on"), "For this region only")
         .range(CONTACT_FORCE)
         .unit("N")
@@ -626,6 +649,37 @@ pub static KEYS: &[ParamKey] = &[
         "Least part of a second's frames with an estimate without a flag; below it there is a warning",
     )
     .range(Closed { min: 0.0, max: 1.0 }),
+    ParamKey::new(
+        "visualization.publish",
+        Kind::Str,
+        Str("auto"),
+        "When the node publishes markers and images of the taxels: auto, while somebody subscribes to them; always; never, and without their topics",
+    )
+    .range(OneOf(&["auto", "always", "never"])),
+    ParamKey::new(
+        "visualization.rate_hz",
+        Kind::Double,
+        Double(20.0),
+        "Most markers and images of a region in a second",
+    )
+    .range(Above { min: 0.0, max: 1000.0 })
+    .unit("Hz"),
+    ParamKey::new("visualization.arrow_m_per_n", Kind::Double, Double(0.02), "Length of a force arrow for each newton")
+        .range(Above { min: 0.0, max: 100.0 })
+        .unit("m/N"),
+    ParamKey::new(
+        "visualization.taxel_range",
+        Kind::Double,
+        Double(0.0),
+        "Taxel reading above the zero that has the strongest colour, in the sensor's unit; 0: the largest of the last seconds",
+    )
+    .range(Closed { min: 0.0, max: 1e12 }),
+    ParamKey::new(
+        "visualization.tf",
+        Kind::Bool,
+        ParamDefault::Bool(false),
+        "Publish the pose of each patch in its region's frame on /tf_static, as the frame REGION_patch",
+    ),
     ParamKey::new("diagnostics.sustained_s", Kind::Double, Double(5.0), "A warning that lasts this long becomes an error")
         .range(Closed { min: 0.0, max: 3600.0 })
         .unit("s"),

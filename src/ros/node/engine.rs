@@ -15,6 +15,7 @@ use super::calibrator::Sample;
 use super::diagnostics::Budget;
 use super::order::Order;
 use super::outbox::{Origin, OutIdx, Outbox};
+use super::visuals::Selection;
 use super::watchdog::{Silence, Watchdog};
 use super::watched::Watched;
 use crate::config::Config;
@@ -112,6 +113,8 @@ pub(super) struct Engine {
     pub(super) outputs: Outputs,
     pub(super) recorder: Option<SyncSender<Record>>,
     pub(super) neighbours: Option<Neighbours>,
+    /// Chooses the frames of pictures, if there are any.
+    pub(super) selection: Option<Selection>,
 }
 
 /// The engine's state while messages are handled.
@@ -350,6 +353,11 @@ impl Running {
                     let recorder = self.engine.recorder.as_ref();
                     let newest = self.order.admits(tick.source.0, tick.stamp, self.engine.clock.now());
                     send(&self.engine, recorder, outgoing, tick, of, self.active && newest, &mut self.cdr);
+                    let selection = self.engine.selection.as_mut().filter(|_| self.active && newest);
+                    if let Some(mut shown) = selection.and_then(|selection| selection.handle(tick)) {
+                        shown.subtract_zero(&core.fusion);
+                        self.engine.outbox.show(shown);
+                    }
                 }
                 Err(error) => break error,
             }

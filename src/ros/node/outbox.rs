@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use super::diagnostics::Latencies;
 use super::interfaces::Log;
+use super::visuals::{Drawing, Shown};
 use crate::msg::to_cdr;
 use crate::ros::wire::args::Severity;
 use crate::ros::wire::clock::{Clock, system_now};
@@ -35,6 +36,7 @@ pub(super) struct OutIdx(pub(super) usize);
 
 enum Out {
     Message { to: OutIdx, cdr: Vec<u8>, of: Option<Origin> },
+    Picture(Box<Shown>),
     Log { severity: Severity, text: String },
     End,
 }
@@ -76,6 +78,8 @@ pub(super) struct Stats {
     pub(super) failed: AtomicU64,
     /// Estimates that waited in the node longer than the age limit of their data: too old to publish.
     pub(super) waited: AtomicU64,
+    /// Pictures that the middleware refused. They are not estimates, so nothing is wrong then.
+    pub(super) pictures_failed: AtomicU64,
     /// Messages that were sent.
     pub(super) published: AtomicU64,
     latencies: Mutex<[Latencies; 2]>,
@@ -96,9 +100,19 @@ pub(super) struct PublishThread {
     thread: JoinHandle<()>,
 }
 
+/// Publishers of pictures, and what draws them.
+pub(super) struct Pictures {
+    /// Of the markers of all regions, then of the image of each.
+    pub(super) publishers: Vec<Publisher>,
+    pub(super) drawing: Drawing,
+    /// True if they are published even if nobody subscribes.
+    pub(super) always: bool,
+}
+
 /// Starts publishing.
 pub(super) fn start(
     publishers: Vec<Publisher>,
+    pictures: Option<Pictures>,
     rosout: Option<Rosout>,
     log: LogConfig,
     clock: Arc<Clock>,
@@ -109,7 +123,8 @@ pub(super) fn start(
     let stats = Arc::new(Stats::default());
     let outbox = Outbox { sender: sender.clone(), stats: Arc::clone(&stats), log };
     let stderr = log.stderr.then(Terminal::open).transpose()?;
-    let work = move || Publishing { publishers, rosout, stderr, stats, clock, max_wait, settle }.run(&receiver);
+    let work =
+        move || Publishing { publishers, pictures, rosout, stderr, stats, clock, max_wait, settle }.run(&receiver);
     let thread = threads::spawn("publish", work)?;
     Ok((outbox, PublishThread { sender, thread }))
 }
@@ -119,6 +134,13 @@ impl Outbox {
     pub(super) fn send(&self, to: OutIdx, cdr: Vec<u8>, of: Option<Origin>) {
         if self.sender.try_send(Out::Message { to, cdr, of }).is_err() {
             self.stats.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Adds a frame to draw; if too many messages wait it is dropped.
+    pub(super) fn show(&self, shown: Shown) {
+        if self.sender.try_send(Out::Picture(Box::new(shown))).is_err() {
+            self.stats.pictures_failed.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -153,6 +175,7 @@ impl PublishThread {
 /// Data of the publishing thread.
 struct Publishing {
     publishers: Vec<Publisher>,
+    pictures: Option<Pictures>,
     rosout: Option<Rosout>,
     stderr: Option<Terminal>,
     stats: Arc<Stats>,
@@ -186,12 +209,13 @@ impl Terminal {
 }
 
 impl Publishing {
-    fn run(self, receiver: &Receiver<Out>) {
+    fn run(mut self, receiver: &Receiver<Out>) {
         while let Ok(out) = receiver.recv() {
             match out {
                 Out::End => break,
                 Out::Log { severity, text } => self.log(severity, &text),
                 Out::Message { to, cdr, of } => self.publish(to, cdr, of),
+                Out::Picture(shown) => self.show(&shown),
             }
         }
         (self.settle)(SETTLING_LIMIT);
@@ -209,6 +233,28 @@ impl Publishing {
         if let Some(rosout) = &self.rosout {
             let log = Log::new(self.clock.now().into(), severity, &rosout.logger, text);
             let _ = rosout.publisher.publish(to_cdr(&log)); // a slow subscriber loses it; stderr has it too
+        }
+    }
+
+    /// Draws a frame for those who subscribe to pictures.
+    fn show(&mut self, shown: &Shown) {
+        let Some(Pictures { publishers, drawing, always }) = &mut self.pictures else { return };
+        drawing.handle(shown);
+        let is_wanted = |publisher: &Publisher| *always || publisher.has_subscribers();
+        let publish = |publisher: &Publisher, cdr| {
+            if publisher.publish(cdr).is_err() {
+                self.stats.pictures_failed.fetch_add(1, Ordering::Relaxed);
+            }
+        };
+        let [markers, images @ ..] = publishers.as_slice() else { return };
+        if is_wanted(markers) {
+            publish(markers, to_cdr(&drawing.markers(shown)));
+        }
+        for region in &shown.regions {
+            let image = &images[region.estimate.region];
+            if is_wanted(image) {
+                publish(image, to_cdr(&drawing.image(region, shown.stamp)));
+            }
         }
     }
 

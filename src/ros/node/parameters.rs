@@ -235,7 +235,7 @@ fn type_of(kind: ParamKind) -> u8 {
         ParamKind::Double => raw::ParameterType::DOUBLE,
         ParamKind::Str | ParamKind::IntOrField => raw::ParameterType::STRING,
         ParamKind::IntArray => raw::ParameterType::INTEGER_ARRAY,
-        ParamKind::DoubleArray(_) => raw::ParameterType::DOUBLE_ARRAY,
+        ParamKind::DoubleArray(_) | ParamKind::Doubles => raw::ParameterType::DOUBLE_ARRAY,
         ParamKind::StrArray => raw::ParameterType::STRING_ARRAY,
     }
 }

@@ -17,7 +17,7 @@ use super::middleware::{
 use super::qos::{reliable_qos, service_qos};
 use super::remap::{self, NameKind, Remap};
 use super::threads;
-use crate::config::{Config, NameError, NodeName};
+use crate::config::{Config, NameError, NodeName, Publishing};
 use crate::leave;
 use crate::msg::EstimateTopics;
 use crate::msg::binding::static_topic;
@@ -32,6 +32,35 @@ pub struct Names {
     pub inputs: Vec<InputName>,
     /// Topics of the estimates.
     pub estimates: EstimateTopics,
+    /// Topics of pictures.
+    pub visuals: VisualTopics,
+}
+
+/// Names of the topics for pictures.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct VisualTopics {
+    /// Markers of all regions, then the image of each: empty if they are never published.
+    pub pictures: Vec<String>,
+    /// Frames of the patches, if they are published.
+    pub frames: Option<String>,
+}
+
+impl VisualTopics {
+    fn new(cfg: &Config, topic: impl Fn(&str) -> Result<String, NameError>) -> Result<Self, NameError> {
+        let node = cfg.node.to_string();
+        let images = cfg.fusion.regions.iter().map(|region| format!("{node}/{}/taxels_image", region.name));
+        let pictures = [format!("{node}/markers")].into_iter().chain(images);
+        let is_wanted = cfg.live.visuals.publishing != Publishing::Never;
+        Ok(VisualTopics {
+            pictures: pictures.filter(|_| is_wanted).map(|name| topic(&name)).collect::<Result<_, _>>()?,
+            frames: cfg.live.visuals.tf.then(|| topic("/tf_static")).transpose()?,
+        })
+    }
+
+    /// All of them.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.pictures.iter().chain(&self.frames).map(String::as_str)
+    }
 }
 
 /// A topic that feeds the core; listed once, even if several sources read from it.
@@ -73,6 +102,7 @@ impl Names {
                 wrenches: estimates.wrenches.iter().map(|name| topic(name)).collect::<Result<_, _>>()?,
                 contacts: topic(&estimates.contacts)?,
             },
+            visuals: VisualTopics::new(cfg, topic)?,
         })
     }
 }

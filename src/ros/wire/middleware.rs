@@ -63,6 +63,9 @@ pub(in crate::ros) trait Publish: Send {
     /// # Errors
     /// [`Refused`] when the message was sent to nobody.
     fn publish(&self, cdr: Vec<u8>) -> Result<(), Refused>;
+
+    /// True if somebody subscribes, as far as the middleware knows.
+    fn has_subscribers(&self) -> bool;
 }
 
 /// Receives the messages of a topic.

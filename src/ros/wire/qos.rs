@@ -47,6 +47,16 @@ pub fn input_default() -> QosProfile {
     QosProfile::subscription_default().history(History::KeepLast { depth: 100 })
 }
 
+/// Default QoS of pictures: reliable, because RViz asks for it.
+pub fn pictures() -> QosProfile {
+    reliable_qos(5, Durability::Volatile)
+}
+
+/// QoS of frames that don't change, as tf2 publishes them.
+pub(in crate::ros) fn static_frames() -> QosProfile {
+    reliable_qos(1, Durability::TransientLocal)
+}
+
 /// QoS of an input that tells frames that don't change, which are published once, long before, by several nodes.
 pub fn frames() -> QosProfile {
     reliable_qos(100, Durability::TransientLocal)

@@ -104,6 +104,7 @@ impl Running {
         let stats = self.engine.outbox.stats();
         let [stamp, received] = stats.take_latencies();
         let (dropped, failed) = (stats.dropped.load(Ordering::Relaxed), stats.failed.load(Ordering::Relaxed));
+        let no_picture = stats.pictures_failed.load(Ordering::Relaxed);
         let (published, waited) = (stats.published.load(Ordering::Relaxed), stats.waited.load(Ordering::Relaxed));
         let limit_ms = self.engine.cfg.live.max_latency.as_secs_f64() * 1e3;
         let level = self.budget("latency", stamp.is_none_or(|stamp| stamp.p99 <= limit_ms && stamp.p50 >= -limit_ms));
@@ -119,6 +120,7 @@ impl Running {
             ("dropped.queue_full".to_owned(), dropped.to_string()),
             ("dropped.not_sent".to_owned(), failed.to_string()),
             ("dropped.waited_too_long".to_owned(), waited.to_string()),
+            ("dropped.pictures".to_owned(), no_picture.to_string()),
         ];
         for (name, percentiles) in [("stamp_to_publish_ms", stamp), ("receive_to_publish_ms", received)] {
             let part = |part: fn(Percentiles) -> f64| number(percentiles.map(part));

@@ -158,7 +158,11 @@ impl Participant {
         let qos = offered(qos);
         let handle = self.topic(topic, ty, &qos)?;
         let publisher = self.node.create_publisher::<CdrBytes>(&handle, Some(qos));
-        Ok(Box::new(publisher.map_err(|error| create(topic, &error))?))
+        Ok(Box::new(TopicPublisher {
+            publisher: publisher.map_err(|error| create(topic, &error))?,
+            participant: self.context.domain_participant(),
+            topic: format!("rt{topic}"),
+        }))
     }
 
     pub(super) fn subscription(
@@ -273,9 +277,21 @@ type Calibrate = ActionServer<CalibrateGoal, CalibrateResult, CalibrateFeedback>
 /// Takes a request, if there is one.
 type Take<Q> = fn(&Calibrate) -> ReadResult<Option<(RmwRequestId, Q)>>;
 
-impl Publish for ros2_client::Publisher<CdrBytes> {
+/// A publisher, and the graph that knows its subscribers.
+struct TopicPublisher {
+    publisher: ros2_client::Publisher<CdrBytes>,
+    participant: DomainParticipant,
+    /// Its name in DDS.
+    topic: String,
+}
+
+impl Publish for TopicPublisher {
     fn publish(&self, cdr: Vec<u8>) -> Result<(), Refused> {
-        ros2_client::Publisher::publish(self, CdrBytes(cdr)).map_err(|_| Refused)
+        self.publisher.publish(CdrBytes(cdr)).map_err(|_| Refused)
+    }
+
+    fn has_subscribers(&self) -> bool {
+        self.participant.sends_to(&self.topic, |_| true)
     }
 }
 

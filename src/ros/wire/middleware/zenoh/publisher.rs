@@ -64,4 +64,12 @@ impl Publish for Publisher {
         };
         put.map_err(|_| Refused)
     }
+
+    fn has_subscribers(&self) -> bool {
+        let status = match &self.by {
+            By::Volatile(publisher) => publisher.matching_status().wait(),
+            By::TransientLocal(publisher) => publisher.matching_status().wait(),
+        };
+        status.is_ok_and(|status| status.matching())
+    }
 }
