@@ -247,9 +247,9 @@ fn setup(cfg: &Config, topic: &str, observer: &dyn Observer) -> Setup {
         None => Vec::new(),
     };
     notes.iter().for_each(|note| observer.note(note));
-    let regions = cfg.fusion.regions.iter();
-    let regions =
-        regions.map(|region| RegionSetup::new(cfg, region, region.taxels.len(), baselines.get(region.source.0)));
+    let regions = cfg.fusion.regions.iter().enumerate().map(|(region_idx, region)| {
+        RegionSetup::new(cfg, region_idx, region.taxels.len(), baselines.get(region.source.0))
+    });
     let from = format!("Forces as the node publishes them on {topic}.");
     Setup { notes, ..Setup::new(cfg.node.to_string(), Kind::Live, from, regions.collect()) }
 }

@@ -154,11 +154,12 @@ impl<'a> Keeping<'a> {
 
     /// The setup of each region.
     fn setups(&self, has_taxels: bool, baselines: &[Option<Baseline>]) -> Vec<RegionSetup> {
-        let setup = |region: &crate::fusion::RegionConfig| {
+        let setup = |(region_idx, region): (usize, &crate::fusion::RegionConfig)| {
             let n_taxels = if has_taxels { region.taxels.len() } else { 0 };
-            RegionSetup::new(self.cfg, region, n_taxels, baselines.get(region.source.0).and_then(Option::as_ref))
+            let baseline = baselines.get(region.source.0).and_then(Option::as_ref);
+            RegionSetup::new(self.cfg, region_idx, n_taxels, baseline)
         };
-        self.cfg.fusion.regions.iter().map(setup).collect()
+        self.cfg.fusion.regions.iter().enumerate().map(setup).collect()
     }
 }
 

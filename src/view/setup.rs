@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::frames::{Frames, Range};
 use super::scalars::VALUES;
 use crate::config::Config;
-use crate::fusion::{Baseline, Flags, RegionConfig};
+use crate::fusion::{Baseline, Flags};
 use crate::init::finger;
 use crate::msg::ContactState;
 
@@ -68,6 +68,10 @@ pub(super) struct RegionSetup {
     finger: Option<&'static str>,
     frame_id: String,
     n_taxels: usize,
+    /// Columns of the grid of taxels.
+    columns: usize,
+    /// True if the parameters give the grid.
+    is_layout_told: bool,
     n_frames: u64,
     /// Usual time between frames, s.
     period_s: Option<f64>,
@@ -131,13 +135,16 @@ impl Setup {
 
 impl RegionSetup {
     /// A region of a configuration, with as many taxels as are shown of it.
-    pub(super) fn new(cfg: &Config, region: &RegionConfig, n_taxels: usize, baseline: Option<&Baseline>) -> Self {
+    pub(super) fn new(cfg: &Config, region_idx: usize, n_taxels: usize, baseline: Option<&Baseline>) -> Self {
+        let (region, layout) = (&cfg.fusion.regions[region_idx], &cfg.layouts[region_idx]);
         let zero = baseline.map(|baseline| region.taxels.iter().map(|&taxel_idx| baseline.median[taxel_idx]).collect());
         RegionSetup {
             name: region.name.clone(),
             finger: finger(&region.name),
             frame_id: region.patch.frame_id.clone(),
             n_taxels,
+            columns: layout.columns,
+            is_layout_told: layout.is_told,
             n_frames: 0,
             period_s: None,
             force_on: region.contact.force_on.0,

@@ -15,7 +15,7 @@ fn is_commented(pattern: &str) -> bool {
     matches!(pattern, "tactile.<source>.row_period_ms" | "joint.<source>.names" | "timing.max_pose_age_ms")
         || matches!(pattern, "tactile.<source>.fields" | "tactile.<source>.no_reading" | "joint.<source>.hand.points")
         || matches!(pattern, "truth.<source>.fields" | "truth.<source>.signs")
-        || matches!(pattern, "contact.touch_on" | "contact.touch_off")
+        || matches!(pattern, "contact.touch_on" | "contact.touch_off" | "region.<name>.layout.shape")
         || pattern.starts_with("region.<name>.contact.")
 }
 

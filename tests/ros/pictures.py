@@ -1,4 +1,4 @@
-"""What RViz would get of the node: markers and images, read by rclpy, and frames that don't change, read by Cyclone DDS.
+"""What RViz would get of the node: markers and images, read by rclpy, and frames as tf2 listens to them, read by Cyclone DDS.
 
 pictures.py MESSAGES: prints JSON of the last markers and images after so many of each, and of the frames if some come."""
 import json
@@ -20,6 +20,8 @@ NODE, wanted = "/tactile_pose_fusion", int(sys.argv[1])
 participant = DomainParticipant(0)
 latched = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.Durability.TransientLocal, Policy.History.KeepLast(1))
 frames = DataReader(participant, Topic(participant, "rt/tf_static", messages.TFMessage), qos=latched)
+reliable = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(100))
+moving = DataReader(participant, Topic(participant, "rt/tf", messages.TFMessage), qos=reliable)
 
 rclpy.init()
 node = rclpy.create_node("viewer")
@@ -30,7 +32,8 @@ node.create_subscription(Image, f"{NODE}/index/taxels_image", images.append, QoS
 deadline = time.monotonic() + 15
 while (len(markers) < wanted or len(images) < wanted) and time.monotonic() < deadline:
     rclpy.spin_once(node, timeout_sec=0.05)
-transforms = [transform for message in frames.take(10) for transform in message.transforms]
+of_reader = lambda reader: [transform for message in reader.take(100) for transform in getattr(message, "transforms", [])]
+transforms = of_reader(frames)
 
 
 def seen(marker):
@@ -46,4 +49,5 @@ print(json.dumps({
     "rate_hz": (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else None,
     "images": [{"size": [image.width, image.height], "encoding": image.encoding, "bytes": len(image.data)} for image in images[-1:]],
     "frames": [[transform.header.frame_id, transform.child_frame_id] for transform in transforms],
+    "moving": sorted({transform.child_frame_id for transform in of_reader(moving)}),
 }))

@@ -86,7 +86,7 @@ impl Desk {
             inputs.push(Input { topic, type_name, schema, hash, readings: vec![reading] });
         }
         let type_name = Text::TYPE_NAME.to_owned();
-        listening.hear(SYNTHETIC_TOPIC, TopicType::Known(&type_name), Delivery::Words)?;
+        listening.hear(SYNTHETIC_TOPIC, TopicType::Known(&type_name), Delivery::Reliable)?;
         let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&definitions.tree(&type_name)?));
         let (topic, readings) = (SYNTHETIC_TOPIC.to_owned(), vec![Reading::Synthetic]);
         inputs.push(Input { topic, type_name, schema, hash, readings });

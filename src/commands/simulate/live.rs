@@ -79,7 +79,9 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let of_glove = |topic: &str| place.topic(topic.trim_start_matches('/'));
     let taxels = listening.speak(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
     let tree = args.hand.type_tree();
-    let joints = listening.speak(&of_glove(args.hand.topic())?, TopicType::Defined(&tree), Delivery::Data)?;
+    // Listeners of tf ask for reliable frames.
+    let delivery = if args.hand == HandForm::Transforms { Delivery::Reliable } else { Delivery::Data };
+    let joints = listening.speak(&of_glove(args.hand.topic())?, TopicType::Defined(&tree), delivery)?;
     let under = match spec.conditions.fingers {
         Fingers::Index => vec![None],
         Fingers::All => Finger::ALL.into_iter().map(Some).collect(),
@@ -89,7 +91,7 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
         let topic = truth_topic(finger);
         truth.insert(finger, listening.speak(&topic, known(WrenchStamped::TYPE_NAME), Delivery::Data)?);
     }
-    let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Words)?;
+    let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Reliable)?;
     listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
     let frames = match args.hand {
         HandForm::Transforms => {

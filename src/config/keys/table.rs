@@ -673,7 +673,7 @@ pub static KEYS: &[ParamKey] = &[
         Double(0.0),
         "Taxel reading above the zero that has the strongest colour, in the sensor's unit; 0: the largest of the last seconds",
     )
-    .range(Closed { min: 0.0, max: 1e12 }),
+    .range(Closed { min: 0.0, max: 1e9 }),
     ParamKey::new(
         "visualization.tf",
         Kind::Bool,

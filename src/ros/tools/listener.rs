@@ -43,8 +43,8 @@ pub enum Delivery {
     /// Best effort, the last 100: fast data. Such a subscription matches best effort and reliable publishers.
     Data,
     /// Reliable, everything in order, without waiting for a slow subscriber: for data sent once.
-    Words,
-    /// As `Words`, and late subscribers get the last message.
+    Reliable,
+    /// As `Reliable`, and late subscribers get the last message.
     Latched,
     /// As `Latched`, from several publishers: frames that don't change.
     Frames,
@@ -207,7 +207,7 @@ impl Delivery {
     fn qos(self) -> QosProfile {
         match self {
             Delivery::Data => qos::input_default(),
-            Delivery::Words => reliable_qos(1000, Durability::Volatile),
+            Delivery::Reliable => reliable_qos(1000, Durability::Volatile),
             Delivery::Latched => reliable_qos(1, Durability::TransientLocal),
             Delivery::Frames => qos::frames(),
         }

@@ -91,8 +91,10 @@ export class Hand {
     if (!this.kind) return '';
     const taken = this.kind.name === 'above' && !this.setup.regions.some(KINDS[1].is_there) && this.setup.kind === 'computed'
       ? ' These models take the artifact out of the force, not out of the taxels.' : '';
-    return `${this.kind.hint}${taken} The parameters do not say where taxels lie on the skin: each grid is in the order of the region\u2019s `
-      + 'taxels, row by row.';
+    const guessed = this.setup.regions.some(region => region.n_taxels > 1 && !region.is_layout_told)
+      ? ' The parameters do not say where taxels are on the skin (layout.shape): such a grid is in the order of the region\u2019s taxels, row by row.'
+      : '';
+    return `${this.kind.hint}${taken}${guessed}`;
   }
 
   card(region) {
@@ -171,7 +173,7 @@ export class Hand {
     const is_there = frame && this.kind.is_there(region) && frame.reading?.length === n;
     const values = is_there ? this.kind.values(region, frame) : Array(n).fill(null);
     const [low, high] = this.range(region, values, idx);
-    const columns = Math.ceil(Math.sqrt(n)), rows = Math.ceil(n / columns);
+    const { columns } = region, rows = Math.ceil(n / columns);
     const width = canvas.clientWidth || 160, cell = Math.min(width / columns, 46), height = Math.ceil(cell * rows), scale = devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
       Object.assign(canvas, { width: Math.round(width * scale), height: Math.round(height * scale) });
