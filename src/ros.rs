@@ -17,9 +17,9 @@ pub use node::{
     run, wanted,
 };
 pub use tools::{
-    CallError, Caller, Delivery, Examination, Finding, Heard, HeardTopic, Inputs, Level, Listener, Listening,
-    Monitored, MonitoredRegion, NodeParameter, NotPlayed, PlayedTopic, Player, Request, SpokenTopic, Topic, examine,
-    instead,
+    CallError, Caller, Delivery, Examination, Finding, Incoming, Inputs, Level, Listener, Listening, Monitored,
+    MonitoredRegion, NodeParameter, NotPlayed, PlayedTopic, Player, PublishedTopic, Request, SubscribedTopic, Topic,
+    examine, instead,
 };
 pub use wire::clock::system_now;
 pub use wire::entities::{InputName, Names};

@@ -88,7 +88,7 @@ impl Args {
             let mut bag = read(&recorded.bag())?;
             bag.path = format!("the topics of a live graph, for {} s", self.live.seconds);
             let heading =
-                "Heard on the live graph; the node's own QoS, best effort and volatile, goes with all of these:";
+                "Received on the live graph; the node's own QoS, best effort and volatile, goes with all of these:";
             let told = std::iter::once(heading.to_owned()).chain(recorded.told).collect();
             return Ok(Looked { bags: vec![bag], told });
         }

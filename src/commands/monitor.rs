@@ -46,8 +46,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let place = args.ros.place(NODE)?;
     let mut listening = place.join()?;
-    let heard_contacts = listening.hear(&contacts, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
-    listening.hear("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
+    let contacts_topic = listening.subscribe(&contacts, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
+    listening.subscribe("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
     let mut listener = listening.start()?;
     let mut watched = Monitored::new(&contacts, node.to_string());
     let mut terminal = Terminal::open(args.plain)?;
@@ -55,10 +55,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let started = Instant::now();
     while !interrupt::happened() && limit.is_none_or(|limit| started.elapsed() < limit) {
         let mut next = listener.next(FRAME);
-        while let Some(heard) = next {
-            match heard.cdr {
-                Ok(cdr) if heard.topic == heard_contacts => watched.handle_contacts(&cdr, heard.received),
-                Ok(cdr) => watched.handle_diagnostics(&cdr, heard.received),
+        while let Some(incoming) = next {
+            match incoming.cdr {
+                Ok(cdr) if incoming.topic == contacts_topic => watched.handle_contacts(&cdr, incoming.received),
+                Ok(cdr) => watched.handle_diagnostics(&cdr, incoming.received),
                 Err(text) => watched.unreadable = Some(text),
             }
             next = listener.poll();

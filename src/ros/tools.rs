@@ -11,6 +11,6 @@ mod player;
 pub use caller::{CallError, Caller, NodeParameter, instead};
 pub use doctor::{Examination, Finding, Level, Request, Topic, examine};
 pub use inputs::Inputs;
-pub use listener::{Delivery, Heard, HeardTopic, Listener, Listening, SpokenTopic};
+pub use listener::{Delivery, Incoming, Listener, Listening, PublishedTopic, SubscribedTopic};
 pub use monitored::{Monitored, MonitoredRegion};
 pub use player::{NotPlayed, PlayedTopic, Player};

@@ -16,8 +16,8 @@ use crate::msg::{ContactArray, EstimateTopics, WireType};
 use crate::observer::Observer;
 use crate::ros::environment::Environment;
 use crate::ros::{
-    DIAGNOSTICS_TYPE, Delivery, Heard, HeardTopic, Inputs, Listener, Listening, Monitored, Names, NodeError, TopicType,
-    Watched, input_bindings, system_now, wanted,
+    DIAGNOSTICS_TYPE, Delivery, Incoming, Inputs, Listener, Listening, Monitored, Names, NodeError, SubscribedTopic,
+    TopicType, Watched, input_bindings, system_now, wanted,
 };
 use crate::units::Stamp;
 use crate::zero::{KnownModels, Wanted, from_file};
@@ -42,7 +42,7 @@ pub struct Followed {
     cfg: Config,
     listener: Listener,
     inputs: Inputs,
-    contacts: HeardTopic,
+    contacts: SubscribedTopic,
     watched: Monitored,
     feed: Feed,
     /// `[regions]`: the frames since the last update.
@@ -78,11 +78,11 @@ impl Followed {
         let bindings = input_bindings(&cfg, &names, &definitions)?;
         let wanted = wanted(&cfg, &ParamTree::empty(&cfg.node.to_string()), &names, &bindings)?;
         for (input, (tree, _)) in names.inputs.iter().zip(&bindings) {
-            listening.hear(&input.topic, TopicType::Defined(tree), Delivery::of(input))?;
+            listening.subscribe(&input.topic, TopicType::Defined(tree), Delivery::of(input))?;
         }
         let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
-        let contacts = listening.hear(&topic, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
-        listening.hear("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
+        let contacts = listening.subscribe(&topic, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
+        listening.subscribe("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
         let inputs = Inputs::new(bindings, Watched::new(&cfg, wanted.into_iter().flatten()));
         let (n_regions, n_sources) = (cfg.fusion.regions.len(), cfg.fusion.tactile_sources.len());
         Ok(Followed {
@@ -120,8 +120,8 @@ impl Followed {
         let mut due = Instant::now() + UPDATE;
         while !leave::asked() {
             let mut next = self.listener.next(due.saturating_duration_since(Instant::now()));
-            while let Some(heard) = next {
-                self.handle(&heard);
+            while let Some(incoming) = next {
+                self.handle(&incoming);
                 next = if Instant::now() < due { self.listener.poll() } else { None };
             }
             if Instant::now() >= due {
@@ -131,21 +131,21 @@ impl Followed {
         }
     }
 
-    fn handle(&mut self, heard: &Heard) {
-        if heard.topic < self.contacts {
+    fn handle(&mut self, incoming: &Incoming) {
+        if incoming.topic < self.contacts {
             let (sources, rows) = (&self.cfg.fusion.tactile_sources, &mut self.rows);
-            self.inputs.handle(heard, &mut |event| {
+            self.inputs.handle(incoming, &mut |event| {
                 if let Event::Tactile(TactileBlock { source, values, .. }) = event
                     && let Some(last) = values.rchunks_exact(sources[source.0].n_taxels).next()
                 {
-                    rows[source.0] = Some((last.to_vec(), heard.received));
+                    rows[source.0] = Some((last.to_vec(), incoming.received));
                 }
             });
             return;
         }
-        match &heard.cdr {
-            Ok(cdr) if heard.topic == self.contacts => self.handle_contacts(cdr, heard.received),
-            Ok(cdr) => self.watched.handle_diagnostics(cdr, heard.received),
+        match &incoming.cdr {
+            Ok(cdr) if incoming.topic == self.contacts => self.handle_contacts(cdr, incoming.received),
+            Ok(cdr) => self.watched.handle_diagnostics(cdr, incoming.received),
             Err(text) => self.watched.unreadable = Some(text.clone()),
         }
     }

@@ -168,23 +168,23 @@ fn who_joins_late_costs_nothing_for_what_was_published_before() {
     let join = |name: &str| Listening::join(&NodeName::parse(name).unwrap(), &environment, &[]).unwrap();
     let text = TopicType::Known(Text::TYPE_NAME);
     let mut talker = join("/talker");
-    let topic = talker.speak("/long_lived", text, Delivery::Data).unwrap();
+    let topic = talker.add_publisher("/long_lived", text, Delivery::Data).unwrap();
     let talker = talker.start().unwrap();
     let message = Text { data: "force".to_owned() };
     (0..N_BEFORE).for_each(|_| {
-        talker.say(topic, &message);
+        talker.publish(topic, &message);
     });
     let before = memory_mb(std::process::id());
     let mut reader = join("/readers");
     (0..N_READERS).for_each(|_| {
-        reader.hear("/long_lived", text, Delivery::Data).unwrap();
+        reader.subscribe("/long_lived", text, Delivery::Data).unwrap();
     });
     let reader = reader.start().unwrap();
     let mut heard = BTreeSet::new();
     let deadline = Instant::now() + Duration::from_secs(60);
     while heard.len() < N_READERS {
         assert!(Instant::now() < deadline, "{heard:?} of {N_READERS} readers heard something");
-        talker.say(topic, &message);
+        talker.publish(topic, &message);
         heard.extend(reader.next(Duration::from_millis(20)).map(|heard| heard.topic));
     }
     let after = memory_mb(std::process::id());

@@ -254,7 +254,7 @@ fn a_terminal_that_hangs_takes_no_estimate_and_holds_nobody() {
 fn ears(topic: &str, type_name: &str) -> tactile_pose_fusion::ros::Listener {
     let environment = Environment::from_vars(|_| None, &Enclave::default()).unwrap();
     let mut listening = Listening::join(&NodeName::parse("/ears").unwrap(), &environment, &[]).unwrap();
-    listening.hear(topic, TopicType::Known(type_name), Delivery::Data).unwrap();
+    listening.subscribe(topic, TopicType::Known(type_name), Delivery::Data).unwrap();
     listening.start().unwrap()
 }
 

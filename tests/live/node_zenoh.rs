@@ -12,6 +12,7 @@ use std::process::{Command, Stdio};
 
 use common::bags::write_session;
 use common::skip;
+use common::tpf::Run;
 use node_common::estimates::{assert_equals_replay, replay};
 use node_common::{Live, peer_command, said, write_setup};
 
@@ -117,4 +118,38 @@ fn sigterm_takes_the_node_out_of_the_graph_of_zenoh_at_once() {
     let live = peers.node(&CALIBRATED);
     peers.check(&["leaves", &live.pid().to_string()]);
     live.stop_quietly();
+}
+
+/// The node stands in for the router of its host, so nobody else is needed.
+#[test]
+fn tpf_call_and_doctor_reach_a_node_on_zenoh() {
+    if !skip::isolated() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    write_session(&folder.path().join("session.mcap"), 4);
+    write_setup(folder.path(), "tactile_pose_fusion/msg/TaxelArray", "");
+    let listens = ("ZENOH_CONFIG_OVERRIDE", "listen/endpoints=[\"tcp/localhost:7447\"]");
+    let live = Live::start_with(folder.path(), &CALIBRATED, &[ON_ZENOH[0], listens]);
+    let tpf = |args: &[&str]| -> Run {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
+        command.current_dir(folder.path()).args(args).envs(ON_ZENOH).output().unwrap().into()
+    };
+    assert_eq!(tpf(&["call", "state"]).ok().stdout, "active\n");
+    assert_eq!(tpf(&["call", "deactivate"]).ok().stdout, "inactive\n");
+    let refused = tpf(&["call", "deactivate"]);
+    assert!(refused.failure().contains("is not possible in state inactive"), "{refused:?}");
+    assert!(tpf(&["call", "load", "calibration.yaml"]).ok().stdout.starts_with("in use: "));
+    let set = tpf(&["call", "parameters", "contact.on_frames", "5"]).ok().stdout;
+    assert_eq!(set, "contact.on_frames: 5  # can be set now\n");
+    let refused = tpf(&["call", "calibrate", "--seconds", "1"]);
+    assert!(refused.failure().contains("no angle of its joints came"), "nobody publishes: {refused:?}");
+    let absent = tpf(&["call", "state", "--node", "/left/tactile_pose_fusion", "--wait", "1"]);
+    assert!(absent.failure().ends_with("there is /tactile_pose_fusion; name it with --node"), "{absent:?}");
+    let found = tpf(&["doctor", "--seconds", "2", "--json"]).json();
+    assert_eq!(found["nodes"], serde_json::json!(["/tactile_pose_fusion"]), "{found:#}");
+    let topics = found["topics"].as_array().unwrap();
+    let contacts = topics.iter().find(|topic| topic["name"] == "/tactile_pose_fusion/contacts").unwrap();
+    assert_eq!(contacts["types"][0], "tactile_pose_fusion/msg/ContactArray");
+    live.stop();
 }

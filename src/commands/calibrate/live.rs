@@ -53,7 +53,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     // As the graph of this tool has them: it asks for no more than best effort.
     let wanted = wanted(&cfg, &ParamTree::empty(NODE), &names, &bindings)?;
     for (input, (tree, _)) in names.inputs.iter().zip(&bindings) {
-        listening.hear(&input.topic, TopicType::Defined(tree), Delivery::of(input))?;
+        listening.subscribe(&input.topic, TopicType::Defined(tree), Delivery::of(input))?;
     }
     let mut recorder = match args.touches || live.press.is_asked() {
         true => Some(Recorder::start(&cfg, &names, &definitions, &mut listening)?),
@@ -139,11 +139,11 @@ impl Hand {
         on_event: &mut dyn FnMut(&Event<'_>),
     ) -> Result<(), Failure> {
         press::check_interrupt()?;
-        let Some(heard) = self.listener.next(NAP) else { return Ok(()) };
+        let Some(incoming) = self.listener.next(NAP) else { return Ok(()) };
         if let Some(recorder) = &mut recorder {
-            recorder.handle(&heard)?;
+            recorder.handle(&incoming)?;
         }
-        self.inputs.handle(&heard, &mut |event| {
+        self.inputs.handle(&incoming, &mut |event| {
             if let Some(recorder) = &mut recorder {
                 recorder.handle_event(event);
             }

@@ -13,7 +13,7 @@ use crate::fusion::{Event, Fusion};
 use crate::msg::definition::Definitions;
 use crate::msg::type_hash;
 use crate::recording::ToldTouch;
-use crate::ros::{Delivery, Heard, HeardTopic, Listening, Names, TopicType};
+use crate::ros::{Delivery, Incoming, Listening, Names, SubscribedTopic, TopicType};
 use crate::sessions::{KnownForces, RegionTouches, force_gains};
 use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
 use crate::zero::{Donning, Zero, ZeroFrom};
@@ -119,7 +119,7 @@ impl Recorder {
             known.push(topic);
             let tree = definitions.tree(type_name)?;
             if idx >= names.inputs.len() {
-                listening.hear(topic, TopicType::Defined(&tree), Delivery::Data)?;
+                listening.subscribe(topic, TopicType::Defined(&tree), Delivery::Data)?;
             }
             let schema_text = definitions.schema_text(type_name)?;
             let type_hash = type_hash(&tree);
@@ -131,9 +131,9 @@ impl Recorder {
     }
 
     /// Keeps a message.
-    pub(super) fn handle(&mut self, heard: &Heard) -> Result<(), Failure> {
-        let (HeardTopic(idx), Ok(cdr)) = (heard.topic, &heard.cdr) else { return Ok(()) };
-        Ok(self.bag.write(self.channels[idx], 0, heard.received, heard.received, cdr)?)
+    pub(super) fn handle(&mut self, incoming: &Incoming) -> Result<(), Failure> {
+        let (SubscribedTopic(idx), Ok(cdr)) = (incoming.topic, &incoming.cdr) else { return Ok(()) };
+        Ok(self.bag.write(self.channels[idx], 0, incoming.received, incoming.received, cdr)?)
     }
 
     /// Notes the time of a sample.

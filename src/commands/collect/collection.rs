@@ -37,7 +37,7 @@ enum Phase {
     Going,
 }
 
-/// A collection that goes on: time, what is heard and keys in; prompts, annotations and a recording out.
+/// A collection that goes on: time, messages and keys in; prompts, annotations and a recording out.
 pub(super) struct Collection {
     title: String,
     notes: BTreeMap<String, String>,

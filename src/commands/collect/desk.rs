@@ -1,4 +1,4 @@
-//! Where a collection's data comes together: what is heard, what is told to the graph, what is recorded.
+//! Where a collection's data comes together: what is received, published and recorded.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use crate::msg::definition::Definitions;
 use crate::msg::{Stage, Text, WireType, to_cdr, type_hash};
 use crate::protocol::Annotation;
 use crate::recording::SESSION_NOTES;
-use crate::ros::{Delivery, Heard, InputName, Listener, Names, SpokenTopic, TopicType, input_bindings};
+use crate::ros::{Delivery, Incoming, InputName, Listener, Names, PublishedTopic, TopicType, input_bindings};
 use crate::sim::SYNTHETIC_TOPIC;
 use crate::units::{Newton, Stamp};
 
@@ -26,7 +26,7 @@ enum Reading {
     Synthetic,
 }
 
-/// A topic that is heard and recorded.
+/// A topic that is received and recorded.
 struct Input {
     topic: String,
     type_name: String,
@@ -48,7 +48,7 @@ pub(super) struct Desk {
     cfg: Config,
     inputs: Vec<Input>,
     listener: Listener,
-    stage: SpokenTopic,
+    stage: PublishedTopic,
     pub(super) senses: Senses,
     recording: Option<Recording>,
     /// Messages that could not be read, by topic, and what was wrong with the first.
@@ -65,7 +65,7 @@ impl Desk {
         let mut inputs = Vec::new();
         for (input, (tree, bindings)) in names.inputs.iter().zip(input_bindings(cfg, &names, &definitions)?) {
             let InputName { topic, type_name, .. } = input.clone();
-            listening.hear(&topic, TopicType::Defined(&tree), Delivery::of(input))?;
+            listening.subscribe(&topic, TopicType::Defined(&tree), Delivery::of(input))?;
             let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&tree));
             let readings = bindings.into_iter().map(Reading::Samples).collect();
             inputs.push(Input { topic, type_name, schema, hash, readings });
@@ -80,17 +80,17 @@ impl Desk {
                 input.readings.push(reading);
                 continue;
             }
-            listening.hear(&topic.name, TopicType::Defined(&tree), Delivery::Data)?;
+            listening.subscribe(&topic.name, TopicType::Defined(&tree), Delivery::Data)?;
             let (schema, hash) = (definitions.schema_text(&topic.type_name)?, type_hash(&tree));
             let (topic, type_name) = (topic.name.clone(), topic.type_name.clone());
             inputs.push(Input { topic, type_name, schema, hash, readings: vec![reading] });
         }
         let type_name = Text::TYPE_NAME.to_owned();
-        listening.hear(SYNTHETIC_TOPIC, TopicType::Known(&type_name), Delivery::Reliable)?;
+        listening.subscribe(SYNTHETIC_TOPIC, TopicType::Known(&type_name), Delivery::Reliable)?;
         let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&definitions.tree(&type_name)?));
         let (topic, readings) = (SYNTHETIC_TOPIC.to_owned(), vec![Reading::Synthetic]);
         inputs.push(Input { topic, type_name, schema, hash, readings });
-        let stage = listening.speak(&cfg.stage_topic, TopicType::Known(Stage::TYPE_NAME), Delivery::Latched)?;
+        let stage = listening.add_publisher(&cfg.stage_topic, TopicType::Known(Stage::TYPE_NAME), Delivery::Latched)?;
         Ok(Desk {
             senses: Senses::new(layout(cfg)),
             cfg: cfg.clone(),
@@ -136,7 +136,7 @@ impl Desk {
     pub(super) fn tell(&mut self, annotation: Annotation, now: Stamp) -> Result<(), Failure> {
         let from = annotation.from;
         let message = Stage::from(annotation);
-        self.listener.say(self.stage, &message);
+        self.listener.publish(self.stage, &message);
         let Some(recording) = &mut self.recording else { return Ok(()) };
         let at = now.max(recording.last);
         recording.last = at;
@@ -146,8 +146,8 @@ impl Desk {
     /// Takes what comes until there is nothing left, and waits for it at most so long. Force sensors count from 0.
     pub(super) fn listen(&mut self, wait: Duration, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
         let mut next = self.listener.next(wait);
-        while let Some(heard) = next {
-            self.handle(heard, on_force)?;
+        while let Some(incoming) = next {
+            self.handle(incoming, on_force)?;
             next = self.listener.poll();
         }
         Ok(())
@@ -168,8 +168,8 @@ impl Desk {
         Ok(finished?)
     }
 
-    fn handle(&mut self, heard: Heard, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
-        let Heard { topic, cdr, received } = heard;
+    fn handle(&mut self, incoming: Incoming, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
+        let Incoming { topic, cdr, received } = incoming;
         let input = &mut self.inputs[topic.0];
         let mut unreadable = |text: String| {
             self.unreadable.entry(input.topic.clone()).or_insert_with(|| (0, text)).0 += 1;

@@ -10,7 +10,7 @@ use crate::commands::progress::Progress;
 use crate::commands::{Failure, interrupt, say};
 use crate::msg::definition::Definitions;
 use crate::msg::type_hash;
-use crate::ros::{Delivery, Endpoint, HeardTopic, Listening, TopicType};
+use crate::ros::{Delivery, Endpoint, Listening, SubscribedTopic, TopicType};
 
 /// The node that looks, unless it is given another name.
 const NODE: &str = "/tpf_init";
@@ -83,7 +83,7 @@ pub(super) fn record(args: &LiveArgs, folder: Option<&Path>) -> Result<Recorded,
     let mut bag = BagWriter::create(&recorded.bag(), WriteOptions::default())?;
     let mut seen = Vec::new();
     for endpoint in wanted(found) {
-        match hear(&mut listening, &mut bag, &definitions, &endpoint) {
+        match subscribe(&mut listening, &mut bag, &definitions, &endpoint) {
             Ok(channel) => seen.push(Seen { endpoint, channel, n_messages: 0 }),
             Err(Failure(why)) => say(&format!("not looked at: {}: {}", endpoint.topic, printable(&why))),
         }
@@ -108,11 +108,11 @@ pub(super) fn record(args: &LiveArgs, folder: Option<&Path>) -> Result<Recorded,
             return Err(Failure("interrupted; nothing was written".to_owned()));
         }
         let mut next = listener.next(NAP);
-        while let Some(heard) = next {
-            let HeardTopic(idx) = heard.topic;
-            if let Ok(cdr) = &heard.cdr {
+        while let Some(incoming) = next {
+            let SubscribedTopic(idx) = incoming.topic;
+            if let Ok(cdr) = &incoming.cdr {
                 seen[idx].n_messages += 1;
-                bag.write(seen[idx].channel, 0, heard.received, heard.received, cdr)?;
+                bag.write(seen[idx].channel, 0, incoming.received, incoming.received, cdr)?;
             }
             next = listener.poll();
         }
@@ -186,7 +186,7 @@ fn wanted(found: Vec<Endpoint>) -> Vec<Endpoint> {
 }
 
 /// Subscribes to a topic, and makes its channel in the bag.
-fn hear(
+fn subscribe(
     listening: &mut Listening,
     bag: &mut BagWriter,
     definitions: &Definitions,
@@ -207,7 +207,7 @@ fn hear(
         qos_yaml: BEST_EFFORT_QOS,
         type_hash: &hash,
     })?;
-    listening.hear(topic, TopicType::Defined(&tree), Delivery::Data)?;
+    listening.subscribe(topic, TopicType::Defined(&tree), Delivery::Data)?;
     Ok(channel)
 }
 

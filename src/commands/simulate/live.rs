@@ -77,11 +77,11 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let known = TopicType::Known;
     // In its namespace, so that two gloves can be told apart; the load cell is the room's.
     let of_glove = |topic: &str| place.topic(topic.trim_start_matches('/'));
-    let taxels = listening.speak(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
+    let taxels = listening.add_publisher(&of_glove(TAXELS)?, known(TaxelArray::TYPE_NAME), Delivery::Data)?;
     let tree = args.hand.type_tree();
     // Listeners of tf ask for reliable frames.
     let delivery = if args.hand == HandForm::Transforms { Delivery::Reliable } else { Delivery::Data };
-    let joints = listening.speak(&of_glove(args.hand.topic())?, TopicType::Defined(&tree), delivery)?;
+    let joints = listening.add_publisher(&of_glove(args.hand.topic())?, TopicType::Defined(&tree), delivery)?;
     let under = match spec.conditions.fingers {
         Fingers::Index => vec![None],
         Fingers::All => Finger::ALL.into_iter().map(Some).collect(),
@@ -89,19 +89,19 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
     let mut truth = BTreeMap::new();
     for finger in under {
         let topic = truth_topic(finger);
-        truth.insert(finger, listening.speak(&topic, known(WrenchStamped::TYPE_NAME), Delivery::Data)?);
+        truth.insert(finger, listening.add_publisher(&topic, known(WrenchStamped::TYPE_NAME), Delivery::Data)?);
     }
-    let says = listening.speak(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Reliable)?;
-    listening.hear(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
+    let says = listening.add_publisher(SYNTHETIC_TOPIC, known(Text::TYPE_NAME), Delivery::Reliable)?;
+    listening.subscribe(STAGE, known(Stage::TYPE_NAME), Delivery::Latched)?;
     let frames = match args.hand {
         HandForm::Transforms => {
-            Some(listening.speak(&of_glove(STATIC_FRAMES)?, known(TFMessage::TYPE_NAME), Delivery::Latched)?)
+            Some(listening.add_publisher(&of_glove(STATIC_FRAMES)?, known(TFMessage::TYPE_NAME), Delivery::Latched)?)
         }
         _ => None,
     };
     let listener = listening.start()?;
     if let Some(frames) = frames {
-        listener.say(frames, &static_frames(start));
+        listener.publish(frames, &static_frames(start));
     }
     tell("the data is synthetic: a physical model of a glove on a hand, no recording");
     let (mut n_sent, mut n_late, mut said) = (0_u64, 0_u64, None::<Instant>);
@@ -116,19 +116,21 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
                 continue;
             }
             n_sent += u64::from(match message(&record, args.hand) {
-                Message::Taxels(message) => listener.say(taxels, &message),
+                Message::Taxels(message) => listener.publish(taxels, &message),
                 Message::Hand(message) => {
                     let mut cdr = Vec::new();
                     message.to_cdr_into(&mut cdr);
-                    listener.say_cdr(joints, cdr)
+                    listener.publish_cdr(joints, cdr)
                 }
-                Message::Truth(under, message) => truth.get(&under).is_some_and(|truth| listener.say(*truth, &message)),
+                Message::Truth(under, message) => {
+                    truth.get(&under).is_some_and(|truth| listener.publish(*truth, &message))
+                }
                 Message::Stage(_) => false, // who collects annotates
             });
         }
         if said.is_none_or(|said| said.elapsed() >= SAY_EVERY) {
             said = Some(Instant::now());
-            listener.say(says, &Text { data: format!("synthetic glove {} of tpf simulate", spec.glove_name()) });
+            listener.publish(says, &Text { data: format!("synthetic glove {} of tpf simulate", spec.glove_name()) });
         }
         std::thread::sleep(NAP);
     }
@@ -141,11 +143,11 @@ pub(super) fn run(args: &super::Args) -> Result<Outcome, Failure> {
 }
 
 fn read_prompts(listener: &Listener, session: &mut LiveSession, t_s: f64) {
-    while let Some(heard) = listener.poll() {
-        let Ok(cdr) = heard.cdr else { continue };
+    while let Some(incoming) = listener.poll() {
+        let Ok(cdr) = incoming.cdr else { continue };
         let Ok(Stage { stage, substage, pose, repetition, header, .. }) = from_cdr::<Stage>(&cdr) else { continue };
         // An annotation that is taken back is of a while ago, and asks for nothing now.
-        let age_s = heard.received.nanos_since(header.stamp.into()) as f64 * 1e-9;
+        let age_s = incoming.received.nanos_since(header.stamp.into()) as f64 * 1e-9;
         if age_s < 1.0 {
             session.handle_prompt(&Prompt { stage, substage, pose, repetition }, t_s);
         }

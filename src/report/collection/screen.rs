@@ -8,6 +8,9 @@ use ratatui::widgets::{Block, Gauge, Paragraph, Wrap};
 
 use super::view::{Mood, Row, View};
 
+/// Largest width of the list of what is done: as much as the longest name needs, and a gap.
+const LIST_WIDTH: u16 = 44;
+
 /// Draws a view: prompts in the middle of attention, progress at the left, sensors at the right.
 pub(crate) fn draw(frame: &mut Frame<'_>, view: &View) {
     let notes = (view.notes.len() as u16 + 1).min(frame.area().height / 3);
@@ -29,7 +32,8 @@ pub(crate) fn draw(frame: &mut Frame<'_>, view: &View) {
             .gauge_style(Style::new().fg(colour(view.mood)));
         frame.render_widget(gauge, countdown);
     }
-    let [left, right] = Layout::horizontal([Constraint::Percentage(48), Constraint::Min(38)]).areas(body);
+    let half = (body.width * 12 / 25).min(LIST_WIDTH);
+    let [left, right] = Layout::horizontal([Constraint::Length(half), Constraint::Min(38)]).areas(body);
     draw_progress(frame, left, view);
     draw_sensors(frame, right, view);
     let lines: Vec<Line<'_>> = view.notes.iter().map(|note| Line::from(note.as_str())).collect();
@@ -73,7 +77,10 @@ fn draw_progress(frame: &mut Frame<'_>, area: Rect, view: &View) {
     let line = |row: &Row| {
         let numbers = format!("{:>3}/{:<3}", row.done, row.items);
         let room = width.saturating_sub(numbers.len() + 5);
-        let name: String = row.name.chars().take(room).collect();
+        let name: String = match row.name.chars().count() > room {
+            true => row.name.chars().take(room.saturating_sub(1)).chain(['…']).collect(),
+            false => row.name.clone(),
+        };
         let text = format!("{} {} {name:<room$} {numbers}", if row.is_current { ">" } else { " " }, row.stage);
         match (row.is_current, row.done == row.items) {
             (true, _) => Line::from(text).bold(),

@@ -209,7 +209,7 @@ fn joints(senses: &Senses) -> Vec<Bar> {
                 spread.min.to_degrees(),
                 spread.max.to_degrees()
             ),
-            None => "not heard".to_owned(),
+            None => "no messages".to_owned(),
         };
         let angle = senses.joint(name).unwrap_or(spread.min);
         let part = if spread.span() > 0.0 { (angle - spread.min) / spread.span() } else { 0.0 };

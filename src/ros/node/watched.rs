@@ -8,7 +8,7 @@ use crate::config::Config;
 use crate::fusion::{Event, Fusion, JointSource, SourceFault, TactileSource, TactileSourceIdx};
 use crate::msg::AngleWatch;
 use crate::msg::binding::SampleBinding;
-use crate::ros::wire::graph::{Endpoint, Wanted, why_unheard};
+use crate::ros::wire::graph::{Endpoint, Wanted, why_not_received};
 use crate::ros::wire::middleware::Neighbours;
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
@@ -214,7 +214,7 @@ impl Watched {
             );
             problems.push(Problem { kind: "publishers", text });
         }
-        let unheard = offers.iter().find_map(|(topic, qos)| why_unheard(topic, qos, &self.subscriptions));
+        let unheard = offers.iter().find_map(|(topic, qos)| why_not_received(topic, qos, &self.subscriptions));
         problems.extend(unheard.map(|text| Problem { kind: "subscribers", text }));
         problems
     }

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use self::clock::ClockWatch;
 use self::subject::Subject;
-use super::listener::{Delivery, HeardTopic, Listener, Listening};
+use super::listener::{Delivery, Listener, Listening, SubscribedTopic};
 use super::monitored::Monitored;
 use crate::config::{Config, NodeName, ParamTree};
 use crate::leave;
@@ -167,10 +167,10 @@ pub fn examine(request: Request<'_>) -> Result<Examination, NodeError> {
     let mut monitored = Vec::new();
     for node in own {
         let contacts = format!("{node}/contacts");
-        let heard = listening.hear(&contacts, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
-        monitored.push((heard, node.to_owned(), Monitored::new(&contacts, node.to_owned())));
+        let incoming = listening.subscribe(&contacts, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
+        monitored.push((incoming, node.to_owned(), Monitored::new(&contacts, node.to_owned())));
     }
-    let diagnostics = listening.hear("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
+    let diagnostics = listening.subscribe("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
     let duration = if subject.is_some() { duration.max(LEAST) } else { duration };
     let mut listener = listen(listening.start()?, subject.as_mut(), duration, &mut clock, |topic, cdr| {
         for (contacts, _, node) in &mut monitored {
@@ -199,7 +199,7 @@ fn listen(
     mut subject: Option<&mut Subject>,
     duration: Duration,
     clock: &mut ClockWatch,
-    mut on_heard: impl FnMut(HeardTopic, &[u8]),
+    mut on_incoming: impl FnMut(SubscribedTopic, &[u8]),
 ) -> Listener {
     let began = Instant::now();
     while began.elapsed() < duration && !leave::asked() {
@@ -208,12 +208,12 @@ fn listen(
             subject.judge(&listener);
         }
         let mut next = listener.next(NAP);
-        while let Some(heard) = next {
+        while let Some(incoming) = next {
             if let Some(subject) = &mut subject {
-                subject.handle(&heard);
+                subject.handle(&incoming);
             }
-            if let Ok(cdr) = &heard.cdr {
-                on_heard(heard.topic, cdr);
+            if let Ok(cdr) = &incoming.cdr {
+                on_incoming(incoming.topic, cdr);
             }
             next = listener.poll();
         }

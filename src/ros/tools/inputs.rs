@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use super::listener::{Heard, HeardTopic, Listener};
+use super::listener::{Incoming, Listener, SubscribedTopic};
 use crate::config::Config;
 use crate::fusion::{Estimate, Event, Fusion};
 use crate::msg::binding::SampleBinding;
@@ -29,15 +29,15 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Inputs that a listener hears as its first topics.
+    /// Inputs that are the first topics of a listener.
     pub fn new(bindings: Vec<(TypeTree, Vec<SampleBinding>)>, watched: Watched) -> Self {
         let (began, judged) = (Instant::now(), Duration::ZERO);
         Inputs { bindings, watched, began, judged, wrong: BTreeMap::new() }
     }
 
     /// Reads a message for every source that it is for.
-    pub fn handle(&mut self, heard: &Heard, on_event: &mut dyn FnMut(&Event<'_>)) {
-        let Heard { topic: HeardTopic(input), cdr: Ok(cdr), received } = heard else { return };
+    pub fn handle(&mut self, incoming: &Incoming, on_event: &mut dyn FnMut(&Event<'_>)) {
+        let Incoming { topic: SubscribedTopic(input), cdr: Ok(cdr), received } = incoming else { return };
         for binding in self.bindings.get_mut(*input).into_iter().flat_map(|(_, bindings)| bindings) {
             let source = self.watched.source_of(binding);
             let decoded = binding.decode(cdr, *received);

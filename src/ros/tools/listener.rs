@@ -31,11 +31,11 @@ const LISTEN_LIMIT: Duration = Duration::from_millis(300);
 
 /// Index of a subscribed topic, in the order of subscribing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct HeardTopic(pub usize);
+pub struct SubscribedTopic(pub usize);
 
 /// Index of a published topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SpokenTopic(usize);
+pub struct PublishedTopic(usize);
 
 /// How a topic's messages are delivered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,9 +52,9 @@ pub enum Delivery {
 
 /// A received message.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Heard {
+pub struct Incoming {
     /// Its topic.
-    pub topic: HeardTopic,
+    pub topic: SubscribedTopic,
     /// The message in CDR, or the reason why there is none.
     pub cdr: Result<Vec<u8>, String>,
     /// Receipt time, by the system clock.
@@ -74,7 +74,7 @@ pub struct Listening {
 pub struct Listener {
     graph: Graph,
     publishers: Vec<Publisher>,
-    heard: Receiver<Heard>,
+    incoming: Receiver<Incoming>,
     missed: Arc<AtomicU64>,
     stop: oneshot::Sender<()>,
     thread: std::thread::JoinHandle<()>,
@@ -117,20 +117,30 @@ impl Listening {
     ///
     /// # Errors
     /// [`NodeError`] when the middleware refuses it.
-    pub fn hear(&mut self, topic: &str, ty: TopicType<'_>, delivery: Delivery) -> Result<HeardTopic, NodeError> {
+    pub fn subscribe(
+        &mut self,
+        topic: &str,
+        ty: TopicType<'_>,
+        delivery: Delivery,
+    ) -> Result<SubscribedTopic, NodeError> {
         let topic = remap::name(&self.remaps, &self.node, NameKind::Topic, topic)?;
         self.subscriptions.push(self.graph.subscription(&topic, ty, &delivery.qos())?);
-        Ok(HeardTopic(self.subscriptions.len() - 1))
+        Ok(SubscribedTopic(self.subscriptions.len() - 1))
     }
 
     /// Publishes a topic by its absolute name before remapping.
     ///
     /// # Errors
     /// [`NodeError`] when the middleware refuses it.
-    pub fn speak(&mut self, topic: &str, ty: TopicType<'_>, delivery: Delivery) -> Result<SpokenTopic, NodeError> {
+    pub fn add_publisher(
+        &mut self,
+        topic: &str,
+        ty: TopicType<'_>,
+        delivery: Delivery,
+    ) -> Result<PublishedTopic, NodeError> {
         let topic = remap::name(&self.remaps, &self.node, NameKind::Topic, topic)?;
         self.publishers.push(self.graph.publisher(&topic, ty, &delivery.qos())?);
-        Ok(SpokenTopic(self.publishers.len() - 1))
+        Ok(PublishedTopic(self.publishers.len() - 1))
     }
 
     /// Starts listening.
@@ -139,25 +149,25 @@ impl Listening {
     /// [`NodeError`] when no thread can be started.
     pub fn start(self) -> Result<Listener, NodeError> {
         let Listening { graph, subscriptions, publishers, .. } = self;
-        let (sender, heard) = sync_channel(CAPACITY);
+        let (sender, incoming) = sync_channel(CAPACITY);
         let (stop, stopped) = oneshot::channel();
         let missed = Arc::new(AtomicU64::new(0));
         let (runtime, counter) = (runtime()?, Arc::clone(&missed));
         let work = move || runtime.block_on(listen(&subscriptions, &sender, &counter, stopped));
         let thread = threads::spawn("listen", work)?;
-        Ok(Listener { graph, publishers, heard, missed, stop, thread })
+        Ok(Listener { graph, publishers, incoming, missed, stop, thread })
     }
 }
 
 impl Listener {
     /// The next message; waits for it up to this limit.
-    pub fn next(&self, timeout: Duration) -> Option<Heard> {
-        self.heard.recv_timeout(timeout).ok()
+    pub fn next(&self, timeout: Duration) -> Option<Incoming> {
+        self.incoming.recv_timeout(timeout).ok()
     }
 
     /// The messages that have already arrived.
-    pub fn poll(&self) -> Option<Heard> {
-        self.heard.try_recv().ok()
+    pub fn poll(&self) -> Option<Incoming> {
+        self.incoming.try_recv().ok()
     }
 
     /// Messages that were dropped because the reader was too far behind.
@@ -166,12 +176,12 @@ impl Listener {
     }
 
     /// Publishes a message; true if everyone who should get it was sent it.
-    pub fn say<M: WireType>(&self, topic: SpokenTopic, message: &M) -> bool {
-        self.say_cdr(topic, to_cdr(message))
+    pub fn publish<M: WireType>(&self, topic: PublishedTopic, message: &M) -> bool {
+        self.publish_cdr(topic, to_cdr(message))
     }
 
-    /// As [`say`](Self::say), for a message in little-endian CDR.
-    pub fn say_cdr(&self, topic: SpokenTopic, cdr: Vec<u8>) -> bool {
+    /// As [`publish`](Self::publish), for a message in little-endian CDR.
+    pub fn publish_cdr(&self, topic: PublishedTopic, cdr: Vec<u8>) -> bool {
         self.publishers[topic.0].publish(cdr).is_ok()
     }
 
@@ -216,14 +226,14 @@ impl Delivery {
 
 async fn listen(
     subscriptions: &[Subscription],
-    sender: &SyncSender<Heard>,
+    sender: &SyncSender<Incoming>,
     missed: &AtomicU64,
     stopped: oneshot::Receiver<()>,
 ) {
     let streams = subscriptions
         .iter()
         .enumerate()
-        .map(|(idx, subscription)| subscription.arrivals().map(move |arrival| (HeardTopic(idx), arrival)));
+        .map(|(idx, subscription)| subscription.arrivals().map(move |arrival| (SubscribedTopic(idx), arrival)));
     let mut arrivals = futures::stream::select_all(streams);
     let mut stopped = stopped;
     loop {
@@ -231,11 +241,11 @@ async fn listen(
             biased;
             _ = &mut stopped => return,
             Some((topic, arrival)) = arrivals.next() => {
-                let heard = match arrival {
-                    Ok(arrival) => Heard { topic, cdr: Ok(arrival.cdr), received: arrival.received },
-                    Err(fault) => Heard { topic, cdr: Err(fault.text), received: crate::ros::wire::clock::system_now() },
+                let incoming = match arrival {
+                    Ok(arrival) => Incoming { topic, cdr: Ok(arrival.cdr), received: arrival.received },
+                    Err(fault) => Incoming { topic, cdr: Err(fault.text), received: crate::ros::wire::clock::system_now() },
                 };
-                if sender.try_send(heard).is_err() {
+                if sender.try_send(incoming).is_err() {
                     missed.fetch_add(1, Ordering::Relaxed);
                 }
             }

@@ -9,13 +9,13 @@ use crate::units::{NANOS_PER_SEC, Stamp};
 /// Over how long rates and latencies are told, ns.
 const SPAN_NS: i64 = 2 * NANOS_PER_SEC;
 
-/// A region that was not heard of for so long is stale, s.
+/// A region without contacts for so long is stale, s.
 const SILENT_S: f64 = 0.5;
 
 /// Diagnostics that are older than this are no longer true, s.
 const LATE_S: f64 = 2.5;
 
-/// A region as it was last heard of.
+/// A region in the last contacts that had it.
 #[derive(Debug, Clone)]
 pub struct MonitoredRegion {
     /// Its newest state.
@@ -30,7 +30,7 @@ pub struct MonitoredRegion {
     pub n_onsets: u64,
 }
 
-/// Contacts and diagnostics that were heard from a node.
+/// Contacts and diagnostics of a node.
 #[derive(Debug, Clone)]
 pub struct Monitored {
     /// The topic with its contacts.
@@ -49,7 +49,7 @@ pub struct Monitored {
 }
 
 impl Monitored {
-    /// Nothing was heard yet of a node with contacts on `topic`.
+    /// Nothing has come yet from a node with contacts on `topic`.
     pub fn new(topic: &str, node: String) -> Self {
         Monitored {
             topic: topic.to_owned(),
@@ -120,7 +120,7 @@ impl Monitored {
         Some((at(0.5)?, at(0.99)?))
     }
 
-    /// True if a region was not heard of for a while.
+    /// True if no contacts had a region for a while.
     pub fn is_silent(&self, region: &MonitoredRegion, now: Stamp) -> bool {
         now.nanos_since(region.received) as f64 > SILENT_S * NANOS_PER_SEC as f64
     }

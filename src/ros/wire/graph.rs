@@ -149,7 +149,7 @@ impl Wanted {
 /// Warning that a subscription to our messages gets nothing, because it requests more than is offered.
 ///
 /// `offered`: QoS of our publisher of `topic`.
-pub fn why_unheard(topic: &str, offered: &QosProfile, subscriptions: &[Endpoint]) -> Option<String> {
+pub fn why_not_received(topic: &str, offered: &QosProfile, subscriptions: &[Endpoint]) -> Option<String> {
     let on_topic = subscriptions.iter().filter(|endpoint| endpoint.topic == topic);
     let (policy, why) = on_topic.filter_map(|endpoint| incompatible(offered, &endpoint.qos)).next()?;
     Some(format!(
@@ -260,9 +260,9 @@ mod tests {
     #[test]
     fn a_subscriber_that_asks_for_more_than_is_offered_is_told() {
         let asks = [publisher("/contacts", "a/msg/C", reliable())];
-        let text = why_unheard("/contacts", &qos(), &asks).unwrap();
+        let text = why_not_received("/contacts", &qos(), &asks).unwrap();
         assert!(text.contains("qos_overrides./contacts.publisher.reliability"), "{text}");
-        assert_eq!(why_unheard("/contacts", &reliable(), &asks), None);
-        assert_eq!(why_unheard("/other", &qos(), &asks), None);
+        assert_eq!(why_not_received("/contacts", &reliable(), &asks), None);
+        assert_eq!(why_not_received("/other", &qos(), &asks), None);
     }
 }

@@ -17,8 +17,6 @@ use ros2_client::{Message, QosProfile};
 
 use super::environment::{Environment, Middleware};
 use super::error::NodeError;
-#[cfg(feature = "zenoh")]
-use super::error::create;
 use super::graph::{Around, Endpoint};
 use crate::config::NodeName;
 use crate::msg::definition::TypeTree;
@@ -227,7 +225,7 @@ impl Participant {
         match self {
             Participant::Dds(participant) => participant.around(),
             #[cfg(feature = "zenoh")]
-            Participant::Zenoh(_) => Err(not_on_zenoh("the nodes of a graph")),
+            Participant::Zenoh(participant) => Ok(participant.around()),
         }
     }
 
@@ -309,7 +307,7 @@ impl Participant {
         match self {
             Participant::Dds(participant) => participant.client(service, type_name, qos),
             #[cfg(feature = "zenoh")]
-            Participant::Zenoh(_) => Err(not_on_zenoh(service)),
+            Participant::Zenoh(participant) => participant.client(service, type_name, qos),
         }
     }
 
@@ -318,13 +316,7 @@ impl Participant {
         match self {
             Participant::Dds(participant) => participant.action_client(action, qos),
             #[cfg(feature = "zenoh")]
-            Participant::Zenoh(_) => Err(not_on_zenoh(action)),
+            Participant::Zenoh(participant) => participant.action_client(action, qos),
         }
     }
-}
-
-/// The error of an action that tools can't do on Zenoh yet.
-#[cfg(feature = "zenoh")]
-fn not_on_zenoh(what: &str) -> NodeError {
-    create(what, &"tools reach it on DDS only; on Zenoh use ros2 service, ros2 action and ros2 node")
 }

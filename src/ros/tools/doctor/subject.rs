@@ -6,7 +6,7 @@ use std::path::Path;
 use ros2_client::QosProfile;
 
 use super::super::inputs::Inputs;
-use super::super::listener::{Delivery, Heard, Listener, Listening};
+use super::super::listener::{Delivery, Incoming, Listener, Listening};
 use super::{Finding, Level};
 use crate::config::{Config, ParamTree};
 use crate::fusion::{Event, Fusion};
@@ -18,7 +18,7 @@ use crate::ros::wire::args::{RosArgs, Severity};
 use crate::ros::wire::entities::Names;
 use crate::ros::wire::environment::Environment;
 use crate::ros::wire::error::NodeError;
-use crate::ros::wire::graph::{Around, Endpoint, Wanted, incompatible, why_unheard};
+use crate::ros::wire::graph::{Around, Endpoint, Wanted, incompatible, why_not_received};
 use crate::ros::wire::middleware::TopicType;
 use crate::ros::wire::qos::{self, Side};
 use crate::units::NANOS_PER_SEC;
@@ -110,16 +110,16 @@ impl Subject {
     /// Subscribes to the inputs, before anything else is subscribed to.
     pub(super) fn listen(&self, listening: &mut Listening) -> Result<(), NodeError> {
         for (input, ty) in self.names.inputs.iter().zip(&self.types) {
-            listening.hear(&input.topic, TopicType::Defined(ty), Delivery::Data)?;
+            listening.subscribe(&input.topic, TopicType::Defined(ty), Delivery::Data)?;
         }
         Ok(())
     }
 
     /// Takes a message, as the node would.
-    pub(super) fn handle(&mut self, heard: &Heard) {
+    pub(super) fn handle(&mut self, incoming: &Incoming) {
         let Subject { cfg, core, inputs, seen, .. } = self;
         let mut estimates = Vec::new();
-        inputs.handle(heard, &mut |event| {
+        inputs.handle(incoming, &mut |event| {
             seen.handle(event, cfg);
             if let Some(fusion) = core {
                 fusion.handle(*event);
@@ -193,7 +193,7 @@ impl Subject {
                 Finding::new(&part, level, text.clone())
             })
             .collect();
-        // This tool asks for less than the node may, so it hears what the node would not.
+        // This tool asks for less than the node may, so it gets what the node would not.
         let of_type = |other: &&Endpoint| other.topic == wanted.topic && other.type_name == wanted.type_name;
         let mut publishers = around.publishers.iter().filter(of_type).peekable();
         if publishers.peek().is_some() && publishers.all(|other| incompatible(&other.qos, &wanted.qos).is_some()) {
@@ -269,7 +269,8 @@ impl Subject {
         };
         for (idx, (topic, qos)) in self.offers.iter().enumerate() {
             findings.extend(
-                why_unheard(topic, qos, &around.subscriptions).map(|text| Finding::new("names", Level::Warning, text)),
+                why_not_received(topic, qos, &around.subscriptions)
+                    .map(|text| Finding::new("names", Level::Warning, text)),
             );
             let other = around.subscriptions.iter().find(|sub| sub.topic == *topic && sub.type_name != type_of(idx));
             findings.extend(other.map(|sub| {

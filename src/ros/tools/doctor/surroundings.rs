@@ -71,7 +71,7 @@ pub(super) fn examine(around: &Around, domain_id: u16) -> Vec<Finding> {
     let n_before = findings.len();
     findings.extend(topics.iter().filter(|topic| topic.types.len() > 1).map(|topic| {
         let text = format!(
-            "{} has several types, {}: nodes with different types don't hear each other; correct the type or the name in one of them",
+            "{} has several types, {}: nodes with different types get nothing from each other; correct the type or the name in one of them",
             topic.name,
             topic.types.join(" and ")
         );

@@ -4,6 +4,7 @@
 //! # Source
 //! docs/design.md of rmw_zenoh.
 
+mod client;
 mod config;
 mod hashes;
 mod keys;
@@ -20,13 +21,17 @@ use ros2_client::action_msgs::GoalStatusArray;
 use ros2_client::{Message, QosProfile};
 use serde::Serialize;
 
-use self::keys::{Kind, NodeKeys};
-use super::{Action, ActionQos, LEAVE, Publish, Publisher, Pulse, Requests, Sender, Subscription, TopicType};
+use self::keys::{Kind, NodeKeys, Token};
+use super::{
+    Action, ActionClient, ActionQos, Client, LEAVE, Publish, Publisher, Pulse, Requests, Sender, Subscription,
+    TopicType,
+};
 use crate::config::NodeName;
 use crate::msg::{CalibrateFeedback, encode, type_hash};
 use crate::ros::wire::environment::ZenohVars;
 use crate::ros::wire::error::NodeError;
 use crate::ros::wire::error::create;
+use crate::ros::wire::graph::{Around, Endpoint, Server};
 use crate::ros::wire::threads;
 
 /// How long a session may take to reach the router of its host before a note is logged.
@@ -139,6 +144,60 @@ impl Participant {
             feedback: sender::<FeedbackMessage<CalibrateFeedback>>(feedback),
             status: sender::<GoalStatusArray>(status),
         })
+    }
+
+    pub(super) fn client<Q, A>(
+        &mut self,
+        service: &str,
+        type_name: &str,
+        qos: &QosProfile,
+    ) -> Result<Client<Q, A>, NodeError>
+    where
+        Q: Message + 'static,
+        A: Message + 'static,
+    {
+        let entity = self.topic(Kind::Client, service, TopicType::Known(type_name), qos)?;
+        let servers = self.keys.servers(service);
+        Ok(client::of_service(&self.session, entity, servers))
+    }
+
+    pub(super) fn action_client(&mut self, action: &str, qos: &ActionQos) -> Result<ActionClient, NodeError> {
+        let part = |name: &str| format!("{action}/_action/{name}");
+        let own = |name: &str| format!("tactile_pose_fusion/action/Calibrate_{name}");
+        let feedback_type = own("FeedbackMessage");
+        let feedback = self.subscription(&part("feedback"), TopicType::Known(&feedback_type), &qos.feedback)?;
+        let servers = self.keys.servers(&part("send_goal"));
+        let mut entity =
+            |name: &str, type_name: &str| self.topic(Kind::Client, name, TopicType::Known(type_name), &qos.services);
+        let goals = (entity(&part("send_goal"), &own("SendGoal"))?, servers);
+        let cancels = entity(&part("cancel_goal"), "action_msgs/srv/CancelGoal")?;
+        let results = entity(&part("get_result"), &own("GetResult"))?;
+        Ok(client::of_action(&self.session, goals, cancels, results, feedback))
+    }
+
+    /// The other sessions' nodes and entities, by the tokens that are alive.
+    pub(super) fn around(&self) -> Around {
+        let own = self.session.zid().to_string();
+        let mut around = Around::default();
+        for token in client::tokens(&self.session, &self.keys.all()) {
+            let endpoint = |token: Token| Endpoint {
+                topic: token.name,
+                type_name: token.type_name,
+                type_hash: Some(token.hash),
+                qos: token.qos,
+            };
+            match Token::parse(&token).filter(|token| token.session != own) {
+                Some(token) if token.kind == "NN" => around.nodes.push(token.node),
+                Some(token) if token.kind == "MP" => around.publishers.push(endpoint(token)),
+                Some(token) if token.kind == "MS" => around.subscriptions.push(endpoint(token)),
+                Some(Token { kind, name, type_name, .. }) if kind == "SS" => {
+                    around.servers.push(Server { service: name, type_name });
+                }
+                _ => {}
+            }
+        }
+        around.nodes.sort_unstable();
+        around
     }
 
     /// Puts an entity into the graph.

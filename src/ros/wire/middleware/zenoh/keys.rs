@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ros2_client::QosProfile;
-use ros2_client::qos::{Durability, History, Liveliness, Reliability};
+use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 use xxhash_rust::xxh3::xxh3_128;
 
 /// The enclave of a node without security.
@@ -15,6 +15,7 @@ pub(super) enum Kind {
     Publisher,
     Subscription,
     Server,
+    Client,
 }
 
 /// The keys of one node and of its entities.
@@ -51,15 +52,55 @@ impl NodeKeys {
             Kind::Publisher => "MP",
             Kind::Subscription => "MS",
             Kind::Server => "SS",
+            Kind::Client => "SC",
         };
         let NodeKeys { domain_id, session, node } = self;
         let (name, ty, qos) = (mangled(name), dds_type(type_name), qos_text(qos));
         format!("@ros2_lv/{domain_id}/{session}/0/{id}/{kind}/{node}/{name}/{ty}/{hash}/{qos}")
     }
 
+    /// The key expression of all tokens of this domain.
+    pub(super) fn all(&self) -> String {
+        format!("@ros2_lv/{}/**", self.domain_id)
+    }
+
+    /// The key expression of the tokens of a service's servers.
+    pub(super) fn servers(&self, service: &str) -> String {
+        format!("@ros2_lv/{}/*/*/*/SS/*/*/*/{}/**", self.domain_id, mangled(service))
+    }
+
     /// The key of a topic's messages, or of a service's requests.
     pub(super) fn data(&self, name: &str, type_name: &str, hash: &str) -> String {
         format!("{}/{}/{}/{hash}", self.domain_id, name.trim_matches('/'), dds_type(type_name))
+    }
+}
+
+/// What a liveliness token tells.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Token {
+    pub(super) session: String,
+    /// NN for a node, MP, MS, SS or SC for its entities.
+    pub(super) kind: String,
+    /// Full name of the node.
+    pub(super) node: String,
+    /// Absolute name of the topic or service; empty for a node, as all below.
+    pub(super) name: String,
+    pub(super) type_name: String,
+    pub(super) hash: String,
+    pub(super) qos: QosProfile,
+}
+
+impl Token {
+    /// Reads a token; `None` if the text is not one.
+    pub(super) fn parse(token: &str) -> Option<Self> {
+        let mut parts = token.strip_prefix("@ros2_lv/")?.split('/');
+        let session = parts.nth(1)?.to_owned();
+        let kind = parts.nth(2)?.to_owned();
+        let (namespace, node) = (named(parts.nth(1)?), parts.next()?);
+        let mut rest = || parts.next().unwrap_or_default();
+        let (name, type_name, hash, qos) = (named(rest()), ros_type(rest()), rest().to_owned(), qos_of(rest()));
+        let node = format!("{}/{node}", namespace.trim_end_matches('/'));
+        Some(Token { session, kind, node, name, type_name, hash, qos })
     }
 }
 
@@ -102,6 +143,17 @@ fn mangled(name: &str) -> String {
     name.replace('/', "%")
 }
 
+/// The name in a part of a key.
+fn named(part: &str) -> String {
+    part.replace('%', "/")
+}
+
+/// A type by its name in DDS.
+fn ros_type(dds: &str) -> String {
+    let parts: Vec<&str> = dds.split("::").filter(|part| *part != "dds_").collect();
+    parts.join("/").trim_end_matches('_').to_owned()
+}
+
 /// A type as DDS names it: `std_msgs/msg/String` is `std_msgs::msg::dds_::String_`.
 fn dds_type(type_name: &str) -> String {
     let (folder, name) = type_name.rsplit_once('/').unwrap_or(("", type_name));
@@ -131,6 +183,32 @@ fn qos_text(qos: &QosProfile) -> String {
     };
     let (deadline, lifespan, lease) = (span(qos.deadline), span(qos.lifespan), span(qos.liveliness_lease));
     format!("{reliability}:{durability}:{history}:{deadline}:{lifespan}:{liveliness},{lease}")
+}
+
+/// The policies in a token. What it leaves out is rmw_zenoh's default.
+fn qos_of(text: &str) -> QosProfile {
+    let mut parts = text.split(':');
+    let mut next = || parts.next().unwrap_or_default();
+    let (reliability, durability, history) = (next(), next(), next());
+    let span = |text: &str| {
+        let (seconds, nanos) = text.split_once(',')?;
+        Some(Duration::new(seconds.parse().ok()?, nanos.parse().ok()?))
+    };
+    let (deadline, lifespan) = (span(next()), span(next()));
+    let (liveliness, lease) = next().split_once(',').unwrap_or_default();
+    let depth = history.split_once(',').and_then(|(_, depth)| depth.parse().ok()).unwrap_or(42);
+    QosProfile {
+        reliability: match reliability {
+            "2" => Reliability::BestEffort,
+            _ => Reliability::Reliable { when_full: WhenFull::Fail },
+        },
+        durability: if durability == "1" { Durability::TransientLocal } else { Durability::Volatile },
+        history: if history.starts_with('2') { History::KeepAll } else { History::KeepLast { depth } },
+        deadline,
+        lifespan,
+        liveliness: if liveliness == "3" { Liveliness::ManualByTopic } else { Liveliness::Automatic },
+        liveliness_lease: span(lease),
+    }
 }
 
 #[cfg(test)]
@@ -182,6 +260,29 @@ mod tests {
             ..QosProfile::subscription_default()
         };
         assert_eq!(qos_text(&qos), "2:1:2,0:,:10,5:,,");
+    }
+
+    #[test]
+    fn a_token_is_read_as_it_was_written() {
+        let keys = NodeKeys::new(3, SESSION, "/left/hand", "talker");
+        let node = Token::parse(&keys.node()).unwrap();
+        assert_eq!(
+            (node.kind.as_str(), node.node.as_str(), node.session.as_str()),
+            ("NN", "/left/hand/talker", SESSION)
+        );
+        let qos = QosProfile {
+            lifespan: Some(Duration::new(10, 5)),
+            durability: Durability::TransientLocal,
+            ..QosProfile::subscription_default()
+        };
+        for qos in [qos, reliable_qos(7, Durability::Volatile)] {
+            let token = keys.entity(4, Kind::Publisher, "/a/chatter", "std_msgs/msg/String", STRING_HASH, &qos);
+            let found = Token::parse(&token).unwrap();
+            assert_eq!((found.kind.as_str(), found.name.as_str()), ("MP", "/a/chatter"));
+            assert_eq!((found.type_name.as_str(), found.hash.as_str()), ("std_msgs/msg/String", STRING_HASH));
+            assert_eq!(found.qos, qos);
+        }
+        assert_eq!(Token::parse("@ros2_lv/0/x"), None);
     }
 
     #[test]
