@@ -39,6 +39,10 @@
 //! # }
 //! ```
 //!
+//! After the last sample, [`Fusion::handle_end`](fusion::Fusion::handle_end) lets the frames that still wait come out of
+//! `poll`. An adaptive model also needs the artifact of the donning ([`zero::Zero::install`]). Without it, the mean
+//! artifact of the training donnings is removed and not followed.
+//!
 //! # A recording
 //!
 //! [`replay`] runs a bag through the same core, and passes on the estimates frame by frame or writes them to another
@@ -100,11 +104,14 @@
 //!
 //! # Where to find things
 //!
-//! - [`zero`] decides the zero of the forces, for bags and for the live node.
+//! - [`zero`] decides the zero of the forces, for bags and for the live node. Its limits are the parameters
+//!   `calibration.*`.
 //! - The estimate of a region is a [`fusion::Estimate`]. Its [`fusion::Flags`] give the reasons not to trust it. A
-//!   [`fusion::Tick`] has the estimates of one frame.
+//!   [`fusion::Tick`] has the estimates of one frame of one tactile source. [`msg::Outgoing`] turns it into ROS
+//!   messages.
 //! - `tpf replay` calls [`replay::run`], `tpf train` `training::run`, and `tpf run` `ros::run`. `tpf eval` calls
-//!   [`evaluate::run_with`], which is [`evaluate::run`] with the frames of each session. Without `--whole`, it scores
+//!   [`evaluate::run_with`], which is [`evaluate::run`] with the frames of each session, or with `--partial`
+//!   [`evaluate::run_partial`]. Without `--whole`, it scores
 //!   the test part only. A [`evaluate::Request::new`] scores every frame. The program `tpf` is in `commands` (feature
 //!   `cli`), which uses the library like any other program.
 //! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in

@@ -67,11 +67,13 @@ pub struct Donning {
 }
 
 impl Donning {
-    /// The artifacts of a core as they are now, and its force gains. Baselines are left out.
+    /// The baselines of a core, its artifacts as they are now, and its force gains. No baselines if one is missing.
     pub fn of(fusion: &Fusion) -> Self {
         let regions = || 0..fusion.config().regions.len();
+        let sources = 0..fusion.config().tactile_sources.len();
+        let baselines: Option<_> = sources.map(|idx| fusion.baseline(TactileSourceIdx(idx)).cloned()).collect();
         Donning {
-            baselines: Vec::new(),
+            baselines: baselines.unwrap_or_default(),
             artifacts: regions().map(|idx| fusion.artifact(idx).and_then(ArtifactFilter::fit)).collect(),
             force_gains: regions().map(|idx| fusion.force_gain(idx).copied()).collect(),
         }

@@ -98,6 +98,8 @@ impl TruthSource {
 pub struct CalibrationConfig {
     /// File of the calibration, if there is one.
     pub file: Option<PathBuf>,
+    /// File in which the node keeps the calibration in use, as it is followed.
+    pub worn_file: Option<PathBuf>,
     /// Duration of a live calibration.
     pub duration: Duration,
     /// Shortest unloaded data that is enough; at most `duration`.
@@ -283,8 +285,14 @@ fn calibration(reader: &Reader<'_>) -> Result<CalibrationConfig, ConfigError> {
         let problem = format!("s must be at most calibration.duration_s = {duration_s:?} s");
         return Err(reader.refused_either("calibration.min_s", "calibration.duration_s", &problem));
     }
+    let (file, worn_file) = (reader.path("calibration.file")?, reader.path_here("calibration.worn_file")?);
+    if worn_file.is_some() && worn_file == file {
+        let problem = "is the file of the calibration, which would be lost; choose another name";
+        return Err(reader.refused("calibration.worn_file", problem));
+    }
     Ok(CalibrationConfig {
-        file: reader.path("calibration.file")?,
+        file,
+        worn_file,
         duration: Duration::from_secs_f64(duration_s),
         min_duration: Duration::from_secs_f64(min_s),
         max_force: Newton(reader.double("calibration.max_force")?),

@@ -20,6 +20,7 @@ mod serving;
 mod shared;
 mod visuals;
 mod watched;
+mod worn;
 
 pub use calibrator::{Calibrator, Purpose, Sample};
 pub use engine::Record;
@@ -169,10 +170,10 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     let (serving, news) = serving::start(graph, duties)?;
     let (graph, outcome) = watch(&news);
     outbox.log(Severity::Info, "leaving");
-    let _ = commands.send(Command::Stop);
     // An inference takes well under a millisecond, but a part that hangs must not keep the node in the graph.
     let graph = graph.or_else(|| serving.last_news(&news));
     serving.end(SERVING_LIMIT);
+    let _ = commands.send(Command::Stop);
     threads::ends_within(&reading, ENGINE_LIMIT);
     publishing.end(PUBLISHING_LIMIT);
     drop(graph);

@@ -124,6 +124,10 @@ fn each_refusal_names_file_line_key_value_and_what_is_allowed() {
             "params/index.yaml:10: region.index.model_joints = [a, b, c] names 3 joints and region.index.joints 2; name one for each",
         ),
         (
+            "    calibration: {file: zero.yaml, worn_file: zero.yaml}\n",
+            "params/index.yaml:10: calibration.worn_file = \"zero.yaml\" is the file of the calibration, which would be lost; choose another name",
+        ),
+        (
             "    contact.touch_off: 0.3\n",
             "params/index.yaml:10: contact.touch_off = 0.3 is set without contact.touch_on; set both, or neither for the model's own",
         ),

@@ -240,7 +240,8 @@ fn a_model_that_follows_pose_is_calibrated_live_and_its_recording_replays_bit_by
     assert!(calibrated.stdout.contains("good: nothing was touched"), "{calibrated:?}");
     assert!(std::fs::read_to_string(room.join("c.yaml")).unwrap().contains("artifacts:"));
 
-    let mut node = tpf(&["run", "--calibration", "c.yaml", "--record", "live.mcap"]);
+    let keep = ["-p", "calibration.worn_file:=worn.yaml"];
+    let mut node = tpf(&[&["run", "--calibration", "c.yaml", "--record", "live.mcap"], &keep[..]].concat());
     let mut node = node.stderr(File::create(room.join("node.log")).unwrap()).spawn().unwrap();
     std::thread::sleep(Duration::from_secs(12));
     assert!(Command::new("kill").args(["-INT", &node.id().to_string()]).status().unwrap().success());
@@ -253,6 +254,20 @@ fn a_model_that_follows_pose_is_calibrated_live_and_its_recording_replays_bit_by
     let states: Vec<ContactArray> = decoded(&room.join("live.mcap"), "/tactile_pose_fusion/contacts");
     let learning = |array: &&ContactArray| array.contacts[0].adaptation == ContactState::ADAPTATION_LEARNING;
     assert!(states.len() > 500 && states.iter().filter(learning).count() > 50, "{}", states.len());
+
+    // What was followed is kept, and the next start goes on from there.
+    let [calibrated, worn] = ["c.yaml", "worn.yaml"].map(|file| std::fs::read_to_string(room.join(file)).unwrap());
+    assert!(worn.contains("; kept while the glove was worn") && worn.contains("artifacts:"), "{worn}");
+    let gains = |text: &str| text.split("gains:").nth(1).unwrap().split("offset:").next().unwrap().to_owned();
+    assert_ne!(gains(&calibrated), gains(&worn));
+    let mut node = tpf(&[&["run", "--calibration", "worn.yaml", "--record", "on.mcap"], &keep[..]].concat());
+    let mut node = node.stderr(File::create(room.join("node.log")).unwrap()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(6));
+    assert!(Command::new("kill").args(["-TERM", &node.id().to_string()]).status().unwrap().success());
+    assert!(node.wait().unwrap().success());
+    let states: Vec<ContactArray> = decoded(&room.join("on.mcap"), "/tactile_pose_fusion/contacts");
+    assert!(states.iter().filter(learning).count() > 20, "{}", states.len());
+    assert_ne!(std::fs::read_to_string(room.join("worn.yaml")).unwrap(), worn, "it is kept again");
 }
 
 #[test]

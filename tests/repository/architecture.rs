@@ -311,6 +311,7 @@ const PURE: &[&str] = &[
     "ros/node/health",
     "ros/node/lifecycle",
     "ros/node/parameters",
+    "ros/node/visuals",
     "ros/node/watchdog",
     "ros/wire/args",
     "ros/wire/environment",

@@ -551,6 +551,12 @@ pub static KEYS: &[ParamKey] = &[
         "File of the calibration, relative to the folder of this file; empty: the calibration is not kept. Set while the node runs, it must be a fitting calibration in the folder of the first one, and is put into use at once",
     )
     .at_run_time(),
+    ParamKey::new(
+        "calibration.worn_file",
+        Kind::Str,
+        Str(""),
+        "File in which the node keeps the calibration in use, with the artifact as it is followed, every half minute and at the end, relative to the folder of this file; a start with --calibration FILE goes on from there while the glove stays on the hand; empty: not kept",
+    ),
     ParamKey::new("calibration.duration_s", Kind::Double, Double(10.0), "Duration of a calibration in the air")
         .range(Above { min: 0.5, max: 600.0 })
         .unit("s")

@@ -95,7 +95,7 @@ async fn conclude(
     if purpose == Purpose::Tare {
         let (reply, known) = oneshot::channel();
         if shared.commands.send(Command::Known(reply)).is_ok() {
-            before = known.await.unwrap_or_default();
+            (before, _) = known.await.unwrap_or_default();
         }
     }
     let judging = tokio::task::spawn_blocking(move || {

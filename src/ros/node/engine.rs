@@ -67,8 +67,8 @@ pub(super) enum Command {
     Thresholds(Vec<ContactThresholds>),
     /// The result of a calibration and its origin; replies true if it is in use.
     Calibrated(Box<Donning>, String, oneshot::Sender<Result<(), String>>),
-    /// Replies with the known facts about the donning, except its baselines.
-    Known(oneshot::Sender<Donning>),
+    /// Replies with the calibration as it is now, and its origin, if there is a core.
+    Known(oneshot::Sender<(Donning, Option<String>)>),
     /// Send a copy of each sample to this channel, until its receiver is dropped.
     Tap(mpsc::UnboundedSender<Sample>),
     /// Stop.
@@ -233,7 +233,8 @@ impl Running {
                 let _ = reply.send(self.install(&donning, from)); // the receiver may be gone
             }
             Command::Known(reply) => {
-                let _ = reply.send(self.core.as_ref().map(|core| Donning::of(&core.fusion)).unwrap_or_default());
+                let known = |core: &Core| (Donning::of(&core.fusion), core.calibration.clone());
+                let _ = reply.send(self.core.as_ref().map(known).unwrap_or_default()); // the receiver may be gone
             }
             Command::Tap(tap) => self.tap = Some(tap),
             Command::Stop => {}

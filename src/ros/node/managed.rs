@@ -5,6 +5,7 @@ use super::interfaces::TransitionEvent;
 use super::lifecycle::{Transition, Work};
 use super::loading::{self, Loaded};
 use super::shared::Shared;
+use super::worn;
 use crate::msg::to_cdr;
 use crate::ros::wire::args::Severity;
 use crate::ros::wire::error::NodeError;
@@ -55,11 +56,15 @@ async fn carry_out(shared: &Shared, work: Work) -> Result<(), String> {
             *shared.known.borrow_mut() = known;
             tell(shared, Command::Configure(Box::new(core)))
         }
-        Work::CleanUp => tell(shared, Command::CleanUp),
+        Work::CleanUp => {
+            worn::keep(shared, worn::LIMIT).await;
+            tell(shared, Command::CleanUp)
+        }
         Work::Activate => tell(shared, Command::Active(true)),
         Work::Deactivate => tell(shared, Command::Active(false)),
         Work::ShutDown => {
             tell(shared, Command::Active(false))?;
+            worn::keep(shared, worn::LIMIT).await;
             tell(shared, Command::CleanUp)
         }
     }

@@ -18,6 +18,7 @@ use super::outbox::{OutIdx, Outbox};
 use super::parameters::Parameters;
 use super::services;
 use super::shared::{Managed, Shared};
+use super::worn;
 use crate::msg::from_cdr;
 use crate::ros::wire::clock::{Clock, ClockMessage};
 use crate::ros::wire::entities::Graph;
@@ -111,6 +112,7 @@ async fn serve(
         parameter_events,
         known: RefCell::default(),
         calibrating: Cell::new(false),
+        worn_failed: Cell::new(false),
         node_name,
         calibration_folder,
     });
@@ -120,6 +122,7 @@ async fn serve(
     if let Some(subscription) = sim_clock {
         tokio::task::spawn_local(follow(subscription, clock));
     }
+    tokio::task::spawn_local(worn::keep_on(Rc::clone(&shared)));
     let starting = async {
         match managed::autostart(&shared).await {
             Ok(()) => std::future::pending().await,
@@ -128,7 +131,10 @@ async fn serve(
     };
     tokio::select! {
         biased;
-        _ = stopped => Ok(()),
+        _ = stopped => {
+            worn::keep(&shared, worn::LAST_LIMIT).await;
+            Ok(())
+        }
         error = starting => Err(error),
     }
 }

@@ -25,6 +25,8 @@ pub(super) struct Shared {
     pub(super) known: RefCell<KnownModels>,
     /// True while a calibration is in progress.
     pub(super) calibrating: Cell<bool>,
+    /// True if `calibration.worn_file` could not be written.
+    pub(super) worn_failed: Cell<bool>,
     pub(super) node_name: String,
     /// The folder from which calibrations may be loaded while the node runs; `None` if it was started without one.
     pub(super) calibration_folder: Option<PathBuf>,
