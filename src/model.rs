@@ -312,6 +312,13 @@ fn choose_runtime(spec: &ModelSpec, bytes: &[u8], terms: &Terms) -> Result<Chose
                 Ok(runtime) => return Ok((Box::new(runtime), backend, None)),
                 Err(said) => format!("{backend} refuses the model ({})", one_line(&said)),
             },
+            // Nobody asked for ONNX Runtime, and -v tells what runs.
+            Err(missing) if std::env::var_os("ORT_DYLIB_PATH").is_none() => {
+                let against = format!("ONNX Runtime can't be used ({missing})");
+                let (runtime, backend) =
+                    open_rten(bytes, terms).map_err(|said| failed(format!("{said}; {against}")))?;
+                return Ok((runtime, backend, None));
+            }
             Err(missing) => format!("ONNX Runtime can't be used ({missing})"),
         },
     };

@@ -18,13 +18,14 @@ pub use kept::is_there;
 pub use stages::BusySeconds;
 pub use summary::{ModelSummary, Replayed, Summary};
 
-use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions, shown};
-use crate::config::Config;
+use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions, printable, shown};
+use crate::config::{Config, ModelConfig};
 use crate::fusion::{Fusion, Tick};
 use crate::glove::{Models, drop_unused_joints, known};
+use crate::model::ModelInfo;
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
-use crate::recording::input_topics;
+use crate::recording::{Notes, input_topics};
 use crate::units::Stamp;
 use crate::zero::{self, Wanted, ZeroFrom};
 use stages::{Core, InferenceTime, Read, Reading, Writing, busy_seconds};
@@ -124,6 +125,7 @@ pub fn run(
     estimates.finish(&mut writer)?;
     let estimates_sha256 = estimates.sha256();
     let finished = writer.finish()?;
+    let of_another_glove = glove_doubts(&cfg, &models.infos, &reading.notes);
     let models = cfg.models.iter().zip(&models.infos).map(|(model, info)| ModelSummary::new(&model.name, info));
     Ok(Replayed {
         inputs: recording.bags.iter().map(|bag| shown(bag)).collect(),
@@ -137,7 +139,7 @@ pub fn run(
         topics: inputs.counters(),
         estimates_sha256,
         losses,
-        doubts: inputs.angle_doubts(),
+        doubts: inputs.angle_doubts().into_iter().chain(of_another_glove).collect(),
         written: finished.notes,
         core: fusion,
     })
@@ -171,7 +173,7 @@ pub fn for_each_with(
 ) -> Result<Seen, ReplayError> {
     let mut reader = open(recording.bags, observer)?;
     let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
-    let Ready { fusion, zero, inference, .. } =
+    let Ready { models, fusion, zero, inference } =
         ready(&mut cfg, recording, &inputs, &reader, None, drops_unused_joints, observer)?;
     let (wanted, total) = (Some(inputs.topics()), reader.bytes_total());
     let mut core = Core::new(&cfg, fusion, inputs, zero.check, inference, observer);
@@ -185,6 +187,7 @@ pub fn for_each_with(
     let losses: Vec<String> = reading.reader.losses().iter().map(ToString::to_string).collect();
     let mut warnings = summary::warnings(&losses, &inputs.counters(), &fusion);
     warnings.extend(inputs.angle_doubts());
+    warnings.extend(glove_doubts(&cfg, &models.infos, &reading.notes));
     Ok(Seen { zero: zero.from, warnings, core: fusion })
 }
 
@@ -219,6 +222,37 @@ fn ready(
     let mut fusion = Fusion::new(cfg.fusion.clone(), regressors)?;
     zero.install(&mut fusion)?;
     Ok(Ready { models, fusion, zero, inference })
+}
+
+/// Beginning of the names of the simulator's gloves.
+const SYNTHETIC: &str = "synthetic-";
+
+/// Doubts whether models belong to the glove of a recording, where the parameters don't name the glove.
+fn glove_doubts(cfg: &Config, infos: &[ModelInfo], notes: &Notes) -> Vec<String> {
+    // Sessions of the simulator have the number of their glove, and models its whole name.
+    let whole = |worn: &String| match notes.synthetic && !worn.starts_with(SYNTHETIC) {
+        true => format!("{SYNTHETIC}{worn}"),
+        false => worn.clone(),
+    };
+    let worn = notes.glove.as_ref().map(whole);
+    let of_model = |(model, info): (&ModelConfig, &ModelInfo)| {
+        let noted =
+            |key: &str| info.metadata.get(key).map(|value| printable(value.trim())).filter(|value| !value.is_empty());
+        let name = &model.name;
+        match (noted("glove"), &worn) {
+            (Some(trained), Some(worn)) if trained != *worn && cfg.glove.is_none() && model.spec.of_glove.is_none() => {
+                return Some(format!(
+                    "model {name}: it was trained on glove {trained}, and the recording is of glove {worn}: its forces are not those of this glove"
+                ));
+            }
+            _ => {}
+        }
+        let on_synthetic = noted("trained_on").filter(|trained| trained.contains("synthetic") && !notes.synthetic)?;
+        Some(format!(
+            "model {name}: it was trained on {on_synthetic}, and the recording does not say that it is synthetic: if it is of a real glove, the forces mean nothing"
+        ))
+    };
+    cfg.models.iter().zip(infos).filter_map(of_model).collect()
 }
 
 fn open(bags: &[PathBuf], observer: &dyn Observer) -> Result<BagReader, ReplayError> {

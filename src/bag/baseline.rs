@@ -42,6 +42,8 @@ pub struct Baselines {
     pub spans_s: Vec<f64>,
     /// `[tactile sources]`: when each was at rest, in order of time.
     pub rest: Vec<Vec<Rest>>,
+    /// `[tactile sources]`: for the first seconds, whether samples come after them.
+    pub goes_on: Vec<bool>,
 }
 
 /// A stretch in which nothing touches the glove, as it is said: from the first stamp to the last, both within.
@@ -189,6 +191,7 @@ pub fn collect_baselines(
         baselines: sources.iter().zip(&cfg.tactile_sources).map(finish).collect::<Result<_, _>>()?,
         spans_s: sources.iter().map(|collector| collector.builder.span_s()).collect(),
         rest: sources.iter().map(rest).collect(),
+        goes_on: sources.iter().map(|collector| collector.done).collect(),
     })
 }
 

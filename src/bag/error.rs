@@ -104,6 +104,14 @@ pub enum BagError {
         /// The output.
         path: PathBuf,
     },
+    /// The name of the output is that of another kind of file.
+    #[error(
+        "{}: a bag is written, to a file NAME.mcap or a folder; tpf export makes tables and datasets of one", .path.display()
+    )]
+    NotABagName {
+        /// The output.
+        path: PathBuf,
+    },
     /// The output is one of the inputs, or holds one.
     #[error("{}: is also an input, and an input is never changed: choose another output", .path.display())]
     OutputIsInput {

@@ -102,14 +102,19 @@ fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
     let output = args.output.display();
     let mut text = format!("{output}: regions {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
-    let bag = args.bags.first().map_or_else(|| "BAG".to_owned(), |bag| bag.display().to_string());
+    let bag =
+        inspect::all_recordings(&args.bags).first().map_or_else(|| "BAG".to_owned(), |bag| bag.display().to_string());
     text += &match (written.has_model, made.has_truth) {
         (true, _) if args.bags.is_empty() => {
             format!(
                 "next: tpf calibrate --live --params-file {output} -o zero.yaml, then tpf run --params-file {output} --calibration zero.yaml\n"
             )
         }
-        (true, _) => format!("next: tpf replay {bag} --params-file {output} -o forces.mcap\n"),
+        (true, _) => {
+            // Nothing else tells when nothing touches the glove.
+            let zero = if made.has_annotations { "" } else { " --calibrate-first 10" };
+            format!("next: tpf replay {bag} --params-file {output}{zero} --merge -o forces.mcap\n")
+        }
         (false, true) => {
             let region = if made.regions.len() > 1 { format!(" --region {}", made.regions[0]) } else { String::new() };
             let at_rest = if made.has_annotations { "" } else { " --zero-load-below 0.1N" };
@@ -120,7 +125,9 @@ fn told(written: &Written, args: &Args) -> String {
             let model = args.output.with_file_name(model);
             format!("next: tpf train {bag} --params-file {output}{region}{at_rest} -o {}\n", model.display())
         }
-        (false, false) => "next: a model, see the file; the bags hold no true force to train one on\n".to_owned(),
+        (false, false) => format!(
+            "next: a model of this glove: name it by --model, or collect data for one (tpf collect --params-file {output}); these bags hold no true force beside the taxels, so none can be trained on them\n"
+        ),
     };
     text
 }

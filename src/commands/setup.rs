@@ -70,6 +70,14 @@ impl ParamArgs {
             }
         }
         let Some(topic) = truth else { return config(&tree) };
+        let taxels = config(&tree)?.tactile.into_iter().map(|source| source.name);
+        if let Some(taken) =
+            taxels.into_iter().find(|name| name.trim_start_matches('/') == topic.trim_start_matches('/'))
+        {
+            return Err(Failure(format!(
+                "--truth {topic}: {taken} holds the taxels in the parameters, and taxels can't be their own true force; name the topic of a force sensor"
+            )));
+        }
         let sources = match tree.get("truth_sources").map(|param| &param.value) {
             Some(ParamValue::StrArray(sources)) => sources.clone(),
             _ => Vec::new(),

@@ -237,7 +237,11 @@ impl Gathered {
             });
         }
         let all: Vec<(&Series, Evaluation)> = head.series.iter().zip(evaluations).collect();
-        let (degraded, series): (Vec<_>, Vec<_>) = all.into_iter().partition(|(one, _)| one.quality.is_some());
+        let (degraded, mut series): (Vec<_>, Vec<_>) = all.into_iter().partition(|(one, _)| one.quality.is_some());
+        // Estimates of a model without a tactile-only branch have no base.
+        series.retain(|(one, evaluation)| {
+            one.which != Which::Base || one.source != SeriesSource::Recorded || has_frames(evaluation)
+        });
         let mut models = Vec::new();
         let mut evidence = Evidence { stretches: stretches.finish(), latencies: Vec::new() };
         for (idx, (one, evaluation)) in series.iter().enumerate() {
@@ -290,6 +294,12 @@ impl Gathered {
 }
 
 type Scored<'a> = (&'a Series, Evaluation);
+
+/// True if some frame has an estimate.
+fn has_frames(evaluation: &Evaluation) -> bool {
+    let scores = evaluation.scores(GroupBy::All);
+    scores.is_ok_and(|scores| scores.iter().any(|one| one.score.mae_gf.value().is_some()))
+}
 
 fn pose_quality(degraded: &[Scored<'_>]) -> Result<Vec<PoseQualityScores>, EvaluateError> {
     let scores = degraded.iter().filter_map(|(one, evaluation)| {

@@ -19,7 +19,7 @@ pub enum SetupError {
     )]
     Joints { region: String, expected: usize, got: usize },
     #[error(
-        "region.{region}.joints is {got:?}, its model was trained on {expected:?}; name the same joints in the same order, or say by region.{region}.model_joints that it is of another finger"
+        "region.{region}.joints is {got:?}, its model was trained on {expected:?}; name the same joints in the same order; if yours have other names, give those of the model, in the order of yours, in region.{region}.model_joints"
     )]
     JointNames { region: String, expected: Vec<String>, got: Vec<String> },
     #[error("region.{region}: its model has no pose input and region.{region}.joints is not empty; remove the joints")]

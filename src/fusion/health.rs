@@ -298,7 +298,7 @@ impl fmt::Display for RateFault<'_> {
         let RateFault { source, measured_hz, model_hz } = self;
         write!(
             f,
-            "tactile source {source} came at {measured_hz:.1} Hz and its model was trained on {model_hz} Hz: set tactile.{source}.frame_clock to grid"
+            "tactile source {source} came at {measured_hz:.1} Hz and its model was trained on {model_hz} Hz: set tactile.{source}.frame_clock to grid, or make its driver keep that rate"
         )
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::error::InitFileError;
 use super::plan::ModelFile;
-use crate::bag::shown;
+use crate::bag::{printable, shown};
 use crate::hand::JOINTS;
 use crate::inspect::{BagReport, Likelihood};
 use crate::location::{self, Entry, Found};
@@ -80,7 +80,19 @@ fn onnx_files(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, InitFileError> {
-    let contract = model::inspect(path)?.contract;
+    let info = model::inspect(path)?;
+    let trained_on = info.metadata.get("glove").map(|glove| printable(glove.trim())).filter(|glove| !glove.is_empty());
+    let trained_on = trained_on.map(|glove| {
+        format!(
+            "trained on glove {glove}: readings of another glove, or in another unit, give wrong forces without a flag"
+        )
+    });
+    let why = match (why.is_empty(), trained_on) {
+        (true, Some(trained_on)) => format!("CHECK: {trained_on}"),
+        (false, Some(trained_on)) => format!("{why}; {trained_on}"),
+        (_, None) => why,
+    };
+    let contract = info.contract;
     Ok(ModelFile {
         path: relative(path, folder)?,
         n_taxels: contract.n_taxels,
@@ -102,6 +114,9 @@ pub(super) fn relative(path: &Path, folder: &Path) -> Result<String, InitFileErr
     if location::is_remote(folder) || location::is_remote(path) {
         let whole = if location::is_remote(path) { path.to_path_buf() } else { full(path)? };
         return utf8(&whole).ok_or_else(no_text);
+    }
+    if path.is_absolute() {
+        return utf8(path).ok_or_else(no_text); // whoever gives a whole path may move the parameter file
     }
     let (path, folder) = (full(path)?, full(folder)?);
     let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();

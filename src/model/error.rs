@@ -6,7 +6,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// The file can't be read.
-    #[error("{path}: can't read the model: {reason}")]
+    #[error("{path}: can't read the model: {reason}{}", of_absent(.reason))]
     Read {
         /// The model file.
         path: PathBuf,
@@ -279,5 +279,15 @@ mod tests {
         assert_eq!(one_line("a\n  b\u{7}c"), "a bc");
         let long = one_line(&"é".repeat(5000));
         assert_eq!(long.chars().count(), 303);
+    }
+}
+
+/// What to do about a file that isn't there.
+fn of_absent(reason: &std::io::Error) -> &'static str {
+    match reason.kind() {
+        std::io::ErrorKind::NotFound => {
+            "; name another model (--model, or model.NAME.path), or train one of this glove with tpf train"
+        }
+        _ => "",
     }
 }

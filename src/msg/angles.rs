@@ -6,6 +6,9 @@ use std::f64::consts::PI;
 /// Larger than any angle of a hand's joint, rad.
 const MOST_BENT: f64 = 3.3;
 
+/// Beyond it, numbers are not degrees of a joint either.
+const FULL_TURN_DEGREES: f64 = 360.0;
+
 /// A joint that is used moves by more than this, rad.
 const LEAST_MOTION: f64 = 0.3;
 
@@ -25,6 +28,8 @@ pub struct AngleWatch {
     n_beyond: u64,
     /// Largest absolute angle, in the unit of the source.
     most: f64,
+    /// True if all angles so far are whole numbers.
+    is_whole: bool,
     /// Smallest and largest angle of each joint, in the unit of the source.
     ranges: BTreeMap<String, [f64; 2]>,
 }
@@ -32,7 +37,7 @@ pub struct AngleWatch {
 impl AngleWatch {
     /// Statistics on a source with `scale` radians per unit.
     pub fn new(scale: f64) -> Self {
-        AngleWatch { scale, n_messages: 0, n_beyond: 0, most: 0.0, ranges: BTreeMap::new() }
+        AngleWatch { scale, n_messages: 0, n_beyond: 0, most: 0.0, is_whole: true, ranges: BTreeMap::new() }
     }
 
     /// Adds a message: its joints, with their angles in the unit of the source.
@@ -40,6 +45,7 @@ impl AngleWatch {
         let mut most = 0.0_f64;
         for (name, angle) in angles.filter(|(_, angle)| angle.is_finite()) {
             most = most.max(angle.abs());
+            self.is_whole &= angle.fract() == 0.0;
             if let Some([least, greatest]) = self.ranges.get_mut(name) {
                 (*least, *greatest) = (least.min(angle), greatest.max(angle));
             } else if self.ranges.len() < MAX_JOINTS {
@@ -56,11 +62,14 @@ impl AngleWatch {
     /// Angles that no joint can have show degrees where the parameters give radians. Joints that move, but never far,
     /// show radians where they give degrees.
     pub fn doubt(&self, key: &str) -> Option<String> {
-        let Self { scale, n_messages, n_beyond, most, .. } = self;
+        let Self { scale, n_messages, n_beyond, most, is_whole, .. } = self;
         let is_degrees = (scale - PI / 180.0).abs() < 1e-12;
         if *n_beyond as f64 > LEAST_BEYOND * *n_messages as f64 {
             let reach = scale.abs() * most;
             return Some(match (*scale == 1.0, is_degrees) {
+                (true, _) if *is_whole && *most > FULL_TURN_DEGREES => format!(
+                    "{key}: angles reach {most:.0}, all whole numbers, such as counts of an encoder; set {key}.scale to rad per count"
+                ),
                 (true, _) => format!(
                     "{key}: angles reach {reach:.1} rad, further than a joint bends: they look like degrees; set {key}.degrees to true"
                 ),

@@ -15,6 +15,7 @@ use crate::bag::{BagError, BagReader, BagRecord, BagWriter, EstimateWriter, Inpu
 use crate::config::Config;
 use crate::fusion::{Contract, Forces, Fusion, RegressError, Regressor, SharedWindows, Tick};
 use crate::observer::{Observer, check};
+use crate::recording::Notes;
 use crate::units::Stamp;
 use crate::zero::LoadCheck;
 
@@ -36,6 +37,8 @@ pub(super) struct Reading {
     /// By channel id.
     wanted: BTreeMap<usize, bool>,
     busy: Duration,
+    /// Notes of the recorder, as far as it was read.
+    pub(super) notes: Notes,
 }
 
 /// A portion of the input, and the number of bytes of all bags up to its end.
@@ -140,7 +143,7 @@ impl Reading {
         if let Some(topics) = &topics {
             reader.read_only(topics);
         }
-        Reading { reader, topics, wanted: BTreeMap::new(), busy: Duration::ZERO }
+        Reading { reader, topics, wanted: BTreeMap::new(), busy: Duration::ZERO, notes: Notes::default() }
     }
 
     /// The next portion of the input. `None` at the end.
@@ -152,13 +155,16 @@ impl Reading {
     }
 
     fn read(&mut self) -> Result<Option<Read>, BagError> {
-        let Reading { reader, topics, wanted, .. } = self;
+        let Reading { reader, topics, wanted, notes, .. } = self;
         let (mut portion, from) = (Portion::default(), reader.bytes_read());
         while portion.n_bytes() < PORTION_BYTES && portion.len() < PORTION_RECORDS {
             let Some(record) = reader.next_record()? else {
                 let bytes_read = reader.bytes_read();
                 return Ok((!portion.is_empty()).then_some(Read { portion, bytes_read }));
             };
+            if let BagRecord::Metadata(metadata) = &record {
+                notes.handle(metadata);
+            }
             let needed = match (&record, &*topics) {
                 (_, None) => true,
                 (BagRecord::Message(message), Some(topics)) => {

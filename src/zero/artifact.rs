@@ -1,10 +1,11 @@
 //! Fits the artifacts of a donning to the frames of its calibration.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::{Donning, ZeroError};
-use crate::bag::Rest;
+use crate::bag::{Rest, printable};
 use crate::fusion::{
     ArtifactFit, ArtifactFitter, ArtifactModel, Baseline, Event, Fusion, FusionConfig, FusionError, SetupError,
 };
@@ -12,6 +13,9 @@ use crate::recording::{RowCollector, Rows};
 
 /// Number of consecutive frames that are needed. If fewer are missing, they are interpolated.
 const WINDOW: usize = 16;
+
+/// Most names of joints that are compared. Two hands have 50.
+const MAX_NAMES: usize = 128;
 
 /// An artifact model, and the frame rate that it was made for, Hz.
 pub type TimedArtifact = (Arc<ArtifactModel>, f64);
@@ -42,6 +46,9 @@ struct Collecting {
     core: Fusion,
     n_at_rest: usize,
     is_done: bool,
+    /// Joints of the region that no message has had yet, and the names that messages had.
+    missing: BTreeSet<String>,
+    seen: BTreeSet<String>,
 }
 
 impl ArtifactCollector {
@@ -63,11 +70,12 @@ impl ArtifactCollector {
         let collecting = |region_idx: usize, (model, rate_hz): &TimedArtifact| {
             let region = cfg.regions[region_idx].clone();
             let (name, rest) = (region.name.clone(), rest[region.source.0].clone());
+            let (missing, seen) = (region.joints.iter().cloned().collect(), BTreeSet::new());
             let only = FusionConfig { regions: vec![region], ..cfg.clone() };
             let (rows, mut core) = RowCollector::new(only, WINDOW, *rate_hz, None)?;
             at_rest.install(&mut core)?;
             let (model, rate_hz) = (Arc::clone(model), *rate_hz);
-            Ok(Collecting { name, model, rate_hz, rest, rows, core, n_at_rest: 0, is_done: false })
+            Ok(Collecting { name, model, rate_hz, rest, rows, core, n_at_rest: 0, is_done: false, missing, seen })
         };
         let all = artifacts.iter().enumerate();
         let regions =
@@ -86,6 +94,13 @@ impl ArtifactCollector {
     /// [`FusionError`], which the cores in this collector never return.
     pub fn handle(&mut self, event: Event<'_>) -> Result<(), FusionError> {
         for region in self.regions.iter_mut().flatten().filter(|region| !region.is_done) {
+            if let (Event::Joints(sample), false) = (&event, region.missing.is_empty()) {
+                for name in sample.names.iter().take(MAX_NAMES) {
+                    if !region.missing.remove(name) && region.seen.len() < MAX_NAMES {
+                        region.seen.insert(name.clone());
+                    }
+                }
+            }
             region.core.handle(event);
             region.poll(self.times)?;
         }
@@ -136,6 +151,13 @@ impl Collecting {
             fitter.handle_frame(tactile, pose, i32::from(follows), Rest::any_holds(&self.rest, *stamp));
         }
         let got_s = fitter.n_frames() as f64 / self.rate_hz;
+        if got_s < times.least_s && !self.missing.is_empty() {
+            let [missing, seen] = [&self.missing, &self.seen].map(|names| {
+                let names: Vec<String> = names.iter().map(|name| printable(name)).collect();
+                if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+            });
+            return Err(ZeroError::MissingJoints { region: self.name, missing, seen });
+        }
         if got_s < times.least_s {
             return Err(ZeroError::ArtifactTooShort { region: self.name, got_s, need_s: times.least_s });
         }

@@ -32,6 +32,10 @@ pub enum ZeroError {
         "region {region}: {got_s:.2} s at zero load came with joint angles, at least {need_s} s needed to find the artifact of this donning (calibration.min_s); check that the stamps of taxels and joints are of one clock, and move the hand in the air for longer"
     )]
     ArtifactTooShort { region: String, got_s: f64, need_s: f64 },
+    #[error(
+        "region {region}: its joints {missing} are in no message; other joints that are: {seen}; correct region.{region}.joints, or the topic or names of the joint source"
+    )]
+    MissingJoints { region: String, missing: String, seen: String },
     #[error("region {region}: {error}; calibrate again")]
     Artifact { region: String, error: crate::fusion::ArtifactError },
     #[error("{path}: region {region}: {error}; calibrate again")]

@@ -104,8 +104,10 @@ fn from_bag(
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
     inputs.read_only_these(&mut reader);
     let limits = limits(&cfg.calibration);
-    let Baselines { baselines, spans_s: seconds, rest } =
+    let Baselines { baselines, spans_s: seconds, rest, goes_on } =
         collect_baselines(&mut reader, &mut inputs, &cfg.fusion, zero_load, &limits)?;
+    let is_all = matches!(zero_load, ZeroLoad::First(_)) && !goes_on.contains(&true);
+    let all_s = seconds.iter().copied().fold(0.0, f64::max);
     let from = match zero_load {
         ZeroLoad::Annotated => ZeroFrom::Annotations { seconds },
         ZeroLoad::First(_) => ZeroFrom::First { seconds },
@@ -113,7 +115,12 @@ fn from_bag(
     let mut donning = Donning { baselines, ..Donning::default() };
     let notes = fit_artifacts(&mut donning, cfg, bags, models, &rest, pose)?;
     let check = Some(check(&from, cfg, rest));
-    let notes = notes.into_iter().collect();
+    let mut notes: Vec<String> = notes.into_iter().collect();
+    if is_all {
+        notes.push(format!(
+            "all {all_s:.1} s of the taxels are taken as zero load, so no touch in this recording can be told; if something is touched in it, give a shorter time by --calibrate-first"
+        ));
+    }
     Ok(Zero { check, notes, ..Zero::new(from, donning) })
 }
 

@@ -490,7 +490,7 @@ fn a_force_is_told_with_its_range_and_with_the_way_it_goes_when_taxels_rise() {
     assert!(text.contains("wrench.force.y: 0.50 to 4.50; it rises with /glove/taxels (values)"), "{text}");
     assert!(
         text.contains(
-            "wrench.force.z: -4.00 to 0; it falls where /glove/taxels (values) rises: if that is a press, sign: -1"
+            "wrench.force.z: -4.00 to 0; it falls where /glove/taxels (values) rises, so one of the two needs sign: -1: the one that falls under a press"
         ),
         "{text}"
     );

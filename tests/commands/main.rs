@@ -14,6 +14,7 @@ mod eval_command;
 mod eval_merge;
 mod eval_report;
 mod export;
+mod first_tries;
 mod help;
 mod init;
 mod inspect;

@@ -196,10 +196,9 @@ fn run_page(page: &str) -> tempfile::TempDir {
 fn what_the_readme_does_with_a_bag_runs_as_it_is_written() {
     let folder = workplace();
     let simulate = "tpf simulate --glove 1 --users 1 --sessions 1 --minutes 1.7 --seed 5 -o sessions";
-    let yours = ["cp sessions/glove1_user01_session1/*.mcap recording.mcap", "cp params/glove1.yaml glove.yaml"];
-    // The model of these parameters lies beside the folder that they are in.
-    let model = "sed -i 's|../models/|models/|' glove.yaml";
-    run("preparation", &[simulate, yours[0], yours[1], model], folder.path());
+    let yours =
+        ["cp sessions/glove1_user01_session1/*.mcap recording.mcap", "cp models/glove1_adaptive.onnx model.onnx"];
+    run("preparation", &[simulate, yours[0], yours[1]], folder.path());
     let shown = commands(&fs::read_to_string(root().join("README.md")).unwrap());
     let lines = lines_of(&shown, "yours");
     assert!(lines.len() >= 3, "{lines:?}");

@@ -51,6 +51,10 @@ pub(super) fn files(input: &Path) -> Result<Files, BagError> {
     }
 }
 
+/// Most folders in a folder that are looked at, and most bags that are named, to tell where bags are.
+const MOST_TRIED: usize = 50;
+const MOST_NAMED: usize = 3;
+
 /// Size of a bag's files as they are stored. None of them is unpacked or copied.
 ///
 /// # Errors
@@ -67,9 +71,24 @@ fn folder(folder: &Path) -> Result<Files, BagError> {
     if is_file(&listing_path)? {
         return Ok(Files { places: listed(folder, &listing_path)?, unlisted: false, note: None });
     }
-    let Contents { mut files, .. } = contents(folder)?;
+    let Contents { mut files, folders } = contents(folder)?;
     if files.is_empty() {
-        return Err(not_a_bag(folder, "the folder holds no .mcap or .db3 file and no metadata.yaml".to_owned()));
+        let mut why = "the folder holds no .mcap or .db3 file and no metadata.yaml".to_owned();
+        let holds_bag = |path: &&PathBuf| {
+            is_file(&path.join(METADATA_FILE)).unwrap_or(false)
+                || contents(path).is_ok_and(|found| !found.files.is_empty())
+        };
+        let bags: Vec<String> =
+            folders.iter().take(MOST_TRIED).filter(holds_bag).map(|path| crate::bag::shown(path)).collect();
+        if !bags.is_empty() {
+            let more =
+                if bags.len() > MOST_NAMED { format!(" and {} more", bags.len() - MOST_NAMED) } else { String::new() };
+            why.push_str(&format!(
+                "; folders in it are bags, name one: {}{more}",
+                bags[..bags.len().min(MOST_NAMED)].join(", ")
+            ));
+        }
+        return Err(not_a_bag(folder, why));
     }
     files.sort_by(by_name);
     if files.len() == 1 {

@@ -29,6 +29,9 @@ struct Options {
     is_kept: bool,
 }
 
+/// Endings of files that are no bags, which somebody might ask for.
+const TABLES: [&str; 7] = ["csv", "parquet", "json", "html", "onnx", "yaml", "db3"];
+
 enum Place {
     File(TempPath),
     Folder(TempDir),
@@ -54,6 +57,11 @@ impl Output {
             return Err(BagError::NotReplaceable { path: out.to_path_buf() });
         };
         refuse_inputs(out, &parent, &name, &options.inputs)?;
+        if let Some(extension) = out.extension().and_then(|extension| extension.to_str())
+            && TABLES.contains(&extension.to_ascii_lowercase().as_str())
+        {
+            return Err(BagError::NotABagName { path: out.to_path_buf() });
+        }
         let as_file = out.extension().is_some_and(|extension| extension == "mcap");
         refuse_existing(out, as_file, options.overwrite)?;
         let io_error = |error| BagError::io(out, "create", error);

@@ -82,7 +82,8 @@ pub(super) fn record(args: &LiveArgs, folder: Option<&Path>) -> Result<Recorded,
     let recorded = Recorded { folder: tempfile::tempdir()?, told: Vec::new() };
     let mut bag = BagWriter::create(&recorded.bag(), WriteOptions::default())?;
     let mut seen = Vec::new();
-    for endpoint in wanted(found) {
+    // Parts of actions are no data of a glove, and their types are rarely installed.
+    for endpoint in wanted(found).into_iter().filter(|endpoint| !endpoint.topic.contains("/_action/")) {
         match subscribe(&mut listening, &mut bag, &definitions, &endpoint) {
             Ok(channel) => seen.push(Seen { endpoint, channel, n_messages: 0 }),
             Err(Failure(why)) => say(&format!("not looked at: {}: {}", endpoint.topic, printable(&why))),

@@ -267,7 +267,9 @@ fn force(one: &ForceCandidate) -> String {
         let way = match (with_taxels, taxels) {
             (Some(with), Some(taxels)) if *with >= FOLLOWS => format!("; it rises with {taxels}"),
             (Some(with), Some(taxels)) if *with <= -FOLLOWS => {
-                format!("; it falls where {taxels} rises: if that is a press, sign: -1")
+                format!(
+                    "; it falls where {taxels} rises, so one of the two needs sign: -1: the one that falls under a press"
+                )
             }
             _ => String::new(),
         };

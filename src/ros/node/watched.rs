@@ -175,6 +175,9 @@ impl Watched {
                     input.judge_joints(now, &JointChange { missing: &missing, unit, max_behind_ns })
                 }
             };
+            if problems.iter().any(|problem| problem.kind == "publishers") {
+                problems.retain(|problem| problem.kind != "rate"); // of all of them together
+            }
             let limit = timeout(cfg, input_idx);
             let wanted = &self.wanted[input_idx];
             let why = |publishers: &Option<Vec<Endpoint>>| match publishers {

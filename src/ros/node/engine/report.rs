@@ -45,13 +45,15 @@ impl Running {
             problems.extend(of_input.iter().map(name));
         }
         problems.extend(of_graph.iter().map(|problem| (format!("graph ({})", problem.kind), problem.text.clone())));
-        if let Some(text) = estimates.filter(|_| problems.is_empty()) {
-            problems.push(("estimates".to_owned(), text.to_owned()));
+        match estimates {
+            Some(text) if problems.is_empty() => problems.push(("estimates".to_owned(), text.to_owned())),
+            Some(_) => self.watched.announcer.hold(now, "estimates"), // not solved: its cause is reported instead
+            None => {}
         }
         for said in self.watched.announcer.handle(now, &problems) {
             match said {
                 Announcement::Began(text) => self.engine.outbox.log(Severity::Warn, text),
-                Announcement::Ended(name) => self.engine.outbox.log(Severity::Info, format!("over: {name}")),
+                Announcement::Ended(name) => self.engine.outbox.log(Severity::Info, format!("solved: {name}")),
             }
         }
     }

@@ -39,6 +39,13 @@ struct Entry {
 }
 
 impl Announcer {
+    /// A problem goes on, but is not reported now.
+    pub fn hold(&mut self, now: Duration, name: &str) {
+        if let Some(entry) = self.entries.get_mut(name) {
+            entry.seen = now;
+        }
+    }
+
     /// Takes the current problems, each with its name; returns the messages to log.
     pub fn handle(&mut self, now: Duration, problems: &[(String, String)]) -> Vec<Announcement> {
         let mut said = Vec::new();

@@ -285,7 +285,7 @@ impl InputHealth {
             problems.push(Problem {
                 kind: "names",
                 text: format!(
-                    "no message has the joints {missing}; on {topic} are {names}: correct region.<name>.joints, {key}.names or the driver"
+                    "no message has the joints {missing}; on {topic} are {names}: write your names in region.<name>.joints (and, in the same order, those of the model in region.<name>.model_joints), or correct the driver"
                 ),
             });
         }

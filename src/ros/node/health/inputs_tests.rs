@@ -101,7 +101,7 @@ fn joints_that_are_not_those_of_the_parameters_are_told() {
     assert_eq!(judged(&["dip", "pip"], &[0.1, 0.2], &[]), []);
     let problems = judged(&["a", "pip"], &[0.1, 0.2], &["dip"]);
     assert!(
-        problems[0].text.starts_with("no message has the joints dip; on /joints are a, pip: correct"),
+        problems[0].text.starts_with("no message has the joints dip; on /joints are a, pip: write your names"),
         "{problems:?}"
     );
     assert_eq!(kinds(&judged(&["dip", "pip"], &[f64::NAN, 0.2], &[])), ["non_finite"]);

@@ -229,7 +229,7 @@ impl Subject {
                 let came =
                     if other.is_empty() { "no joints came".to_owned() } else { format!("{} came", other.join(", ")) };
                 let text = format!(
-                    "{} of {} joints are missing: {}; {came}: correct region.<name>.joints or joint.<source>.rename",
+                    "{} of {} joints are missing: {}; {came}: write your names in region.<name>.joints and, in the same order, those of the model in region.<name>.model_joints",
                     missing.len(),
                     needed.len(),
                     missing.join(", ")
