@@ -44,8 +44,8 @@ pub use health::{RateFault, SourceFault, SourceHealth};
 pub use joints::{JointAngle, JointCounters, JointTimelines, PoseTrust};
 pub use region::RegionCounters;
 pub use regressor::{
-    Contract, ForceAxes, ForceUnit, Forces, PoseRange, RegressError, Regressor, SharedWindows, TouchLevels,
-    TouchOutput, Windows,
+    Contract, ForceAxes, ForceUnit, Forces, FrameSequence, PoseRange, RegressError, Regressor, SharedWindows,
+    TouchLevels, TouchOutput, WindowId, Windows,
 };
 
 use crate::units::{Stamp, nanos};

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::features::NewestWindow;
-use super::regressor::{ForceAxes, ForceUnit, Forces, RegressError, Regressor, SharedWindows};
+use super::regressor::{ForceAxes, ForceUnit, Forces, FrameSequence, RegressError, Regressor, SharedWindows, WindowId};
 use crate::units::Newton;
 
 /// Windows of one model that wait to be run, region by region in the order of their frames.
@@ -12,6 +12,7 @@ pub(super) struct ModelQueue {
     pub(super) regressor: Box<dyn Regressor>,
     lanes: Vec<Lane>,
     starts: Vec<usize>,
+    ids: Vec<WindowId>,
     tactile: Vec<f32>,
     pose: Vec<f32>,
     forces: Forces,
@@ -48,8 +49,14 @@ impl ModelForce {
 }
 
 /// The frames of one region, and the windows in them that wait.
+///
+/// # Invariant
+/// Frames are only added, and a window holds only frames that were added one after the other. What makes a region forget
+/// its frames (a gap, a jump of time, a new baseline) therefore leads to windows further on in the same sequence:
+/// `fusion_windows::a_window_follows_another_only_if_all_its_frames_but_one_are_the_same`.
 #[derive(Debug, Default)]
 struct Lane {
+    sequence: FrameSequence,
     /// Frames before the first one that is still kept.
     n_gone: usize,
     n_frames: usize,
@@ -65,8 +72,8 @@ struct Lane {
 
 impl ModelQueue {
     pub(super) fn new(regressor: Box<dyn Regressor>) -> Self {
-        let (starts, tactile, pose, forces) = (Vec::new(), Vec::new(), Vec::new(), Forces::default());
-        ModelQueue { regressor, lanes: Vec::new(), starts, tactile, pose, forces }
+        let (starts, ids, tactile, pose) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        ModelQueue { regressor, lanes: Vec::new(), starts, ids, tactile, pose, forces: Forces::default() }
     }
 
     /// A lane for one more region.
@@ -88,9 +95,10 @@ impl ModelQueue {
 
     /// Runs what is due and forgets it; [`ModelQueue::pop`] gives the forces one by one.
     pub(super) fn run(&mut self) -> Result<(), RegressError> {
-        let ModelQueue { regressor, lanes, starts, tactile, pose, forces } = self;
+        let ModelQueue { regressor, lanes, starts, ids, tactile, pose, forces } = self;
         let window = regressor.contract().window;
         starts.clear();
+        ids.clear();
         tactile.clear();
         pose.clear();
         forces.clear();
@@ -101,7 +109,10 @@ impl ModelQueue {
             let frames = first..last + window;
             tactile.extend_from_slice(lane.frames(&lane.tactile, frames.clone()));
             pose.extend_from_slice(lane.frames(&lane.pose, frames.clone()));
-            starts.extend(lane.starts.drain(..lane.n_due).map(|start| n_frames + start - first));
+            for start in lane.starts.drain(..lane.n_due) {
+                starts.push(n_frames + start - first);
+                ids.push(lane.sequence.window(start));
+            }
             n_frames += frames.len();
             lane.n_due = 0;
             lane.forget(window);
@@ -109,7 +120,7 @@ impl ModelQueue {
         if starts.is_empty() {
             return Ok(());
         }
-        regressor.run(SharedWindows { starts, tactile, pose }, forces)
+        regressor.run(SharedWindows { starts, ids, tactile, pose }, forces)
     }
 
     /// The model's answer for the next window of a lane, of those that were run.

@@ -145,11 +145,46 @@ pub struct Windows<'a> {
     pub pose: &'a [f32],
 }
 
+/// A sequence of frames that only grows: no frame changes or leaves its place. It equals only its clones.
+#[derive(Debug, Clone, Default)]
+pub struct FrameSequence(Arc<()>);
+
+impl FrameSequence {
+    /// The window that begins at a frame, counted from the first frame that the sequence ever had.
+    pub fn window(&self, first_frame: usize) -> WindowId {
+        WindowId { sequence: self.clone(), first_frame }
+    }
+}
+
+impl PartialEq for FrameSequence {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl Eq for FrameSequence {}
+
+/// The place of a window in a sequence of frames, from which a model knows which of its frames are new.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WindowId {
+    sequence: FrameSequence,
+    first_frame: usize,
+}
+
+impl WindowId {
+    /// True if this is `earlier`, moved on by one frame: its newest frame is new, all others are those of `earlier`.
+    pub fn follows(&self, earlier: &WindowId) -> bool {
+        self.sequence == earlier.sequence && self.first_frame == earlier.first_frame + 1
+    }
+}
+
 /// Windows ready to be run, in the model's own layout, that have frames in common: each of those is there once.
 #[derive(Debug, Clone, Copy)]
 pub struct SharedWindows<'a> {
     /// `[N]`, rising: the first frame of each window.
     pub starts: &'a [usize],
+    /// `[N]`: where each window belongs, or empty if that is not known. Then no window continues one of an earlier call.
+    pub ids: &'a [WindowId],
     /// `[frames, taxels]`, row-major, baseline-subtracted.
     pub tactile: &'a [f32],
     /// `[frames, joints]`, row-major, rad; empty for a model without a pose input.

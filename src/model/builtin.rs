@@ -108,7 +108,7 @@ impl Builtin {
         let mut touch = out.touch.as_mut_slice();
         let jobs = parts(windows.starts).map(|part| {
             let n = part.len();
-            let windows = SharedWindows { starts: &windows.starts[part], ..windows };
+            let windows = SharedWindows { starts: &windows.starts[part], ids: &[], ..windows };
             Job { windows, force: take(&mut force, n), base: take(&mut base, n), touch: take(&mut touch, n) }
         });
         self.run_side_by_side(jobs.collect());
@@ -134,7 +134,7 @@ impl Builtin {
     }
 
     fn run_stretch(&self, job: Job<'_>, worker: &mut Worker) {
-        let Job { windows: SharedWindows { starts, tactile, pose }, force, base, touch } = job;
+        let Job { windows: SharedWindows { starts, tactile, pose, .. }, force, base, touch } = job;
         let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return };
         let Contract { window, n_taxels, n_joints, .. } = self.contract;
         let n_frames = last + window - first;

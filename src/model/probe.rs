@@ -205,6 +205,6 @@ impl Trial {
     fn window(&self, idx: usize) -> SharedWindows<'_> {
         let part = |values: &'_ [f32]| idx * (values.len() / N)..(idx + 1) * (values.len() / N);
         let Frames { tactile, pose } = &self.frames;
-        SharedWindows { starts: &[0], tactile: &tactile[part(tactile)], pose: &pose[part(pose)] }
+        SharedWindows { starts: &[0], ids: &[], tactile: &tactile[part(tactile)], pose: &pose[part(pose)] }
     }
 }

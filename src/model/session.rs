@@ -102,7 +102,7 @@ impl Session {
 
 /// Refuses windows that reach beyond their frames, and frames of another size than the model's input.
 pub(super) fn check(windows: SharedWindows<'_>, contract: &Contract) -> Result<(), String> {
-    let SharedWindows { starts, tactile, pose } = windows;
+    let SharedWindows { starts, ids, tactile, pose } = windows;
     let n_frames = tactile.len() / contract.n_taxels.max(1);
     let fits = |len: usize, width: usize| n_frames * width == len;
     if !fits(tactile.len(), contract.n_taxels) || !fits(pose.len(), contract.n_joints) {
@@ -113,6 +113,9 @@ pub(super) fn check(windows: SharedWindows<'_>, contract: &Contract) -> Result<(
             tactile.len(),
             pose.len(),
         ));
+    }
+    if !ids.is_empty() && ids.len() != starts.len() {
+        return Err(format!("expected the places of {} windows or of none, got {}", starts.len(), ids.len()));
     }
     let rises = starts.is_sorted_by(|earlier, later| earlier < later);
     if !rises || starts.last().is_some_and(|last| last.saturating_add(contract.window) > n_frames) {

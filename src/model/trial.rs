@@ -54,7 +54,7 @@ impl Frames {
     }
 
     pub(super) fn windows<'f>(&'f self, starts: &'f [usize]) -> SharedWindows<'f> {
-        SharedWindows { starts, tactile: &self.tactile, pose: &self.pose }
+        SharedWindows { starts, ids: &[], tactile: &self.tactile, pose: &self.pose }
     }
 }
 

@@ -29,7 +29,7 @@ pub fn frames(contract: &Contract, seed: usize, taxels: [f32; 2], angle: f32) ->
 pub fn forces(model: &mut Model, frames: &Frames) -> Vec<f64> {
     let starts: Vec<usize> = (0..N).collect();
     let mut forces = Forces::default();
-    let windows = SharedWindows { starts: &starts, tactile: &frames.tactile, pose: &frames.pose };
+    let windows = SharedWindows { starts: &starts, ids: &[], tactile: &frames.tactile, pose: &frames.pose };
     model.regressor.run(windows, &mut forces).unwrap();
     let unit = model.info.contract.unit;
     forces.force.iter().chain(&forces.base).map(|force| unit.to_newton(*force).0).collect()

@@ -45,8 +45,12 @@ pub fn run_windows(
 ) -> Result<tactile_pose_fusion::fusion::Forces, tactile_pose_fusion::fusion::RegressError> {
     let window = model.regressor.contract().window;
     let starts: Vec<usize> = (0..windows.n).map(|idx| idx * window).collect();
-    let shared =
-        tactile_pose_fusion::fusion::SharedWindows { starts: &starts, tactile: windows.tactile, pose: windows.pose };
+    let shared = tactile_pose_fusion::fusion::SharedWindows {
+        starts: &starts,
+        ids: &[],
+        tactile: windows.tactile,
+        pose: windows.pose,
+    };
     let mut forces = tactile_pose_fusion::fusion::Forces::default();
     model.regressor.run(shared, &mut forces).map(|()| forces)
 }

@@ -16,6 +16,7 @@ mod eval_reference;
 mod eval_tables;
 mod eval_time;
 mod fusion;
+mod fusion_windows;
 mod hand;
 mod sim_glove;
 mod sim_session;

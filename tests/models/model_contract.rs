@@ -397,7 +397,7 @@ fn windows_of_another_size_are_refused() {
     let mut model = load(&sound()).unwrap();
     let mut refused = |starts: &[usize], n_tactile: usize, n_pose: usize| {
         let (tactile, pose) = (vec![0.0; n_tactile], vec![0.0; n_pose]);
-        let windows = SharedWindows { starts, tactile: &tactile, pose: &pose };
+        let windows = SharedWindows { starts, ids: &[], tactile: &tactile, pose: &pose };
         model.regressor.run(windows, &mut Forces::default()).unwrap_err().to_string()
     };
     let text = refused(&[0], 32, 32);
@@ -415,7 +415,7 @@ fn windows_of_another_size_are_refused() {
 fn buffers_hold_only_the_last_batch() {
     let mut model = load(&sound()).unwrap();
     let mut forces = Forces { force: vec![7.0; 9], base: vec![7.0; 9], touch: vec![7.0; 9] };
-    let windows = SharedWindows { starts: &[0], tactile: &[1.0; 32], pose: &[0.0; 16] };
+    let windows = SharedWindows { starts: &[0], ids: &[], tactile: &[1.0; 32], pose: &[0.0; 16] };
     model.regressor.run(windows, &mut forces).unwrap();
     assert_eq!(forces, Forces { force: vec![4.0], base: vec![4.0], touch: vec![] });
 }

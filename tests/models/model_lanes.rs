@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use tactile_pose_fusion::fusion::{Contract, Forces, SharedWindows};
+use tactile_pose_fusion::fusion::{Contract, Forces, FrameSequence, SharedWindows};
 use tactile_pose_fusion::model::{BackendChoice, Model, ModelSpec, load};
 
 /// Windows of a lane.
@@ -15,8 +15,8 @@ fn own(name: &str) -> Model {
 }
 
 /// The frames of a region.
-#[derive(Clone)]
 struct Lane {
+    sequence: FrameSequence,
     tactile: Vec<f32>,
     pose: Vec<f32>,
 }
@@ -29,6 +29,7 @@ fn lanes(contract: &Contract, n: usize) -> Vec<Lane> {
     };
     (0..n)
         .map(|lane| Lane {
+            sequence: FrameSequence::default(),
             tactile: values(lane, contract.n_taxels, 300.0),
             pose: values(lane, contract.n_joints, 1.2),
         })
@@ -50,7 +51,7 @@ fn stretch(model: &mut Model, lane: &Lane) -> Vec<Bits> {
     let starts: Vec<usize> = (0..N).collect();
     model
         .regressor
-        .run(SharedWindows { starts: &starts, tactile: &lane.tactile, pose: &lane.pose }, &mut forces)
+        .run(SharedWindows { starts: &starts, ids: &[], tactile: &lane.tactile, pose: &lane.pose }, &mut forces)
         .unwrap();
     bits(&forces)
 }
@@ -64,7 +65,8 @@ fn call(model: &mut Model, lanes: &[Lane], windows: &[(usize, usize)], forces: &
         pose.extend_from_slice(&lanes[lane].pose[first * n_joints..(first + window) * n_joints]);
     }
     let starts: Vec<usize> = (0..windows.len()).map(|idx| idx * window).collect();
-    model.regressor.run(SharedWindows { starts: &starts, tactile: &tactile, pose: &pose }, forces).unwrap();
+    let ids: Vec<_> = windows.iter().map(|&(lane, first)| lanes[lane].sequence.window(first)).collect();
+    model.regressor.run(SharedWindows { starts: &starts, ids: &ids, tactile: &tactile, pose: &pose }, forces).unwrap();
     bits(forces)
 }
 
@@ -172,4 +174,33 @@ fn a_frame_that_is_no_number_reaches_every_window_that_holds_it_and_no_other() {
             assert_eq!((force == nan, base == Some(nan)), (holds(first), false), "window {first}");
         }
     }
+}
+
+#[test]
+fn windows_whose_place_is_not_known_give_the_same_bits() {
+    let mut model = own("glove1_pose_aware.onnx");
+    let contract = model.info.contract.clone();
+    let lane = lanes(&contract, 1).remove(0);
+    let expected = stretch(&mut model, &lane);
+    let ids: Vec<_> = (0..N).map(|first| lane.sequence.window(first)).collect();
+    let mut forces = Forces::default();
+    for first in 0..N {
+        let ids = if first % 3 == 1 { &[] } else { &ids[first..=first] };
+        let windows = SharedWindows { starts: &[first], ids, tactile: &lane.tactile, pose: &lane.pose };
+        model.regressor.run(windows, &mut forces).unwrap();
+        assert_eq!(bits(&forces), [expected[first]], "window {first}");
+    }
+}
+
+#[cfg(debug_assertions)]
+#[test]
+#[should_panic(expected = "frames of a sequence changed")]
+fn frames_that_change_within_a_sequence_are_found_in_debug_builds() {
+    let mut model = own("glove1_pose_aware.onnx");
+    let contract = model.info.contract.clone();
+    let mut lanes = lanes(&contract, 1);
+    let mut forces = Forces::default();
+    call(&mut model, &lanes, &[(0, 0)], &mut forces);
+    lanes[0].tactile[contract.n_taxels] += 1.0;
+    call(&mut model, &lanes, &[(0, 1)], &mut forces);
 }

@@ -58,7 +58,7 @@ impl Input {
     }
 
     fn windows(&self) -> SharedWindows<'_> {
-        SharedWindows { starts: &self.starts, tactile: &self.tactile, pose: &self.pose }
+        SharedWindows { starts: &self.starts, ids: &[], tactile: &self.tactile, pose: &self.pose }
     }
 }
 

@@ -1,7 +1,9 @@
 //! Windows that share no frames with each other. Usually each continues a window of an earlier call by one frame.
 
+use std::ops::Range;
+
 use super::{Known, Network, Scratch};
-use crate::fusion::{Forces, SharedWindows};
+use crate::fusion::{Forces, SharedWindows, WindowId};
 
 /// Maximum number of windows that are kept: enough for a few hands. Each takes a third of a MiB.
 pub(in crate::model) const MOST: usize = 32;
@@ -9,8 +11,7 @@ pub(in crate::model) const MOST: usize = 32;
 /// State of windows that is kept from call to call.
 ///
 /// # Invariant
-/// Kept state changes no force. It is used only if the frames that it was computed from have the same bits as those of
-/// the call (`model_lanes`).
+/// Kept state changes no force. It is used only for windows that follow those that it was computed from (`model_lanes`).
 #[derive(Debug, Default)]
 pub(in crate::model) struct Lanes {
     /// The most recently used group comes first, because regions of several tactile sources alternate.
@@ -25,18 +26,19 @@ pub(in crate::model) struct Lanes {
 #[derive(Debug, Default)]
 struct Group {
     n: usize,
-    /// `[n, window, taxels]`
-    tactile: Vec<f32>,
-    /// `[n, window, joints]`
-    pose: Vec<f32>,
+    /// `[n]`, or empty if nobody said where these windows belong.
+    ids: Vec<WindowId>,
     known: Known,
+    /// `[n, window, taxels]` and `[n, window, joints]`: in debug builds, which check that windows that follow these have
+    /// the same frames. Else empty.
+    frames: [Vec<f32>; 2],
 }
 
 impl Lanes {
     /// Runs up to [`MOST`] windows.
     pub(in crate::model) fn run(&mut self, network: &Network, windows: SharedWindows<'_>, out: &mut Forces) {
         let (n, window) = (windows.starts.len(), network.window);
-        let n_new = match self.groups.iter().position(|group| group.goes_on(network, windows)) {
+        let n_new = match self.groups.iter().position(|group| group.goes_on(windows.ids)) {
             Some(idx) => {
                 self.groups[..=idx].rotate_right(1);
                 1
@@ -48,11 +50,17 @@ impl Lanes {
         };
         let Lanes { groups, scratch, tactile, pose } = self;
         let Some(group) = groups.first_mut() else { return };
-        newest_side_by_side(windows.tactile, windows.starts, window, n_new, network.n_taxels, tactile);
-        newest_side_by_side(windows.pose, windows.starts, window, n_new, network.n_joints, pose);
+        debug_assert!(n_new == window || group.keeps_its_frames(network, windows), "frames of a sequence changed");
+        side_by_side(windows.tactile, windows.starts, window - n_new..window, network.n_taxels, tactile);
+        side_by_side(windows.pose, windows.starts, window - n_new..window, network.n_joints, pose);
         network.run(&mut group.known, (tactile, pose), n, scratch, out);
-        one_below_the_other(windows.tactile, windows.starts, window, network.n_taxels, &mut group.tactile);
-        one_below_the_other(windows.pose, windows.starts, window, network.n_joints, &mut group.pose);
+        group.ids.clear();
+        group.ids.extend_from_slice(windows.ids);
+        if cfg!(debug_assertions) {
+            let [tactile, pose] = &mut group.frames;
+            one_below_the_other(windows.tactile, windows.starts, window, network.n_taxels, tactile);
+            one_below_the_other(windows.pose, windows.starts, window, network.n_joints, pose);
+        }
     }
 
     /// Begins a group of `n` windows. If there is no room, it replaces the groups that were not used for longest.
@@ -70,16 +78,21 @@ impl Lanes {
 
 impl Group {
     /// True if these windows are the group's windows, each moved on by one frame.
-    fn goes_on(&self, network: &Network, windows: SharedWindows<'_>) -> bool {
+    fn goes_on(&self, ids: &[WindowId]) -> bool {
+        let mut pairs = ids.iter().zip(&self.ids);
+        !ids.is_empty() && ids.len() == self.ids.len() && pairs.all(|(id, earlier)| id.follows(earlier))
+    }
+
+    /// True if windows that follow the group's have its frames, bit by bit.
+    fn keeps_its_frames(&self, network: &Network, windows: SharedWindows<'_>) -> bool {
         let Network { window, n_taxels, n_joints, .. } = *network;
-        let moved_on = |kept: &[f32], frames: &[f32], width: usize| {
+        let [tactile, pose] = &self.frames;
+        let same = |kept: &[f32], frames: &[f32], width: usize| {
             let kept = kept.chunks_exact((window * width).max(1));
             kept.zip(windows.starts)
                 .all(|(kept, start)| same_bits(&kept[width..], &frames[start * width..][..(window - 1) * width]))
         };
-        self.n == windows.starts.len()
-            && moved_on(&self.tactile, windows.tactile, n_taxels)
-            && moved_on(&self.pose, windows.pose, n_joints)
+        same(tactile, windows.tactile, n_taxels) && same(pose, windows.pose, n_joints)
     }
 }
 
@@ -88,17 +101,10 @@ fn same_bits(a: &[f32], b: &[f32]) -> bool {
     bytemuck::cast_slice::<f32, u32>(a) == bytemuck::cast_slice::<f32, u32>(b)
 }
 
-/// The last `n_new` frames of every window, as `[n_new, N, width]`.
-fn newest_side_by_side(
-    frames: &[f32],
-    starts: &[usize],
-    window: usize,
-    n_new: usize,
-    width: usize,
-    out: &mut Vec<f32>,
-) {
+/// Some frames of every window, as `[frames, N, width]`.
+fn side_by_side(frames: &[f32], starts: &[usize], of_window: Range<usize>, width: usize, out: &mut Vec<f32>) {
     out.clear();
-    for frame in window - n_new..window {
+    for frame in of_window {
         starts.iter().for_each(|start| out.extend_from_slice(&frames[(start + frame) * width..][..width]));
     }
 }
