@@ -49,6 +49,11 @@ const MAX_FILE_MIB: u64 = 64;
 /// Number of windows per call in a runtime. More gain nothing.
 const WINDOWS_AT_ONCE: usize = 32;
 
+/// Name of the vector instructions that the built-in code uses on this machine, for reports of its speed.
+pub fn vectors() -> &'static str {
+    crate::kernels::vectors()
+}
+
 /// Runtime to use for a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum BackendChoice {

@@ -2,11 +2,12 @@
 //!
 //! All its values depend on frames, not on windows, so each is computed once: a new frame costs one column per layer.
 
-use super::dense::{Decoder, repeat};
+use super::dense::Decoder;
 use super::frames::Frames;
 use super::{rectified, sized, vectorized};
 use crate::fusion::Forces;
-use crate::kernels::matrix::{Matrix, add_product};
+use crate::kernels::matrix::Matrix;
+use crate::kernels::packed::{Onto, Packed};
 use crate::model::causal;
 use crate::model::paper::TAPS;
 
@@ -25,7 +26,7 @@ pub(super) struct Causal {
 /// Weights of a convolution. Each tap is a matrix `[inputs, outputs]`.
 #[derive(Debug)]
 struct Layer {
-    taps: [Vec<f32>; TAPS],
+    taps: [Packed; TAPS],
     bias: Vec<f32>,
     dilation: usize,
     adds_input: bool,
@@ -60,7 +61,7 @@ impl Causal {
         let layer = |layer: &causal::Layer| Layer {
             taps: std::array::from_fn(|tap| {
                 let of_tap: Vec<f32> = layer.dense.weight.iter().skip(tap).step_by(TAPS).copied().collect();
-                Matrix::new(&of_tap, layer.dense.dims[0], layer.dense.dims[1]).transposed().to_rows()
+                Packed::new(Matrix::new(&of_tap, layer.dense.dims[0], layer.dense.dims[1]).transposed())
             }),
             bias: layer.dense.bias.clone(),
             dilation: layer.dilation,
@@ -148,10 +149,10 @@ impl Layer {
         let n_out = self.bias.len();
         let n_in = input.width() / n_lanes;
         let rows = out.len() / n_out;
-        repeat(&self.bias, out);
+        let mut onto = Onto::Row(&self.bias);
         for (tap, weight) in self.taps.iter().enumerate() {
             let seen = input.from(from + tap * self.dilation, rows * n_in);
-            add_product(out, Matrix::new(seen, rows, n_in), Matrix::new(weight, n_in, n_out));
+            weight.product(Matrix::new(seen, rows, n_in), std::mem::replace(&mut onto, Onto::Out), out);
         }
         let kept = input.from(from + self.reach(), rows * n_in);
         vectorized(|| match self.adds_input {

@@ -1,14 +1,15 @@
 //! Linear maps of many rows.
 
 use super::{rectified, sized};
-use crate::kernels::matrix::{Matrix, add_product};
+use crate::kernels::matrix::Matrix;
+use crate::kernels::packed::{Onto, Packed};
 use crate::model::paper;
 
 /// Weights of a linear map.
 #[derive(Debug)]
 pub(super) struct Dense {
     /// `[inputs, outputs]`
-    weight: Vec<f32>,
+    weight: Packed,
     bias: Vec<f32>,
 }
 
@@ -24,13 +25,14 @@ impl Dense {
     /// From weights `[outputs, inputs]`.
     pub(super) fn of_rows(weight: &[f32], bias: &[f32]) -> Self {
         let n_in = weight.len() / bias.len();
-        let weight = Matrix::new(weight, bias.len(), n_in).transposed().to_rows();
+        let weight = Packed::new(Matrix::new(weight, bias.len(), n_in).transposed());
         Dense { weight, bias: bias.to_vec() }
     }
 
     /// From weights `[inputs, outputs]`.
     pub(super) fn of_columns(weight: &[f32], bias: &[f32]) -> Self {
-        Dense { weight: weight.to_vec(), bias: bias.to_vec() }
+        let weight = Packed::new(Matrix::new(weight, weight.len() / bias.len(), bias.len()));
+        Dense { weight, bias: bias.to_vec() }
     }
 
     /// Number of outputs.
@@ -40,10 +42,8 @@ impl Dense {
 
     /// Maps `[N, inputs]` to `[N, outputs]`.
     pub(super) fn run(&self, rows: &[f32], out: &mut [f32]) {
-        let (n_in, n_out) = (self.weight.len() / self.bias.len(), self.bias.len());
-        repeat(&self.bias, out);
-        let rows = Matrix::new(rows, out.len() / n_out, n_in);
-        add_product(out, rows, Matrix::new(&self.weight, n_in, n_out));
+        let rows = Matrix::new(rows, out.len() / self.width(), self.weight.rows());
+        self.weight.product(rows, Onto::Row(&self.bias), out);
     }
 }
 

@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
-use macerator::{AutoArch, Simd, WithSimd};
+use macerator::{AutoArch, Scalar, Simd, VFma, WithSimd};
 
-use super::dense::{Dense, repeat};
+use super::dense::Dense;
 use super::frames::Frames;
 use super::{sized, vectorized};
-use crate::kernels::matrix::{Matrix, add_product};
+use crate::kernels::matrix::Matrix;
 use crate::kernels::nonlinear::{self, gelu, next_cell};
+use crate::kernels::packed::{Onto, Packed};
 use crate::model::paper::{self, Cells};
 
 /// Weights of the pose branch. Gates are in ONNX's order: input, output, forget, cell.
@@ -22,9 +23,9 @@ pub(super) struct Pose {
     /// First layer, forward and backward: encoded frame to gates.
     projections: [Dense; 2],
     /// First layer, `[H, 4 H]` each: previous state to gates.
-    recurrent: [Vec<f32>; 2],
+    recurrent: [Packed; 2],
     /// Second layer, forward, `[3 H, 4 H]`: both states of the first layer and the previous state to gates.
-    forward: Vec<f32>,
+    forward: Packed,
     forward_bias: Vec<f32>,
     /// Second layer, backward: both states of the first layer to gates. Only its first step is needed, at the last
     /// frame, so there is no previous state.
@@ -66,7 +67,10 @@ impl Pose {
     pub(super) fn new(pose: &paper::Pose) -> Self {
         let [[ahead, back], [forward, backward]] = &pose.lstm;
         let hidden = ahead.hidden;
-        let turned = |rows: &[f32]| Matrix::new(rows, 4 * hidden, rows.len() / (4 * hidden)).transposed().to_rows();
+        fn of_rows(hidden: usize, rows: &[f32]) -> Matrix<'_> {
+            Matrix::new(rows, 4 * hidden, rows.len() / (4 * hidden)).transposed()
+        }
+        let both = [&forward.input, &forward.recurrent].map(|rows| of_rows(hidden, rows).to_rows()).concat();
         let projection = |cells: &Cells| Dense::of_rows(&cells.input, &cells.bias);
         Pose {
             norm_gain: pose.norm_gain.clone(),
@@ -75,8 +79,8 @@ impl Pose {
             embedding: Dense::of_columns(&pose.embedding.weight, &pose.embedding.bias),
             hidden,
             projections: [projection(ahead), projection(back)],
-            recurrent: [turned(&ahead.recurrent), turned(&back.recurrent)],
-            forward: [turned(&forward.input), turned(&forward.recurrent)].concat(),
+            recurrent: [ahead, back].map(|cells| Packed::new(of_rows(hidden, &cells.recurrent))),
+            forward: Packed::new(Matrix::new(&both, both.len() / (4 * hidden), 4 * hidden)),
             forward_bias: forward.bias.clone(),
             backward: projection(backward),
         }
@@ -149,20 +153,16 @@ impl Pose {
         own.fill(0.0);
         let states = sized(states, n * 3 * hidden);
         states.fill(0.0);
-        let recurrent = Matrix::new(&self.recurrent[0], hidden, 4 * hidden);
-        let forward = Matrix::new(&self.forward, 3 * hidden, 4 * hidden);
         for frame in 0..window {
-            gates.copy_from_slice(of_windows(&known.projected[0], frame, &windows, 4 * hidden));
-            if frame > 0 {
-                add_product(gates, Matrix::strided(states, n, hidden, 3 * hidden), recurrent);
-            }
-            advance(hidden, gates, below, states, 3 * hidden);
+            let projected = of_windows(&known.projected[0], frame, &windows, 4 * hidden);
+            let before = (frame > 0).then(|| Matrix::strided(states, n, hidden, 3 * hidden));
+            let lower_gates = self.gates(0, projected, before, gates);
+            advance(hidden, lower_gates, below, states, 3 * hidden);
             let back = back[frame * n * hidden..].chunks_exact(hidden);
             for (state, back) in states.chunks_exact_mut(3 * hidden).zip(back) {
                 state[hidden..2 * hidden].copy_from_slice(back);
             }
-            repeat(&self.forward_bias, gates);
-            add_product(gates, Matrix::new(states, n, 3 * hidden), forward);
+            self.forward.product(Matrix::new(states, n, 3 * hidden), Onto::Row(&self.forward_bias), gates);
             advance(hidden, gates, own, &mut states[2 * hidden..], 3 * hidden);
         }
         lower.clear();
@@ -186,20 +186,33 @@ impl Pose {
         recurrences: &mut Recurrences,
     ) {
         let (hidden, n) = (self.hidden, windows.len());
-        let recurrent = Matrix::new(&self.recurrent[1], hidden, 4 * hidden);
         let Recurrences { gates, cells: [cells, _], back, .. } = recurrences;
         let (gates, cells) = (sized(gates, n * 4 * hidden), sized(cells, n * hidden));
         let back = sized(back, window * n * hidden);
         cells.fill(0.0);
         for frame in (0..window).rev() {
             let (before, after) = back.split_at_mut((frame + 1) * n * hidden);
-            gates.copy_from_slice(of_windows(projected, frame, windows, 4 * hidden));
-            if frame + 1 < window {
-                add_product(gates, Matrix::new(&after[..n * hidden], n, hidden), recurrent);
-            }
+            let projected = of_windows(projected, frame, windows, 4 * hidden);
+            let state_after = (frame + 1 < window).then(|| Matrix::new(&after[..n * hidden], n, hidden));
+            let gates = self.gates(1, projected, state_after, gates);
             let state = &mut before[frame * n * hidden..];
             advance(hidden, gates, cells, state, hidden);
         }
+    }
+}
+
+impl Pose {
+    /// Gates of the first layer in one direction: those of the projected input, plus those of the previous state.
+    fn gates<'g>(
+        &self,
+        direction: usize,
+        projected: &'g [f32],
+        state: Option<Matrix<'_>>,
+        gates: &'g mut [f32],
+    ) -> &'g [f32] {
+        let Some(state) = state else { return projected };
+        self.recurrent[direction].product(state, Onto::Rows(projected), gates);
+        gates
     }
 }
 
@@ -228,18 +241,63 @@ impl WithSimd for Step<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self) {
-        let Step { hidden, gates, cells, states, stride } = self;
-        let of_windows = gates.chunks_exact(4 * hidden).zip(cells.chunks_exact_mut(hidden));
-        for ((gates, cells), states) in of_windows.zip(states.chunks_mut(stride)) {
-            let (input_gates, rest) = gates.split_at(hidden);
-            let (output_gates, rest) = rest.split_at(hidden);
-            let (forget_gates, candidates) = rest.split_at(hidden);
-            for (((cell, i), f), g) in cells.iter_mut().zip(input_gates).zip(forget_gates).zip(candidates) {
-                *cell = next_cell(*cell, *f, *i, *g);
-            }
-            for ((state, o), cell) in states.iter_mut().zip(output_gates).zip(cells) {
-                *state = nonlinear::state(*o, *cell);
-            }
+        match (<f32 as Scalar>::lanes::<S>(), <f32 as VFma>::is_accelerated::<S>()) {
+            (16, true) => self.run::<16, true>(),
+            (8, true) => self.run::<8, true>(),
+            (_, true) => self.run::<4, true>(),
+            _ => self.run::<4, false>(),
         }
     }
+}
+
+impl Step<'_> {
+    /// Computes `L` values at a time, as many as a vector has, and the last ones singly.
+    ///
+    /// All cells of a window come first, then all states: a state waits for its cell, and several cells can be computed
+    /// meanwhile. Both in one loop is 7 % slower with AVX2.
+    #[inline(always)]
+    fn run<const L: usize, const FMA: bool>(self) {
+        let Step { hidden, gates, cells, states, stride } = self;
+        let of_windows = gates.chunks_exact(4 * hidden).zip(cells.chunks_exact_mut(hidden));
+        let whole = hidden - hidden % L;
+        for ((gates, cells), states) in of_windows.zip(states.chunks_mut(stride)) {
+            (0..whole).step_by(L).for_each(|at| next_cells::<L, FMA>(at, hidden, gates, cells));
+            (whole..hidden).for_each(|at| next_cells::<1, FMA>(at, hidden, gates, cells));
+            (0..whole).step_by(L).for_each(|at| next_states::<L, FMA>(at, hidden, gates, cells, states));
+            (whole..hidden).for_each(|at| next_states::<1, FMA>(at, hidden, gates, cells, states));
+        }
+    }
+}
+
+#[inline(always)]
+fn next_cells<const L: usize, const FMA: bool>(at: usize, hidden: usize, gates: &[f32], cells: &mut [f32]) {
+    let [input, _, forget, candidate] = std::array::from_fn(|gate| part::<L>(gates, gate * hidden + at));
+    let mut cell = part::<L>(cells, at);
+    for l in 0..L {
+        cell[l] = next_cell::<FMA>(cell[l], forget[l], input[l], candidate[l]);
+    }
+    cells[at..at + L].copy_from_slice(&cell);
+}
+
+#[inline(always)]
+fn next_states<const L: usize, const FMA: bool>(
+    at: usize,
+    hidden: usize,
+    gates: &[f32],
+    cells: &[f32],
+    states: &mut [f32],
+) {
+    let (output, cell) = (part::<L>(gates, hidden + at), part::<L>(cells, at));
+    let mut state = [0.0; L];
+    for l in 0..L {
+        state[l] = nonlinear::state::<FMA>(output[l], cell[l]);
+    }
+    states[at..at + L].copy_from_slice(&state);
+}
+
+#[inline(always)]
+fn part<const L: usize>(values: &[f32], at: usize) -> [f32; L] {
+    let mut part = [0.0; L];
+    part.copy_from_slice(&values[at..at + L]);
+    part
 }

@@ -1,9 +1,12 @@
 //! Tactile branch: four convolutions over time, then the maximum over each window.
 
+use std::hint::select_unpredictable;
+
 use super::dense::repeat;
 use super::frames::Frames;
 use super::{rectified, sized, vectorized};
-use crate::kernels::matrix::{Matrix, add_product};
+use crate::kernels::matrix::Matrix;
+use crate::kernels::packed::{Onto, Packed};
 use crate::model::paper::{self, DILATIONS, TAPS};
 
 /// Weights of the convolutions. Each tap is a matrix `[inputs, outputs]`.
@@ -14,7 +17,7 @@ pub(super) struct Touch {
 
 #[derive(Debug)]
 struct Convolution {
-    taps: [Vec<f32>; TAPS],
+    taps: [Packed; TAPS],
     bias: Vec<f32>,
     dilation: usize,
 }
@@ -48,7 +51,7 @@ impl Touch {
         let layers = convolutions.iter().zip(DILATIONS).map(|(convolution, dilation)| Convolution {
             taps: std::array::from_fn(|tap| {
                 let of_tap: Vec<f32> = convolution.weight.iter().skip(tap).step_by(TAPS).copied().collect();
-                Matrix::new(&of_tap, convolution.dims[0], convolution.dims[1]).transposed().to_rows()
+                Packed::new(Matrix::new(&of_tap, convolution.dims[0], convolution.dims[1]).transposed())
             }),
             bias: convolution.bias.clone(),
             dilation,
@@ -153,13 +156,11 @@ impl Convolution {
     }
 
     fn n_in(&self) -> usize {
-        self.taps[0].len() / self.bias.len()
+        self.taps[0].rows()
     }
 
-    fn product(&self, rows: &[f32], tap: &[f32], out: &mut [f32]) {
-        let (n_in, n_out) = (self.n_in(), self.bias.len());
-        out.fill(0.0);
-        add_product(out, Matrix::new(rows, rows.len() / n_in, n_in), Matrix::new(tap, n_in, n_out));
+    fn product(&self, rows: &[f32], tap: &Packed, out: &mut [f32]) {
+        tap.product(Matrix::new(rows, rows.len() / self.n_in(), self.n_in()), Onto::Zero, out);
     }
 }
 
@@ -171,10 +172,10 @@ fn rectify(values: &mut [f32]) {
     vectorized(|| values.iter_mut().for_each(|value| *value = rectified(*value)));
 }
 
-/// Elementwise maximum. NaN on either side stays NaN.
+/// Elementwise maximum. NaN on either side stays NaN. An `if` would become a masked store, which is slow.
 fn raise(highest: &mut [f32], values: &[f32]) {
     let of = |(highest, value): (&mut f32, &f32)| {
-        *highest = if *value > *highest || value.is_nan() { *value } else { *highest };
+        *highest = select_unpredictable((*value > *highest) | value.is_nan(), *value, *highest);
     };
     vectorized(|| highest.iter_mut().zip(values).for_each(of));
 }

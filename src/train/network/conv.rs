@@ -6,7 +6,8 @@
 use std::array::from_fn;
 
 use super::super::architecture::{N_FEATURES, TAPS};
-use crate::kernels::matrix::{Matrix, add_column_sums, add_product};
+use crate::kernels::matrix::Matrix;
+use crate::kernels::product::{add_column_sums, add_product};
 
 /// Sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,8 +5,9 @@
 
 use macerator::AutoArch;
 
-use crate::kernels::matrix::{Matrix, add_column_sums, add_product, multiply};
+use crate::kernels::matrix::Matrix;
 use crate::kernels::nonlinear::{sigmoid, tanh_of};
+use crate::kernels::product::{add_column_sums, add_product, multiply};
 
 /// Sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
