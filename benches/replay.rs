@@ -2,6 +2,7 @@
 //!
 //! The model is the paper's network at its full size.
 #![allow(missing_docs)] // criterion's macros make public items
+#![allow(clippy::print_stdout)] // criterion prints the results
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -14,7 +15,7 @@ use common::bags::{Bag, at};
 use common::fake::{config, region};
 use common::parity::Parity;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
+use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load, vectors};
 
 const JOINTS: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
 const N_TAXELS: usize = 16;
@@ -43,6 +44,7 @@ fn angles(k: i64) -> [f64; 4] {
 
 /// A tick: one joint state and one frame of taxels in, the estimates of all regions out.
 fn tick(c: &mut Criterion) {
+    println!("vectors of the built-in code: {}", vectors());
     let (path, kind) = model();
     for n_regions in [1, 5] {
         let mut group = c.benchmark_group(format!("tick/{n_regions}_regions/{kind}"));

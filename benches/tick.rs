@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use common::bags::at;
 use common::fake::{config, joints, region, tactile};
 use tactile_pose_fusion::fusion::*;
-use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load};
+use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load, vectors};
 
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
 const JOINTS: [&str; 4] = ["dip", "pip", "mcp_flex", "mcp_abd"];
@@ -67,6 +67,7 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
 }
 
 fn main() {
+    println!("vectors of the built-in code: {}\n", vectors());
     println!("| five regions, one tick | ticks | p50 us | p99 us | p99.9 us | max us |\n|---|---|---|---|---|---|");
     let mut ways = vec![("the built-in code", BackendChoice::Builtin), ("RTen", BackendChoice::Rten)];
     if common::onnx_runtime_is_here() {
