@@ -97,7 +97,10 @@ impl Running {
 
     fn graph_status(&mut self, problems: &[Problem]) -> Status {
         let level = self.budget("graph", problems.is_empty());
-        let message = problems.first().map_or("nobody is in the way", |problem| &problem.text).to_owned();
+        let message = problems
+            .first()
+            .map_or("no other node publishes the same, and all subscribers match", |problem| &problem.text)
+            .to_owned();
         let values = problems.iter().map(|problem| (format!("problem.{}", problem.kind), problem.text.clone()));
         Status { name: self.name("graph"), level, message, values: values.collect() }
     }
@@ -115,7 +118,7 @@ impl Running {
             Some(stamp) if stamp.p50 < 0.0 => {
                 format!("stamps lie {:.1} ms ahead of this node's clock (median): synchronize the clocks", -stamp.p50)
             }
-            Some(stamp) => format!("{:.1} ms from stamp to publish (99th percentile), budget {limit_ms} ms", stamp.p99),
+            Some(stamp) => format!("{:.1} ms from stamp to publish (99th percentile), limit {limit_ms} ms", stamp.p99),
         };
         let mut values = vec![
             ("published".to_owned(), published.to_string()),

@@ -105,4 +105,19 @@ mod tests {
         let slow: Vec<bool> = (0..120).map(|idx| idx % 12 < 6).collect(); // 3 s there, 3 s not, for a minute
         assert!(said(&slow).len() <= 4, "{:?}", said(&slow));
     }
+
+    #[test]
+    fn a_problem_that_is_held_is_not_said_to_be_over() {
+        let mut announcer = Announcer::default();
+        let problem = [("estimates".to_owned(), "0 %".to_owned())];
+        let at = |half_seconds: u32| Duration::from_millis(500) * half_seconds;
+        let said: Vec<_> = (0..6).flat_map(|time| announcer.handle(at(time), &problem)).collect();
+        assert_eq!(said, [Announcement::Began("0 %".to_owned())]);
+        for time in 6..40 {
+            announcer.hold(at(time), "estimates");
+            assert_eq!(announcer.handle(at(time), &[]), [], "its cause is reported instead");
+        }
+        let said: Vec<_> = (40..60).flat_map(|time| announcer.handle(at(time), &[])).collect();
+        assert_eq!(said, [Announcement::Ended("estimates".to_owned())]);
+    }
 }

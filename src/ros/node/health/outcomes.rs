@@ -63,10 +63,10 @@ impl Outcomes {
     pub fn reasons(&self, n_expected: f64) -> String {
         let mut flags: Vec<(&str, u64)> = self.flags.iter().copied().filter(|(_, n)| *n > 0).collect();
         flags.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-        let mut texts: Vec<String> = flags.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        let mut texts: Vec<String> = flags.iter().map(|(name, n)| format!("{n} frames {name}")).collect();
         let n_missing = n_expected - self.n as f64;
         if n_missing > 0.1 * n_expected {
-            texts.push(format!("never came {n_missing:.0}"));
+            texts.push(format!("{n_missing:.0} frames never came"));
         }
         texts.join(", ")
     }
@@ -112,8 +112,8 @@ mod tests {
         (0..10).for_each(|_| outcomes.handle(&estimate(None, Flags::WARMUP | Flags::STALE_POSE)));
         assert_eq!((outcomes.n, outcomes.n_with_force, outcomes.n_good), (100, 90, 80));
         assert_eq!((outcomes.share(100.0), outcomes.share(200.0), outcomes.share(50.0)), (0.8, 0.4, 0.8));
-        assert_eq!(outcomes.reasons(200.0), "STALE_POSE 20, WARMUP 10, never came 100");
-        assert_eq!(outcomes.reasons(105.0), "STALE_POSE 20, WARMUP 10", "a tick more or less");
+        assert_eq!(outcomes.reasons(200.0), "20 frames STALE_POSE, 10 frames WARMUP, 100 frames never came");
+        assert_eq!(outcomes.reasons(105.0), "20 frames STALE_POSE, 10 frames WARMUP", "a tick more or less");
         assert_eq!(outcomes.worst(), Some("STALE_POSE"));
         assert_eq!((Outcomes::default().share(0.0), Outcomes::default().worst()), (0.0, None));
     }

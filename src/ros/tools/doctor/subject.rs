@@ -9,7 +9,7 @@ use super::super::inputs::Inputs;
 use super::super::listener::{Delivery, Incoming, Listener, Listening};
 use super::{Finding, Level};
 use crate::config::{Config, ParamTree};
-use crate::fusion::{Event, Fusion};
+use crate::fusion::{Event, Fusion, TactileSourceIdx};
 use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{ContactArray, WireType, WrenchStamped};
 use crate::ros::node::health::{InputHealth, advice};
@@ -299,6 +299,14 @@ impl Subject {
         if outcomes.n == 0 {
             let text = "no frame could be made of what came, so no estimate was tried; see the inputs";
             return Some(Finding::new("estimates", Level::Problem, text));
+        }
+        let sources = 0..self.cfg.fusion.tactile_sources.len();
+        if sources.clone().all(|idx| core.baseline(TactileSourceIdx(idx)).is_none()) {
+            let text = format!(
+                "not tried on the {} frames that came: without a calibration no node gives a force; name that of the node by --calibration",
+                outcomes.n
+            );
+            return Some(Finding::new("estimates", Level::Warning, text));
         }
         let n_expected = if self.n_judged >= SETTLED { n_expected } else { 0.0 };
         let percent = (100.0 * outcomes.share(n_expected)).floor();
