@@ -14,7 +14,7 @@ use serde::Serialize;
 pub use self::scan::NamedTiming;
 pub use crate::sessions::InAir;
 
-use self::load::Loader;
+use self::load::GloveLoader;
 use self::scan::{Scan, common_joints};
 use crate::bag::{BagError, InputError};
 use crate::characterize::{RegionReport, SessionFrames, characterize};
@@ -144,7 +144,7 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
     let scans = bags.iter().map(|bag| Scan::of(bag, cfg, observer)).collect::<Result<Vec<_>, _>>()?;
     let (found, joints_left_out) = common_joints(cfg, &scans);
     let (joints, sources): (Vec<String>, Vec<usize>) = found.into_iter().unzip();
-    let loader = Loader { cfg, joints: &joints, request, observer };
+    let loader = GloveLoader { cfg, joints: &joints, request, observer };
     let mut by_region: Vec<Vec<SessionFrames>> = vec![Vec::new(); cfg.fusion.regions.len()];
     let (mut sessions, mut missing) = (Vec::new(), Vec::new());
     for (bag, scan) in bags.iter().zip(scans) {

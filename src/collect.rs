@@ -11,4 +11,4 @@ pub use checks::{Preflight, Problem};
 pub use done::done;
 pub use quality::{ItemQuality, StageQuality};
 pub use senses::{Layout, Senses, Spread, Stream, Window};
-pub use session::{Command, Happened, Session, State};
+pub use session::{Command, Happened, LedSession, State};

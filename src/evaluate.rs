@@ -18,7 +18,7 @@ pub use error::EvaluateError;
 pub use headline::{Change, GloveHeadline, Headline};
 pub use held_out::{all_folds, fold_path, folds_of};
 pub use partial::{Expected, MergeError, Partial, PartialBag, PartialOut, command, merge, run_partial};
-pub use plan::{Series, Session};
+pub use plan::{Series, SessionToScore};
 pub use results::{Evaluated, Evidence, FailedBag, Latencies, ModelScores, Pairing, PoseQualityScores};
 pub use session::SessionSummary;
 pub use stretches::Stretch;
@@ -29,7 +29,7 @@ use crate::fusion::TouchLevels;
 use crate::model::BackendChoice;
 use crate::observer::{Observer, check};
 use crate::recording::PoseQuality;
-use crate::sessions::{Core, InAir};
+use crate::sessions::{InAir, ModelRun};
 use crate::zero::Wanted;
 use held_out::{Fold, folds};
 use plan::Plan;
@@ -118,14 +118,14 @@ pub fn run_with(
     cfg: Config,
     request: &Request<'_>,
     observer: &dyn Observer,
-    mut each: impl FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
+    mut each: impl FnMut(&[Series], &SessionToScore) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
 ) -> Result<Evaluated, EvaluateError> {
     let mut gathered = Gathered::default();
     let head = parts(cfg, request, observer, &mut each, &mut |idx, part| gathered.handle(idx, part))?;
     gathered.finish(&head)
 }
 
-type Each<'e> = dyn FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>> + 'e;
+type Each<'e> = dyn FnMut(&[Series], &SessionToScore) -> Result<(), Box<dyn std::error::Error + Send + Sync>> + 'e;
 type Take<'t> = dyn FnMut(usize, BagPart) -> Result<(), EvaluateError> + 't;
 
 /// Takes every bag of a request, and hands on what it gives, with its place among the bags. Gives what all have in common.
@@ -148,7 +148,7 @@ fn parts(
 /// Takes every bag of a request through a plan.
 fn parts_of_plan(
     plan: &Plan<'_>,
-    cores: Vec<Core>,
+    cores: Vec<ModelRun>,
     request: &Request<'_>,
     each: &mut Each<'_>,
     take: &mut Take<'_>,

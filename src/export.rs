@@ -32,7 +32,7 @@ pub use summary::{BagSummary, EpisodeSummary, Failed, Summary};
 
 /// A session to export.
 #[derive(Debug)]
-pub struct Session<'a> {
+pub struct SessionToExport<'a> {
     /// Its name.
     pub name: String,
     /// True if the data are simulated, not recorded.

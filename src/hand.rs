@@ -75,7 +75,7 @@ pub fn angles(points: &[Point], layout: &Layout, side: Side) -> [f64; 20] {
     let back = back_of_hand(bone(layout.wrist, knuckle(0)), bone(layout.wrist, knuckle(3)), side);
     for (finger, chain) in layout.fingers.iter().enumerate() {
         let bones = [0, 1, 2, 3].map(|k| bone(chain[k], chain[k + 1]));
-        let Some(metacarpal) = Frame::at(bones[0], back, side) else { continue };
+        let Some(metacarpal) = Axes::at(bones[0], back, side) else { continue };
         let Some((proximal, flexion, abduction)) = metacarpal.turn(bones[1]) else { continue };
         angles[4 * finger + 2] = flexion;
         angles[4 * finger + 3] = abduction;
@@ -88,7 +88,7 @@ pub fn angles(points: &[Point], layout: &Layout, side: Side) -> [f64; 20] {
     let thumb = [0, 1, 2].map(|k| bone(layout.thumb[k], layout.thumb[k + 1]));
     angles[16] = between(thumb[1], thumb[2]);
     angles[17] = between(thumb[0], thumb[1]);
-    let palm = Frame::at(bone(layout.wrist, knuckle(1)), back, side);
+    let palm = Axes::at(bone(layout.wrist, knuckle(1)), back, side);
     if let Some((_, flexion, abduction)) = palm.and_then(|palm| palm.turn(thumb[0])) {
         (angles[18], angles[19]) = (flexion, abduction);
     }
@@ -97,7 +97,7 @@ pub fn angles(points: &[Point], layout: &Layout, side: Side) -> [f64; 20] {
 
 /// A bone and the axis about which the next one flexes: unit vectors, at right angles.
 #[derive(Debug, Clone, Copy)]
-struct Frame {
+struct Axes {
     forward: Point,
     /// Towards the thumb's side.
     radial: Point,
@@ -105,7 +105,7 @@ struct Frame {
     back: Point,
 }
 
-impl Frame {
+impl Axes {
     /// A bone that lies in a hand whose back points to `back`.
     fn at(forward: Option<Point>, back: Option<Point>, side: Side) -> Option<Self> {
         let (forward, back) = (forward?, back?);
@@ -124,7 +124,7 @@ impl Frame {
         };
         let radial = steep(without(radial, forward))?;
         let back = steep(without(without(back, forward), radial))?;
-        Some(Frame { forward, radial, back })
+        Some(Axes { forward, radial, back })
     }
 
     /// The frame of a bone that is turned so.

@@ -18,7 +18,7 @@ use self::error::one_line;
 use self::metadata::Metadata;
 use self::onnx::{Message, ModelProto};
 use self::paper::Paper;
-use self::session::{Runtime, Session};
+use self::session::{InferenceSession, Runtime};
 use crate::fusion::{ForceAxes, ForceUnit, Regressor};
 use crate::location;
 
@@ -168,7 +168,7 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
     if let Some(own) = &own
         && let Ok((runtime, backend)) = open_rten(&opened.bytes, &opened.terms)
     {
-        let mut session = Session::new(path, runtime, &opened.terms);
+        let mut session = InferenceSession::new(path, runtime, &opened.terms);
         if let Ok(notes) = probe::check(path, &mut session, &opened.terms)
             && let Ok(builtin) = Builtin::of(&mut session, own, spec.threads.get())
         {
@@ -177,7 +177,7 @@ pub fn load(spec: &ModelSpec) -> Result<Model, ModelError> {
         }
     }
     let (runtime, backend, instead) = choose_runtime(spec, &opened.bytes, &opened.terms)?;
-    let mut session = Session::new(path, runtime, &opened.terms);
+    let mut session = InferenceSession::new(path, runtime, &opened.terms);
     info.notes.extend(probe::check(path, &mut session, &opened.terms)?);
     match own.map(|own| Builtin::of(&mut session, &own, spec.threads.get())) {
         Some(Ok(builtin)) => return Ok(run_by(builtin, backend, info)),

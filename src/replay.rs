@@ -28,7 +28,7 @@ use crate::observer::Observer;
 use crate::recording::{Notes, input_topics};
 use crate::units::Stamp;
 use crate::zero::{self, Wanted, ZeroFrom};
-use stages::{Core, InferenceTime, Read, Reading, Writing, busy_seconds};
+use stages::{CoreStage, InferenceTime, Read, Reading, Writing, busy_seconds};
 
 /// Input of a replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -112,7 +112,7 @@ pub fn run(
     let started = Instant::now();
     let wanted = (!options.merge).then(|| inputs.topics());
     let total = reader.bytes_total();
-    let mut core = Core::new(&cfg, fusion, inputs, zero.check, inference, observer);
+    let mut core = CoreStage::new(&cfg, fusion, inputs, zero.check, inference, observer);
     let pass_through = options.merge.then(PassThrough::default);
     let writing = Writing { writer, estimates, pass_through, busy: Duration::ZERO };
     let progress = |done| observer.progress(done, total);
@@ -120,7 +120,7 @@ pub fn run(
         side_by_side::run(Reading::new(reader, wanted), &mut core, writing, options.jobs, &progress)?;
     let busy = busy_seconds(&reading, &core, &writing);
 
-    let (Core { fusion, inputs, span, .. }, Writing { mut writer, mut estimates, .. }) = (core, writing);
+    let (CoreStage { fusion, inputs, span, .. }, Writing { mut writer, mut estimates, .. }) = (core, writing);
     let losses: Vec<String> = reading.reader.losses().iter().map(ToString::to_string).collect();
     estimates.finish(&mut writer)?;
     let estimates_sha256 = estimates.sha256();
@@ -176,14 +176,14 @@ pub fn for_each_with(
     let Ready { models, fusion, zero, inference } =
         ready(&mut cfg, recording, &inputs, &reader, None, drops_unused_joints, observer)?;
     let (wanted, total) = (Some(inputs.topics()), reader.bytes_total());
-    let mut core = Core::new(&cfg, fusion, inputs, zero.check, inference, observer);
+    let mut core = CoreStage::new(&cfg, fusion, inputs, zero.check, inference, observer);
     let mut reading = Reading::new(reader, wanted);
     while let Some(Read { portion, bytes_read }) = reading.next()? {
         observer.progress(bytes_read, total);
         core.take(portion)?.ticks().for_each(&mut each);
     }
     core.end()?.ticks().for_each(&mut each);
-    let Core { fusion, inputs, .. } = core;
+    let CoreStage { fusion, inputs, .. } = core;
     let losses: Vec<String> = reading.reader.losses().iter().map(ToString::to_string).collect();
     let mut warnings = summary::warnings(&losses, &inputs.counters(), &fusion);
     warnings.extend(inputs.angle_doubts());

@@ -18,7 +18,7 @@ pub use compared::{Compared, compare};
 pub use error::SessionError;
 pub use in_air::{InAir, MARGIN, annotated, without_annotations};
 pub use labelled::{Labelled, NeedsTruth};
-pub use modelled::{Core, Modelled, hold_estimates, read_estimates, recorded, run_models};
+pub use modelled::{ModelRun, Modelled, hold_estimates, read_estimates, recorded, run_models};
 pub use shard::{Shard, ShardError};
 pub use touches::{KnownForces, RegionTouches, force_gains};
 

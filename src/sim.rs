@@ -22,7 +22,7 @@ pub mod touch;
 /// Topic on which a synthetic glove announces that it is one, as `std_msgs/msg/String`.
 pub const SYNTHETIC_TOPIC: &str = "/synthetic_glove";
 
-pub use session::{Fault, LiveSession, Prompt, Record, Session, SimError, simulate};
+pub use session::{Fault, LiveSession, Prompt, Record, SimError, SimulatedSession, simulate};
 pub use spec::{
     Activity, Axes, Conditions, FULL_MINUTES, Fingers, MIN_MINUTES, Physics, SessionSpec, Tracking, TrackingErrors,
 };

@@ -107,7 +107,7 @@ pub struct BagSummary {
 const MAX_OPEN: usize = 16;
 
 /// One recording: a file, or the files of a split bag.
-struct Input {
+struct OpenInput {
     /// In the order of their first messages.
     files: Vec<Part>,
     /// Which of `files` is opened next.
@@ -149,7 +149,7 @@ struct OpenFile {
 /// Damage is not an error: what can be read is read, and the rest stands in [`losses`](Self::losses).
 /// The checksum of a chunk is known to be wrong only after its messages were handed out; the loss then says so.
 pub struct BagReader {
-    inputs: Vec<Input>,
+    inputs: Vec<OpenInput>,
     as_written: bool,
     table: ChannelTable,
     losses: Losses,
@@ -238,7 +238,7 @@ impl BagReader {
             return Err(error);
         }
         order::sort_parts(&mut files);
-        self.inputs.push(Input { files, next_file: 0, open: Vec::new(), late: Late::default() });
+        self.inputs.push(OpenInput { files, next_file: 0, open: Vec::new(), late: Late::default() });
         Ok(())
     }
 
@@ -483,7 +483,7 @@ impl BagReader {
         let is_watched = !watched.is_empty()
             && *self.is_watched.entry(channel).or_insert_with(|| watched.contains(&table.all()[channel].topic));
         if is_watched {
-            let Input { open, late, .. } = &mut self.inputs[place.0];
+            let OpenInput { open, late, .. } = &mut self.inputs[place.0];
             late.handle(log_time, channel, open[place.1].file.path());
         }
         self.handed_out = Some(place);
@@ -492,7 +492,7 @@ impl BagReader {
 
     /// Read the next record of every open file of an input that has none in hand, and open the file whose turn has come.
     fn fill(&mut self, input_idx: usize, messages_only: bool) -> Result<(), BagError> {
-        let Input { files, next_file, open, late } = &mut self.inputs[input_idx];
+        let OpenInput { files, next_file, open, late } = &mut self.inputs[input_idx];
         loop {
             let mut idx = 0;
             let mut earliest: Option<Stamp> = None;

@@ -13,7 +13,7 @@ use super::read::{BagAttachment, BagChannel, BagMetadata};
 use crate::msg::{WireType, definition_text, rihs01};
 use crate::units::Stamp;
 use output::Output;
-use recording::Recording;
+use recording::McapOutput;
 
 /// Name of the notes that rosbag2 keeps within an MCAP file; they speak of that file alone, so they are never copied.
 const ROSBAG2_NOTES: &str = "rosbag2";
@@ -108,7 +108,7 @@ struct Written {
 /// [`keep_unfinished`](Self::keep_unfinished) was called.
 pub struct BagWriter {
     // In front of `output`, so that the file is closed before it is removed.
-    recording: Recording,
+    recording: McapOutput,
     output: Output,
     channels: Vec<Written>,
     ros_distro: String,
@@ -123,7 +123,7 @@ impl BagWriter {
     /// what the operating system says.
     pub fn create(out: &Path, options: WriteOptions) -> Result<Self, BagError> {
         let (output, file) = Output::create(out, &options)?;
-        let recording = Recording::start(file, out, options.compression)?;
+        let recording = McapOutput::start(file, out, options.compression)?;
         Ok(BagWriter { recording, output, channels: Vec::new(), ros_distro: options.ros_distro, span: None })
     }
 

@@ -27,7 +27,7 @@ const RATE_TOLERANCE: f64 = 0.05;
 const JOINT_SLACK: Duration = Duration::from_secs(1);
 
 /// Reads bags with the same joints.
-pub(super) struct Loader<'c> {
+pub(super) struct GloveLoader<'c> {
     pub(super) cfg: &'c Config,
     pub(super) joints: &'c [String],
     pub(super) request: &'c Request<'c>,
@@ -57,7 +57,7 @@ impl AirTime {
     }
 }
 
-impl Loader<'_> {
+impl GloveLoader<'_> {
     /// Reads one bag.
     pub(super) fn load(&self, bag: &Path, scan: &Scan) -> Result<Loaded, CharacterizeError> {
         let in_bag = |error: &dyn std::fmt::Display| CharacterizeError::in_bag(bag, error);

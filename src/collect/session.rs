@@ -64,7 +64,7 @@ pub enum State {
 
 /// A session in progress.
 #[derive(Debug, Clone)]
-pub struct Session {
+pub struct LedSession {
     protocol: Protocol,
     plan: Plan,
     steps: Vec<Vec<Step>>,
@@ -78,12 +78,12 @@ pub struct Session {
     happened: VecDeque<Happened>,
 }
 
-impl Session {
+impl LedSession {
     /// A session of which some items are already done. It waits for [`Command::Go`].
     pub fn new(protocol: Protocol, plan: Plan, done: BTreeSet<usize>) -> Self {
         let steps = plan.trials().iter().map(|trial| trial.steps(&protocol)).collect();
         let state = if done.len() == plan.trials().len() { State::Over } else { State::Waiting };
-        Session {
+        LedSession {
             protocol,
             plan,
             steps,
@@ -328,10 +328,10 @@ mod tests {
     use super::*;
     use crate::protocol::Annotations;
 
-    fn session() -> Session {
+    fn session() -> LedSession {
         let protocol = Protocol::paper();
         let plan = Plan::new(&protocol, Some(2.0), "tests");
-        Session::new(protocol, plan, BTreeSet::new())
+        LedSession::new(protocol, plan, BTreeSet::new())
     }
 
     fn at(seconds: f64) -> Stamp {
@@ -339,7 +339,7 @@ mod tests {
     }
 
     /// Runs the session for a time span, with 20 calls per second.
-    fn go(session: &mut Session, from_s: f64, to_s: f64) -> Vec<Happened> {
+    fn go(session: &mut LedSession, from_s: f64, to_s: f64) -> Vec<Happened> {
         let mut all = Vec::new();
         for k in 0..=((to_s - from_s) * 20.0) as u32 {
             session.handle_time(at(from_s + f64::from(k) * 0.05));
@@ -441,7 +441,7 @@ mod tests {
         let (done, broken) = done(&annotated(&all), session.protocol(), session.plan());
         assert_eq!(done, BTreeSet::from([0, 1]));
         assert_eq!(broken.len(), 1, "the third item was begun");
-        let again = Session::new(session.protocol().clone(), session.plan().clone(), done);
+        let again = LedSession::new(session.protocol().clone(), session.plan().clone(), done);
         assert_eq!(again.current(), Some(2));
     }
 }

@@ -20,7 +20,7 @@ use super::split::SplitArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt};
 use crate::config::Config;
-use crate::evaluate::{self, Evaluated, JudgeTouch, Request, Series, Session};
+use crate::evaluate::{self, Evaluated, JudgeTouch, Request, Series, SessionToScore};
 use crate::fusion::TouchLevels;
 use crate::report::evaluation::FrameFile;
 
@@ -144,7 +144,7 @@ fn evaluate(args: &Args) -> Result<Evaluated, Failure> {
     })
 }
 
-type Each<'e> = dyn FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>> + 'e;
+type Each<'e> = dyn FnMut(&[Series], &SessionToScore) -> Result<(), Box<dyn std::error::Error + Send + Sync>> + 'e;
 
 /// Asks for the scores of bags in the way that the command line says, and writes their frames where it says so.
 fn scored<T>(

@@ -7,7 +7,7 @@ use super::progress::{Said, Shown};
 use super::setup::{ModelArgs, ParamArgs};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print};
-use crate::view::{Content, Request, Server, Session};
+use crate::view::{BagView, Content, Request, Server};
 
 /// Opens a page in the browser that shows taxels, forces, contacts, flags and artifact of a bag, or of a running node.
 #[derive(Debug, clap::Args)]
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let bag = args.bag.as_deref().unwrap_or(Path::new(""));
     let request =
         Request { bag, zero: args.zero.wanted(), compute: args.compute || replaces, drop_unused_joints: replaces };
-    let session = Session::read(cfg, &request, &Shown::bytes("view"))?;
+    let session = BagView::read(cfg, &request, &Shown::bytes("view"))?;
     open(args, &server)?;
     server.serve(Content::Session(Arc::new(session)))?;
     Ok(Outcome::Done)

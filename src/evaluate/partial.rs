@@ -15,7 +15,7 @@ pub use self::merge::{Expected, merge};
 
 use self::file::PartialFile;
 use self::fingerprint::Fingerprint;
-use super::{EvaluateError, Request, Series, Session, parts};
+use super::{EvaluateError, Request, Series, SessionToScore, parts};
 use crate::config::Config;
 use crate::location;
 use crate::observer::{Observer, check};
@@ -76,7 +76,7 @@ pub fn run_partial(
     request: &Request<'_>,
     out: PartialOut<'_>,
     observer: &dyn Observer,
-    mut each: impl FnMut(&[Series], &Session) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
+    mut each: impl FnMut(&[Series], &SessionToScore) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
 ) -> Result<Partial, EvaluateError> {
     let made_with = Fingerprint::of(&cfg, request)?;
     let mut file = PartialFile::create(out.path)?;

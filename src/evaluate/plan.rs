@@ -17,7 +17,7 @@ use crate::msg::EstimateTopics;
 use crate::observer::Observer;
 use crate::recording::{EstimateTrack, PoseQuality};
 use crate::sessions::{
-    Core, InAir, Labelled, Modelled, NeedsTruth, annotated, hold_estimates, read_estimates, run_models,
+    InAir, Labelled, ModelRun, Modelled, NeedsTruth, annotated, hold_estimates, read_estimates, run_models,
 };
 use crate::zero::Wanted;
 
@@ -71,14 +71,14 @@ pub(super) enum Which {
 
 /// One session, ready to be scored.
 #[derive(Debug)]
-pub struct Session {
+pub struct SessionToScore {
     /// Its summary in results.
     pub summary: SessionSummary,
     /// `[series][regions]`, in the order of [`Series`].
     pub frames: Vec<Vec<ScoredFrames>>,
 }
 
-impl Session {
+impl SessionToScore {
     /// Whether all of it can be scored: asked before any of it is.
     fn check(&self) -> Result<(), EvaluateError> {
         let checked = self.frames.iter().flatten().try_for_each(ScoredFrames::check);
@@ -92,7 +92,7 @@ impl<'a> Plan<'a> {
         cfg: Config,
         request: &Request<'a>,
         observer: &'a dyn Observer,
-    ) -> Result<(Self, Vec<Core>), EvaluateError> {
+    ) -> Result<(Self, Vec<ModelRun>), EvaluateError> {
         let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
         let recorded = (request.model.is_none() && hold_estimates(request.bags, &topic)).then_some(topic);
         if recorded.is_some() && request.touch != JudgeTouch::AsTheNode {
@@ -200,7 +200,7 @@ impl<'a> Plan<'a> {
     }
 
     /// The models of one more worker.
-    pub(super) fn load(&self) -> Result<Vec<Core>, EvaluateError> {
+    pub(super) fn load(&self) -> Result<Vec<ModelRun>, EvaluateError> {
         self.cores.iter().map(|core| Ok(core.core(Models::load(&core.cfg)?))).collect()
     }
 
@@ -208,9 +208,9 @@ impl<'a> Plan<'a> {
     pub(super) fn session(
         &self,
         bag: &Path,
-        cores: Vec<Core>,
+        cores: Vec<ModelRun>,
         done: &AtomicU64,
-    ) -> Result<(Session, Vec<Core>), EvaluateError> {
+    ) -> Result<(SessionToScore, Vec<ModelRun>), EvaluateError> {
         let cfg = annotated(&self.cfg, &[bag.to_path_buf()], self.in_air, self.observer)?;
         let mut labelled = Labelled::read(bag, &cfg, self.split, self.needs_truth, self.observer)?;
         if let Some(n) = self.known_touches {
@@ -291,7 +291,7 @@ impl<'a> Plan<'a> {
             let what = what_is_scored(self.split);
             summary.warnings.push(format!("{}: {what} holds no frame with an estimate", bag.display()));
         }
-        let session = Session { summary, frames };
+        let session = SessionToScore { summary, frames };
         session.check()?;
         Ok((session, cores))
     }
@@ -305,9 +305,9 @@ impl PlannedCore {
         PlannedCore { cfg, quality, path, sha256 }
     }
 
-    fn core(&self, models: Models) -> Core {
+    fn core(&self, models: Models) -> ModelRun {
         let Models { infos, regressors } = models;
-        Core { cfg: self.cfg.clone(), infos, quality: self.quality, regressors }
+        ModelRun { cfg: self.cfg.clone(), infos, quality: self.quality, regressors }
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::EvaluateError;
-use super::plan::{Plan, PlannedCore, Series, Session};
+use super::plan::{Plan, PlannedCore, Series, SessionToScore};
 use super::session::SessionSummary;
 use super::stretches::BestAndWorst;
 use crate::eval::{Evaluation, Scoring, Split};
@@ -64,8 +64,8 @@ impl Head {
 
 impl BagPart {
     /// The statistics of a session.
-    pub(super) fn scored(session: Session, judged: Option<usize>) -> Result<Self, EvaluateError> {
-        let Session { summary, frames } = session;
+    pub(super) fn scored(session: SessionToScore, judged: Option<usize>) -> Result<Self, EvaluateError> {
+        let SessionToScore { summary, frames } = session;
         let mut evaluations = Vec::new();
         for of_regions in &frames {
             let mut evaluation = Evaluation::new(Scoring::default());

@@ -8,10 +8,10 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use super::EvaluateError;
-use super::plan::{Plan, Session};
+use super::plan::{Plan, SessionToScore};
 use crate::bag::stored_bytes;
 use crate::observer::{cancel_flag, cancelled_by, check};
-use crate::sessions::Core;
+use crate::sessions::ModelRun;
 
 /// From one look at the progress to the next.
 const PROGRESS_EVERY: Duration = Duration::from_millis(100);
@@ -20,10 +20,10 @@ const PROGRESS_EVERY: Duration = Duration::from_millis(100);
 /// the order of the bags, so that what comes out doesn't depend on who was faster.
 pub(super) fn run(
     plan: &Plan<'_>,
-    first: Vec<Core>,
+    first: Vec<ModelRun>,
     bags: &[PathBuf],
     jobs: usize,
-    mut take: impl FnMut(usize, Result<Session, EvaluateError>) -> Result<(), EvaluateError>,
+    mut take: impl FnMut(usize, Result<SessionToScore, EvaluateError>) -> Result<(), EvaluateError>,
 ) -> Result<(), EvaluateError> {
     let (next, done) = (AtomicUsize::new(0), AtomicU64::new(0));
     let first = Mutex::new(Some(first));
@@ -63,11 +63,11 @@ pub(super) fn run(
     })
 }
 
-type Sent = (usize, Result<Session, EvaluateError>);
+type Sent = (usize, Result<SessionToScore, EvaluateError>);
 
 fn work(
     plan: &Plan<'_>,
-    mut cores: Option<Vec<Core>>,
+    mut cores: Option<Vec<ModelRun>>,
     bags: &[PathBuf],
     next: &AtomicUsize,
     done: &AtomicU64,

@@ -1,7 +1,7 @@
 //! Resamples a session to the rate of a dataset. A frame has the newest values at its time, and never values from
 //! later.
 
-use super::{ExportError, Feature, Session};
+use super::{ExportError, Feature, SessionToExport};
 use crate::columns::Cells;
 use crate::fusion::FusionConfig;
 use crate::recording::{EstimateTrack, Samples, newest_at, rate_hz};
@@ -71,7 +71,7 @@ impl Layout {
     ///
     /// # Errors
     /// [`ExportError`] when a tactile source is slower than the dataset, or a window holds none of its samples.
-    pub fn new(cfg: &FusionConfig, fps: u32, window_ms: u32, first: &Session<'_>) -> Result<Self, ExportError> {
+    pub fn new(cfg: &FusionConfig, fps: u32, window_ms: u32, first: &SessionToExport<'_>) -> Result<Self, ExportError> {
         let (tracks, first) = (first.estimates, first.samples);
         let mut sources = Vec::new();
         for (source, track) in cfg.tactile_sources.iter().zip(&first.tactile) {
@@ -105,7 +105,7 @@ impl Layout {
     ///
     /// # Errors
     /// [`ExportError`] if its rates or joints differ from the layout, or if it has nothing to export.
-    pub fn episode(&self, session: &Session<'_>) -> Result<Episode, ExportError> {
+    pub fn episode(&self, session: &SessionToExport<'_>) -> Result<Episode, ExportError> {
         self.refuse_other(session.samples)?;
         for (region, track) in self.regions.iter().zip(session.estimates) {
             if let Some(pair) = track.stamp.windows(2).find(|pair| pair[1] <= pair[0]) {
@@ -186,7 +186,7 @@ impl Layout {
     }
 
     /// Times of the frames: from the time when every stream of the session has started, to its last estimate.
-    fn stamps(&self, session: &Session<'_>) -> Result<Vec<Stamp>, ExportError> {
+    fn stamps(&self, session: &SessionToExport<'_>) -> Result<Vec<Stamp>, ExportError> {
         let first_force =
             |track: &EstimateTrack| track.force.iter().position(Option::is_some).map(|idx| track.stamp[idx]);
         let first_artifact = |track: &EstimateTrack| {

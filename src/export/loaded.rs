@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
-use super::{ExportError, Request, Session};
+use super::{ExportError, Request, SessionToExport};
 use crate::bag::{BagReader, Input, Inputs};
 use crate::config::Config;
 use crate::glove::{Models, drop_unused_joints, replace_model};
@@ -11,20 +11,20 @@ use crate::msg::EstimateTopics;
 use crate::observer::{Observer, check};
 use crate::recording::{EstimateTrack, PoseQuality, Samples, input_topics};
 use crate::sessions::{
-    Core, Labelled, Modelled, NeedsTruth, annotated, hold_estimates, read_estimates, run_models, session_name,
+    Labelled, ModelRun, Modelled, NeedsTruth, annotated, hold_estimates, read_estimates, run_models, session_name,
 };
 use crate::units::GramForce;
 use crate::zero::ZeroFrom;
 
 /// Loads bags, one after another.
-pub(super) struct Loader<'a> {
+pub(super) struct ExportLoader<'a> {
     request: &'a Request<'a>,
     cfg: &'a Config,
     observer: &'a dyn Observer,
     /// Topic of the estimates in a bag.
     topic: String,
     /// The models, loaded when the first bag needs them.
-    core: Option<Core>,
+    core: Option<ModelRun>,
     has_said: bool,
 }
 
@@ -48,10 +48,10 @@ pub(super) struct Loaded {
     pub(super) drops: Vec<String>,
 }
 
-impl<'a> Loader<'a> {
+impl<'a> ExportLoader<'a> {
     pub(super) fn new(request: &'a Request<'a>, cfg: &'a Config, observer: &'a dyn Observer) -> Self {
         let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
-        Loader { request, cfg, observer, topic, core: None, has_said: false }
+        ExportLoader { request, cfg, observer, topic, core: None, has_said: false }
     }
 
     /// Loads everything from a bag.
@@ -110,7 +110,7 @@ impl<'a> Loader<'a> {
     }
 
     /// Loads the models: at first use, and again after a bag that failed, because its error consumed them.
-    fn load_core(&mut self) -> Result<Core, ExportError> {
+    fn load_core(&mut self) -> Result<ModelRun, ExportError> {
         let is_first = !std::mem::replace(&mut self.has_said, true);
         let mut cfg = self.cfg.clone();
         if let Some(path) = self.request.model {
@@ -131,13 +131,13 @@ impl<'a> Loader<'a> {
         if self.request.model.is_some() {
             drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| self.observer.note(note));
         }
-        Ok(Core { cfg, infos: models.infos, quality: PoseQuality::default(), regressors: models.regressors })
+        Ok(ModelRun { cfg, infos: models.infos, quality: PoseQuality::default(), regressors: models.regressors })
     }
 }
 
 impl Loaded {
-    pub(super) fn session(&self) -> Session<'_> {
-        Session {
+    pub(super) fn session(&self) -> SessionToExport<'_> {
+        SessionToExport {
             name: self.name.clone(),
             synthetic: self.synthetic,
             estimates: &self.estimates,

@@ -1,6 +1,6 @@
 //! Converts a session to a table with one row per region and frame, at the rate of the model.
 
-use super::{ExportError, Session};
+use super::{ExportError, SessionToExport};
 use crate::columns::{Cells, Kind};
 use crate::config::Config;
 use crate::fusion::{FusionConfig, RegionConfig};
@@ -44,7 +44,7 @@ pub struct TableLayout {
 
 impl TableLayout {
     /// The layout of a table whose first session is this one.
-    pub fn of(cfg: &Config, session: &Session<'_>) -> Self {
+    pub fn of(cfg: &Config, session: &SessionToExport<'_>) -> Self {
         TableLayout {
             joints: session.samples.joint_names.clone(),
             tangential: session.estimates.iter().map(EstimateTrack::has_tangential).collect(),
@@ -73,7 +73,11 @@ impl TableLayout {
 /// # Errors
 /// [`ExportError::OtherJoints`] when the session lacks a joint of the table, [`ExportError::OtherAxes`] when it has
 /// tangential forces and the table does not.
-pub fn rows(cfg: &FusionConfig, layout: &TableLayout, session: &Session<'_>) -> Result<Vec<Vec<Cells>>, ExportError> {
+pub fn rows(
+    cfg: &FusionConfig,
+    layout: &TableLayout,
+    session: &SessionToExport<'_>,
+) -> Result<Vec<Vec<Cells>>, ExportError> {
     let joints = &layout.joints;
     refuse_other_axes(cfg, &layout.tangential, session)?;
     if let Some(missing) = joints.iter().find(|joint| !session.samples.joints.contains_key(*joint)) {
@@ -109,7 +113,11 @@ pub fn rows(cfg: &FusionConfig, layout: &TableLayout, session: &Session<'_>) -> 
 }
 
 /// Refuses tangential forces that have no place: they would be lost.
-fn refuse_other_axes(cfg: &FusionConfig, tangential: &[bool], session: &Session<'_>) -> Result<(), ExportError> {
+fn refuse_other_axes(
+    cfg: &FusionConfig,
+    tangential: &[bool],
+    session: &SessionToExport<'_>,
+) -> Result<(), ExportError> {
     let regions = cfg.regions.iter().zip(session.estimates).zip(tangential);
     let mut regions = regions.filter(|((_, track), has_place)| track.has_tangential() && !**has_place);
     match regions.next() {
@@ -119,7 +127,7 @@ fn refuse_other_axes(cfg: &FusionConfig, tangential: &[bool], session: &Session<
 }
 
 fn of_region(
-    session: &Session<'_>,
+    session: &SessionToExport<'_>,
     region: &RegionConfig,
     track: &EstimateTrack,
     truth: Vec<Option<f64>>,

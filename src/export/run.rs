@@ -2,7 +2,7 @@
 
 use super::ExportError;
 use super::lerobot::{ShardBag, ShardNotes};
-use super::loaded::Loader;
+use super::loaded::ExportLoader;
 use super::outputs::Outputs;
 use super::request::Request;
 use super::summary::{Failed, Summary};
@@ -20,7 +20,7 @@ use crate::sessions::Shard;
 pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Summary, ExportError> {
     request.targets.check()?;
     let mut outputs = Outputs::create(request, cfg)?;
-    let mut loader = Loader::new(request, cfg, observer);
+    let mut loader = ExportLoader::new(request, cfg, observer);
     let shard = request.shard.unwrap_or(Shard::WHOLE);
     let mut notes = request.shard.map(|shard| ShardNotes::new(shard, request.bags.len(), cfg, request)).transpose()?;
     let (mut summary, mut first_error) = (Summary::default(), None);

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::layout::NamedLayout;
-use super::{Frame, JOINTS, Point, Side};
+use super::{Axes, JOINTS, Point, Side};
 
 /// A point of a hand with its orientation, in the convention of OpenXR.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,7 +37,7 @@ const METACARPAL: f64 = 0.25;
 pub fn poses(angles: &[f64; JOINTS.len()], layout: NamedLayout, side: Side) -> Vec<HandPose> {
     let own = |[x, y, z]: Point| [if side == Side::Left { -x } else { x }, y, z];
     let back = [0.0, 1.0, 0.0];
-    let frame = |forward: Point| Frame::at(super::vector::direction(forward), Some(back), side);
+    let frame = |forward: Point| Axes::at(super::vector::direction(forward), Some(back), side);
     let palm = frame(KNUCKLES[1].map(|part| part));
     let mut poses = Vec::with_capacity(26);
     let wrist = pose([0.0; 3], palm, side);
@@ -63,7 +63,7 @@ pub fn poses(angles: &[f64; JOINTS.len()], layout: NamedLayout, side: Side) -> V
 fn chain(
     poses: &mut Vec<HandPose>,
     start: Point,
-    before: Option<Frame>,
+    before: Option<Axes>,
     lengths: [f64; 3],
     side: Side,
     turns: [(f64, f64); 3],
@@ -78,8 +78,8 @@ fn chain(
     poses.push(pose(position, frame, side));
 }
 
-fn pose(position: Point, frame: Option<Frame>, side: Side) -> HandPose {
-    let orientation = frame.map_or([f64::NAN; 4], |Frame { forward, radial, back }| {
+fn pose(position: Point, frame: Option<Axes>, side: Side) -> HandPose {
+    let orientation = frame.map_or([f64::NAN; 4], |Axes { forward, radial, back }| {
         // The thumb of a right hand is on its left, seen from the back.
         let x = radial.map(|part| if side == Side::Right { -part } else { part });
         let columns = [x, back, forward.map(|part| -part)].concat();

@@ -11,7 +11,7 @@ use super::Own;
 use super::comparison::compare;
 use super::network::lanes::{self, Lanes};
 use super::network::{Known, Network, Scratch};
-use super::session::{Session, check};
+use super::session::{InferenceSession, check};
 use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows};
 
 /// Maximum number of frames of a stretch in which windows may begin.
@@ -61,7 +61,7 @@ impl Builtin {
     ///
     /// # Errors
     /// Why the built-in code can't run it: its windows are too short, or its forces differ from those of the runtime.
-    pub(super) fn of(runtime: &mut Session, own: &Own, n_threads: usize) -> Result<Self, String> {
+    pub(super) fn of(runtime: &mut InferenceSession, own: &Own, n_threads: usize) -> Result<Self, String> {
         let contract = runtime.contract().clone();
         let network = match own {
             Own::Paper(paper) => Network::new(paper, contract.n_taxels, contract.n_joints),

@@ -1,6 +1,6 @@
 //! Compares the forces of the built-in code with those of a runtime, on windows of every scale.
 
-use super::session::Session;
+use super::session::InferenceSession;
 use super::trial::{Frames, SCALES, Scale};
 use crate::fusion::{Contract, Forces, Regressor};
 
@@ -17,7 +17,7 @@ const ROUNDING: f64 = 2e-5;
 ///
 /// # Errors
 /// The place and the size of the difference.
-pub(super) fn compare(own: &mut dyn Regressor, runtime: &mut Session) -> Result<(), String> {
+pub(super) fn compare(own: &mut dyn Regressor, runtime: &mut InferenceSession) -> Result<(), String> {
     let contract = runtime.contract().clone();
     let starts: Vec<usize> = (0..N_WINDOWS).collect();
     let (mut expected, mut got) = (Forces::default(), Forces::default());

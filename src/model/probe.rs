@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::contract::Terms;
 use super::error::ModelError;
-use super::session::Session;
+use super::session::InferenceSession;
 use super::trial::{Frames, SCALES, Scale};
 use crate::fusion::{Contract, SharedWindows};
 
@@ -32,7 +32,7 @@ const WINDOW_NAMES: [&str; N] = ["a small trial window", "a window of zeros", "a
 /// # Errors
 /// [`ModelError::Runtime`], [`ModelError::NonFiniteOutput`], [`ModelError::NoProbability`], [`ModelError::MixesWindows`],
 /// [`ModelError::Convention`].
-pub(super) fn check(path: &Path, session: &mut Session, terms: &Terms) -> Result<Vec<String>, ModelError> {
+pub(super) fn check(path: &Path, session: &mut InferenceSession, terms: &Terms) -> Result<Vec<String>, ModelError> {
     let (mut base_moves, mut notes) = (false, Vec::new());
     for (idx, scale) in SCALES.iter().enumerate() {
         let trial = Trial::new(&terms.contract, scale);
@@ -120,7 +120,7 @@ fn check_probability(path: &Path, name: &str, output: &[f32]) -> Result<(), Mode
 
 fn run(
     path: &Path,
-    session: &mut Session,
+    session: &mut InferenceSession,
     n_outputs: usize,
     windows: SharedWindows<'_>,
 ) -> Result<Vec<Vec<f32>>, ModelError> {

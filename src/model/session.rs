@@ -20,7 +20,7 @@ pub(super) trait Runtime: std::fmt::Debug + Send {
 
 /// A model ready to run.
 #[derive(Debug)]
-pub(super) struct Session {
+pub(super) struct InferenceSession {
     /// File name, for errors.
     label: String,
     runtime: Box<dyn Runtime>,
@@ -34,13 +34,13 @@ pub(super) struct Session {
     pose: Vec<f32>,
 }
 
-impl Session {
+impl InferenceSession {
     pub(super) fn new(path: &Path, runtime: Box<dyn Runtime>, terms: &Terms) -> Self {
         let max_batch = match terms.batch {
             Batch::One => 1,
             Batch::Dynamic => runtime.max_batch(),
         };
-        Session {
+        InferenceSession {
             label: one_line(&path.display().to_string()),
             runtime,
             contract: terms.contract.clone(),
@@ -141,7 +141,7 @@ fn one_below_the_other<'v>(
     buffer
 }
 
-impl Regressor for Session {
+impl Regressor for InferenceSession {
     fn contract(&self) -> &Contract {
         &self.contract
     }

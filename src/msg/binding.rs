@@ -19,7 +19,7 @@ pub use joints::{JointBinding, JointFields, JointMessage, NamesFrom};
 pub use samples::SampleBinding;
 pub use stamp::{Since, StampFrom, StampUnit};
 pub use static_frames::{FramesBinding, static_topic};
-pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelMessage};
+pub use taxels::{CountFrom, PeriodFrom, TaxelBinding, TaxelFields, TaxelSamples};
 pub use truth::{ForceFields, ForceReading, TruthBinding, TruthFields};
 
 use super::cdr::CdrError;

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Condvar, Mutex, PoisonError};
 
 use super::error::ReplayError;
-use super::stages::{Core, Fused, Read, Reading, Writing};
+use super::stages::{CoreStage, Fused, Read, Reading, Writing};
 use crate::bag::BagError;
 use crate::observer::{cancel_flag, cancelled_by};
 
@@ -23,7 +23,7 @@ const BYTES_IN_FLIGHT: usize = 24 << 20;
 /// output is the same.
 pub(super) fn run(
     mut reading: Reading,
-    core: &mut Core<'_>,
+    core: &mut CoreStage<'_>,
     mut writing: Writing,
     jobs: NonZero<usize>,
     progress: &dyn Fn(u64),
@@ -41,7 +41,7 @@ pub(super) fn run(
 
 fn overlapped(
     reading: Reading,
-    core: &mut Core<'_>,
+    core: &mut CoreStage<'_>,
     writing: Writing,
     progress: &dyn Fn(u64),
 ) -> Result<(Reading, Writing), ReplayError> {
@@ -80,7 +80,7 @@ fn read<'f>(mut reading: Reading, to_core: SyncSender<Sent<'f>>, in_flight: &'f 
 }
 
 fn fuse<'f>(
-    core: &mut Core<'_>,
+    core: &mut CoreStage<'_>,
     from_reading: Receiver<Sent<'f>>,
     to_writing: SyncSender<(Fused, Option<Held<'f>>)>,
     progress: &dyn Fn(u64),

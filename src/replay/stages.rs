@@ -48,7 +48,7 @@ pub(super) struct Read {
 }
 
 /// Fusion stage.
-pub(super) struct Core<'c> {
+pub(super) struct CoreStage<'c> {
     cfg: &'c Config,
     pub(super) fusion: Fusion,
     pub(super) inputs: Inputs,
@@ -127,7 +127,7 @@ impl Regressor for Timed {
 }
 
 /// Working time of each stage.
-pub(super) fn busy_seconds(reading: &Reading, core: &Core<'_>, writing: &Writing) -> BusySeconds {
+pub(super) fn busy_seconds(reading: &Reading, core: &CoreStage<'_>, writing: &Writing) -> BusySeconds {
     let infer = core.inference.get();
     BusySeconds {
         read: reading.busy.as_secs_f64(),
@@ -190,7 +190,7 @@ impl Fused {
     }
 }
 
-impl<'c> Core<'c> {
+impl<'c> CoreStage<'c> {
     /// A core before the first portion of the input.
     pub(super) fn new(
         cfg: &'c Config,
@@ -200,7 +200,7 @@ impl<'c> Core<'c> {
         inference: InferenceTime,
         observer: &'c dyn Observer,
     ) -> Self {
-        Core { cfg, fusion, inputs, check, span: None, busy: Duration::ZERO, inference, observer }
+        CoreStage { cfg, fusion, inputs, check, span: None, busy: Duration::ZERO, inference, observer }
     }
 
     /// Handles a portion of the input.

@@ -51,7 +51,7 @@ use crate::leave;
 use crate::msg::binding::{BindingError, FrameStore, FramesBinding, JointBinding, SampleBinding, TaxelBinding};
 use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{ContactArray, Image, MarkerArray, TFMessage, WireType, WrenchStamped, to_cdr, type_hash};
-use engine::{Command, Engine, Input, Outputs};
+use engine::{Command, Engine, InputTopic, Outputs};
 use interfaces::{DiagnosticArray, Log, TransitionEvent};
 use outbox::{LogConfig, OutIdx, Pictures, Rosout};
 use parameters::{ParameterEvent, Parameters};
@@ -240,13 +240,13 @@ fn inputs(
     tree: &ParamTree,
     names: &Names,
     bindings: Vec<(TypeTree, Vec<SampleBinding>)>,
-) -> Result<Vec<Input>, NodeError> {
+) -> Result<Vec<InputTopic>, NodeError> {
     let mut inputs = Vec::new();
     let of_inputs = names.inputs.iter().zip(wanted(cfg, tree, names, &bindings)?).zip(bindings);
     for ((input, wanted), (ty, bindings)) in of_inputs {
         let qos = input_qos(tree, input)?;
         let subscription = graph.subscription(&input.topic, TopicType::Defined(&ty), &qos)?;
-        inputs.push(Input { wanted, subscription, bindings });
+        inputs.push(InputTopic { wanted, subscription, bindings });
     }
     Ok(inputs)
 }

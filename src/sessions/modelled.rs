@@ -20,7 +20,7 @@ use crate::zero::{self, Wanted, ZeroError, ZeroFrom};
 
 /// A model that runs over sessions, with its configuration.
 #[derive(Debug)]
-pub struct Core {
+pub struct ModelRun {
     /// The configuration with this model.
     pub cfg: Config,
     /// Information about the models.
@@ -37,7 +37,7 @@ pub struct Modelled {
     /// `[models][regions]`
     pub columns: Vec<Vec<EstimateTrack>>,
     /// The models, for use with the next session.
-    pub cores: Vec<Core>,
+    pub cores: Vec<ModelRun>,
     /// `[models]`: counters of the core.
     pub counters: Vec<serde_json::Value>,
     /// Source of the zero.
@@ -55,7 +55,7 @@ pub struct Modelled {
 pub fn run_models(
     bag: &Path,
     labelled: &Labelled,
-    mut cores: Vec<Core>,
+    mut cores: Vec<ModelRun>,
     zero: Wanted<'_>,
     done: &AtomicU64,
     observer: &dyn Observer,
@@ -69,8 +69,9 @@ pub fn run_models(
     let bags = [bag.to_path_buf()];
     let in_bag = |error: &dyn std::fmt::Display| SessionError::at(bag, error);
     // All models have the same sources.
-    let Core { cfg, infos, .. } = first;
-    let degrader = |core: &Core| PoseDegrader::new(core.quality, &core.cfg.fusion.joint_sources, &session_name(bag));
+    let ModelRun { cfg, infos, .. } = first;
+    let degrader =
+        |core: &ModelRun| PoseDegrader::new(core.quality, &core.cfg.fusion.joint_sources, &session_name(bag));
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
@@ -139,7 +140,7 @@ pub fn run_models(
     }
     let counters = fusions.iter().map(|fusion| serde_json::to_value(fusion.counters())).collect::<Result<_, _>>();
     let counters = counters.map_err(|error| in_bag(&error))?;
-    let cores = fusions.into_iter().zip(kept).map(|(fusion, (cfg, infos, quality))| Core {
+    let cores = fusions.into_iter().zip(kept).map(|(fusion, (cfg, infos, quality))| ModelRun {
         cfg,
         infos,
         quality,

@@ -141,14 +141,14 @@ const EPOCH_S: i64 = 1_760_000_000; // any time will do, as long as it is always
 ///
 /// # Errors
 /// [`SimError`] when there is no such glove or the protocol doesn't fit into the duration.
-pub fn simulate(spec: &SessionSpec) -> Result<Session, SimError> {
+pub fn simulate(spec: &SessionSpec) -> Result<SimulatedSession, SimError> {
     let glove = design(spec)?;
     let range = spec.minutes_range();
     if !range.contains(&spec.minutes) {
         return Err(SimError::Minutes { got: spec.minutes, activity: spec.activity, range });
     }
     check::check(spec)?;
-    Ok(Session::new(spec.clone(), glove))
+    Ok(SimulatedSession::new(spec.clone(), glove))
 }
 
 fn design(spec: &SessionSpec) -> Result<&'static GloveDesign, SimError> {
@@ -157,7 +157,7 @@ fn design(spec: &SessionSpec) -> Result<&'static GloveDesign, SimError> {
 
 /// A session as an iterator over its records, in the order of their arrival.
 #[derive(Debug)]
-pub struct Session {
+pub struct SimulatedSession {
     spec: SessionSpec,
     plan: Plan,
     performer: Performer,
@@ -178,7 +178,7 @@ pub struct Session {
     end_s: f64,
 }
 
-impl Session {
+impl SimulatedSession {
     fn new(spec: SessionSpec, design: &'static GloveDesign) -> Self {
         let user = User::new(&spec);
         let (plan, performance) = match spec.activity {
@@ -199,7 +199,7 @@ impl Session {
         };
         let (days, hours) = (i64::from(spec.user), i64::from(spec.session));
         let start = Stamp((EPOCH_S + days * 86_400 + hours * 3_600).saturating_mul(NANOS_PER_SEC));
-        Session::begin(user, design, plan, performance, start)
+        SimulatedSession::begin(user, design, plan, performance, start)
     }
 
     fn begin(user: User, design: &'static GloveDesign, plan: Plan, performance: Performance, start: Stamp) -> Self {
@@ -210,7 +210,7 @@ impl Session {
             Tracking::Markers => Kind::Joints,
             Tracking::Camera => Kind::SeenJoints,
         };
-        Session {
+        SimulatedSession {
             end_s: performance.end_s(),
             next_annotation: annotations.next(),
             annotations,
@@ -340,7 +340,7 @@ impl Session {
     }
 }
 
-impl Iterator for Session {
+impl Iterator for SimulatedSession {
     type Item = Record;
 
     fn next(&mut self) -> Option<Record> {

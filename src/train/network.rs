@@ -206,7 +206,7 @@ pub(super) enum Normalize<'a> {
 }
 
 /// Windows, time-major.
-pub(super) struct Input {
+pub(super) struct NetworkInput {
     n: usize,
     /// `[L, N, T]`, in units of the tactile scale.
     tactile: Vec<f32>,
@@ -249,7 +249,7 @@ impl Weights<'_> {
     }
 
     /// Windows made time-major. `tactile`: `[N, L, T]`, `pose`: `[N, L, P]`, both row-major.
-    pub(super) fn input(&self, n: usize, tactile: Vec<f32>, pose: Vec<f32>) -> Input {
+    pub(super) fn input(&self, n: usize, tactile: Vec<f32>, pose: Vec<f32>) -> NetworkInput {
         let Architecture { window, n_taxels, n_joints, tactile_scale, kind, .. } = *self.architecture;
         let frames = if kind == Kind::Adaptive { tactile.len() / (n * n_taxels).max(1) } else { window };
         let mut tactile = time_first(&tactile, [n, frames, n_taxels]);
@@ -258,11 +258,11 @@ impl Weights<'_> {
             let pose = time_first(&pose, [n, window, n_joints]);
             Tensor::<3>::from_data(TensorData::new(pose, [window, n, n_joints]), &self.device)
         });
-        Input { n, tactile, pose }
+        NetworkInput { n, tactile, pose }
     }
 
     /// The paper's pass: base force from touch, residual from pose and touch, force as their difference.
-    pub(super) fn forward(&self, input: Input, normalize: Normalize<'_>) -> Output {
+    pub(super) fn forward(&self, input: NetworkInput, normalize: Normalize<'_>) -> Output {
         let scale = self.architecture.force_scale;
         if self.architecture.kind == Kind::Adaptive {
             return self.causal(input);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::load::Loader;
+use super::load::TrainingLoader;
 use super::report::SessionNotes;
 use super::{Request, TrainingError};
 use crate::config::Config;
@@ -41,7 +41,7 @@ impl Data {
         observer: &dyn Observer,
     ) -> Result<Self, TrainingError> {
         let kind = request.train.kind;
-        let mut loader = Loader::new(cfg, WINDOW, request.split, request.in_air.as_ref(), request.axes)?;
+        let mut loader = TrainingLoader::new(cfg, WINDOW, request.split, request.in_air.as_ref(), request.axes)?;
         note_on_axes(cfg, request, observer);
         let n_passes = if kind == Kind::Adaptive { 2 } else { 1 };
         let total = (n_passes * bags.len()) as u64;

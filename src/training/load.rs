@@ -22,7 +22,7 @@ const DEFAULT_RATE_HZ: f64 = 100.0;
 const RATE_TOLERANCE: f64 = 0.05;
 
 /// One region's data out of bags.
-pub(super) struct Loader<'c> {
+pub(super) struct TrainingLoader<'c> {
     cfg: &'c Config,
     region_idx: usize,
     truth_idx: usize,
@@ -43,7 +43,7 @@ pub(super) struct LoadedSession {
     pub(super) n_without_truth: usize,
 }
 
-impl<'c> Loader<'c> {
+impl<'c> TrainingLoader<'c> {
     /// A loader of the only region of a configuration; the network's kind decides whether its joints are read.
     pub(super) fn new(
         cfg: &'c Config,
@@ -65,12 +65,12 @@ impl<'c> Loader<'c> {
             ForceAxes::Patch => Some(ContactAxes::of(&region.patch.normal_in_patch)),
         };
         let rate_hz = cfg.models[region.model].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
-        Ok(Loader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air, axes })
+        Ok(TrainingLoader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air, axes })
     }
 
     /// The same, of taxels that this artifact was taken out of, followed as while the glove is worn.
     pub(super) fn with_artifact(self, artifact: Arc<ArtifactModel>) -> Self {
-        Loader { artifact: Some(artifact), ..self }
+        TrainingLoader { artifact: Some(artifact), ..self }
     }
 
     /// The axes of a force that has three.

@@ -25,7 +25,7 @@ const N_STEPS: usize = 1000;
 
 /// A frame of a region, as a page shows it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Frame {
+pub(super) struct ViewFrame {
     /// s, from the beginning of the session.
     t: f64,
     #[serde(flatten)]
@@ -179,7 +179,7 @@ impl Frames {
     }
 
     /// The newest frame at a time, unless frames are missing there.
-    pub(super) fn at(&self, stamp: Stamp, origin: Stamp) -> Result<Option<Frame>, ViewError> {
+    pub(super) fn at(&self, stamp: Stamp, origin: Stamp) -> Result<Option<ViewFrame>, ViewError> {
         let after = self.first_from(stamp.offset(1))?;
         let Some(idx) = after.checked_sub(1) else { return Ok(None) };
         let mut bytes = vec![0; self.record_len()];
@@ -194,7 +194,7 @@ impl Frames {
         let values = VALUES.into_iter().zip(scalars.values).collect();
         let Scalars { contact, flags, adaptation, .. } = scalars;
         let t = at.nanos_since(origin) as f64 * 1e-9;
-        Ok(Some(Frame { t, values, contact, flags, adaptation, reading, feature }))
+        Ok(Some(ViewFrame { t, values, contact, flags, adaptation, reading, feature }))
     }
 
     /// The traces from one stamp to another, of at most about twice so many points.

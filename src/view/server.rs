@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::assets::ASSETS;
 use super::error::ViewError;
-use super::session::Session;
+use super::session::BagView;
 use crate::leave;
 use crate::observer::Observer;
 
@@ -41,7 +41,7 @@ const HEADERS: [(HeaderName, &str); 5] = [
 #[derive(Debug, Clone)]
 pub enum Content {
     /// A bag.
-    Session(Arc<Session>),
+    Session(Arc<BagView>),
     /// A running node.
     #[cfg(feature = "ros")]
     Live(super::feed::Feed),
@@ -196,7 +196,7 @@ async fn frame(State(answering): State<Answering>, Query(Moment { t }): Query<Mo
 /// Answers from a session, read from its files beside the other requests.
 async fn from_session<T: Serialize + Send + 'static>(
     answering: Answering,
-    told: impl FnOnce(&Session) -> Result<T, ViewError> + Send + 'static,
+    told: impl FnOnce(&BagView) -> Result<T, ViewError> + Send + 'static,
 ) -> Response {
     let session = match answering.content {
         Content::Session(session) => session,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::error::ViewError;
-use super::frames::{Frame, Frames, Writing};
+use super::frames::{Frames, ViewFrame, Writing};
 use super::rows::{Rows, RowsWriting};
 use super::scalars::Scalars;
 use super::setup::{Kind, RegionSetup, Setup, StageSetup};
@@ -33,7 +33,7 @@ pub struct Request<'a> {
 
 /// A bag, ready to be shown. Its frames are in temporary files, which end with it.
 #[derive(Debug)]
-pub struct Session {
+pub struct BagView {
     setup: Setup,
     /// `[regions]`.
     regions: Vec<Frames>,
@@ -41,7 +41,7 @@ pub struct Session {
     origin: Stamp,
 }
 
-impl Session {
+impl BagView {
     /// Reads a bag. Its estimates are shown if it has some on `~/contacts` of the node; otherwise the models compute them.
     ///
     /// # Errors
@@ -94,7 +94,7 @@ impl Session {
                     .to_owned(),
             );
         }
-        Ok(Session { setup, regions: read.regions, origin })
+        Ok(BagView { setup, regions: read.regions, origin })
     }
 
     pub(super) fn setup(&self) -> &Setup {
@@ -108,7 +108,7 @@ impl Session {
     }
 
     /// The newest frame of each region at a time, s.
-    pub(super) fn at(&self, t: f64) -> Result<Vec<Option<Frame>>, ViewError> {
+    pub(super) fn at(&self, t: f64) -> Result<Vec<Option<ViewFrame>>, ViewError> {
         let stamp = self.stamp(t);
         self.regions.iter().map(|frames| frames.at(stamp, self.origin)).collect()
     }

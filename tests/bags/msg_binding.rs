@@ -72,7 +72,7 @@ fn a_taxel_array_is_taken_as_it_says() {
     let cdr = to_cdr(&block(2, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
     for _ in 0..2 {
         let message = binding.decode(&cdr, RECEIVED).expect("samples");
-        let expected = TaxelMessage {
+        let expected = TaxelSamples {
             stamp: Stamp(1_000_000_500),
             rows: 2,
             row_period_ns: 2_500_000,

@@ -18,14 +18,14 @@ const WRITE_BUFFER: usize = 256 << 10;
 
 const LIBRARY: &str = concat!("tactile_pose_fusion ", env!("CARGO_PKG_VERSION"));
 
-pub(super) struct Recording {
+pub(super) struct McapOutput {
     // `None` once finished.
     writer: Option<mcap::Writer<NoSeek<BufWriter<File>>>>,
     /// The output's name, for errors.
     out: PathBuf,
 }
 
-impl Recording {
+impl McapOutput {
     pub(super) fn start(file: File, out: &Path, compression: Compression) -> Result<Self, BagError> {
         let options = mcap::WriteOptions::new()
             .profile("ros2")
@@ -43,7 +43,7 @@ impl Recording {
             });
         let sink = NoSeek::new(BufWriter::with_capacity(WRITE_BUFFER, file));
         let writer = options.create(sink).map_err(|error| BagError::mcap(out, error))?;
-        Ok(Recording { writer: Some(writer), out: out.to_path_buf() })
+        Ok(McapOutput { writer: Some(writer), out: out.to_path_buf() })
     }
 
     fn with<T>(
@@ -119,7 +119,7 @@ mod tests {
             let _ = writeln!(std::io::stderr(), "skipped full_disk_is_one_clear_line: /dev/full is not here");
             return;
         };
-        let mut recording = Recording::start(full, Path::new("out.mcap"), Compression::None).unwrap();
+        let mut recording = McapOutput::start(full, Path::new("out.mcap"), Compression::None).unwrap();
         let channel = recording.add_channel("/a", "cdr", None, &BTreeMap::new()).unwrap();
         let header = MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
         let error = (0..100).find_map(|_| recording.write(&header, &[7; 100_000]).err()).unwrap();

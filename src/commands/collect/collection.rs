@@ -9,7 +9,7 @@ use super::begun::Begun;
 use super::desk::Desk;
 use super::folder::About;
 use super::screen::{Key, Screen};
-use crate::collect::{Command, Happened, Preflight, Session, StageQuality, State, done};
+use crate::collect::{Command, Happened, LedSession, Preflight, StageQuality, State, done};
 use crate::config::Config;
 use crate::protocol::Annotation;
 use crate::report::collection::{Mood, View};
@@ -42,7 +42,7 @@ pub(super) struct Collection {
     title: String,
     notes: BTreeMap<String, String>,
     begun: Begun,
-    session: Session,
+    session: LedSession,
     quality: StageQuality,
     /// Annotations of items that an earlier run began and did not end.
     broken: Vec<Stamp>,
@@ -69,7 +69,7 @@ impl Collection {
         Collection {
             title: begun.about.line(),
             notes: notes.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
-            session: Session::new(begun.protocol.clone(), plan, done),
+            session: LedSession::new(begun.protocol.clone(), plan, done),
             quality: StageQuality::new(&begun.protocol.levels),
             begun,
             broken,

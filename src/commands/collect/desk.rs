@@ -27,7 +27,7 @@ enum Reading {
 }
 
 /// A topic that is received and recorded.
-struct Input {
+struct RecordedTopic {
     topic: String,
     type_name: String,
     schema: String,
@@ -37,7 +37,7 @@ struct Input {
 }
 
 /// The part of the bag that is being written.
-struct Recording {
+struct SessionRecording {
     bag: BagWriter,
     inputs: Vec<OutChannel>,
     stage: OutChannel,
@@ -46,11 +46,11 @@ struct Recording {
 
 pub(super) struct Desk {
     cfg: Config,
-    inputs: Vec<Input>,
+    inputs: Vec<RecordedTopic>,
     listener: Listener,
     stage: PublishedTopic,
     pub(super) senses: Senses,
-    recording: Option<Recording>,
+    recording: Option<SessionRecording>,
     /// Messages that could not be read, by topic, and what was wrong with the first.
     pub(super) unreadable: BTreeMap<String, (u64, String)>,
     pub(super) synthetic: bool,
@@ -68,14 +68,14 @@ impl Desk {
             listening.subscribe(&topic, TopicType::Defined(&tree), Delivery::of(input))?;
             let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&tree));
             let readings = bindings.into_iter().map(Reading::Samples).collect();
-            inputs.push(Input { topic, type_name, schema, hash, readings });
+            inputs.push(RecordedTopic { topic, type_name, schema, hash, readings });
         }
         for (idx, topic) in cfg.truth.iter().enumerate() {
             let tree = definitions.tree(&topic.type_name)?;
             let binding = TruthBinding::compile(&topic.fields, &tree)
                 .map_err(|error| Failure(format!("topic {}: {error}", topic.name)))?;
             let reading = Reading::Truth(idx, Box::new(binding));
-            let is_it = |input: &&mut Input| input.topic == topic.name && input.type_name == topic.type_name;
+            let is_it = |input: &&mut RecordedTopic| input.topic == topic.name && input.type_name == topic.type_name;
             if let Some(input) = inputs.iter_mut().find(is_it) {
                 input.readings.push(reading);
                 continue;
@@ -83,13 +83,13 @@ impl Desk {
             listening.subscribe(&topic.name, TopicType::Defined(&tree), Delivery::Data)?;
             let (schema, hash) = (definitions.schema_text(&topic.type_name)?, type_hash(&tree));
             let (topic, type_name) = (topic.name.clone(), topic.type_name.clone());
-            inputs.push(Input { topic, type_name, schema, hash, readings: vec![reading] });
+            inputs.push(RecordedTopic { topic, type_name, schema, hash, readings: vec![reading] });
         }
         let type_name = Text::TYPE_NAME.to_owned();
         listening.subscribe(SYNTHETIC_TOPIC, TopicType::Known(&type_name), Delivery::Reliable)?;
         let (schema, hash) = (definitions.schema_text(&type_name)?, type_hash(&definitions.tree(&type_name)?));
         let (topic, readings) = (SYNTHETIC_TOPIC.to_owned(), vec![Reading::Synthetic]);
-        inputs.push(Input { topic, type_name, schema, hash, readings });
+        inputs.push(RecordedTopic { topic, type_name, schema, hash, readings });
         let stage = listening.add_publisher(&cfg.stage_topic, TopicType::Known(Stage::TYPE_NAME), Delivery::Latched)?;
         Ok(Desk {
             senses: Senses::new(layout(cfg)),
@@ -120,7 +120,7 @@ impl Desk {
         }
         let stage = bag.add_topic::<Stage>(&self.cfg.stage_topic)?;
         bag.keep_unfinished(); // --resume finds it
-        self.recording = Some(Recording { bag, inputs, stage, last: Stamp(0) });
+        self.recording = Some(SessionRecording { bag, inputs, stage, last: Stamp(0) });
         Ok(())
     }
 

@@ -21,7 +21,7 @@ const CAPACITY: usize = 65_536;
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A recording under way, on a thread of its own.
-pub(super) struct Recording {
+pub(super) struct RunRecording {
     thread: JoinHandle<Result<Finished, BagError>>,
     /// Whether what was sent so far is all.
     over: Arc<AtomicBool>,
@@ -40,7 +40,7 @@ pub(super) fn start(
     out: &Path,
     names: &Names,
     definitions: &Definitions,
-) -> Result<(SyncSender<Record>, Recording), Failure> {
+) -> Result<(SyncSender<Record>, RunRecording), Failure> {
     location::only_here(out).map_err(|error| Failure(format!("{}: {error}", out.display())))?;
     let mut bag = BagWriter::create(out, WriteOptions::default())?;
     let mut inputs = Vec::new();
@@ -64,10 +64,10 @@ pub(super) fn start(
     let is_over = Arc::clone(&over);
     let work = move || write(bag, &channels, &receiver, &is_over);
     let thread = std::thread::Builder::new().name("record".into()).spawn(work)?;
-    Ok((sender, Recording { thread, over, unfinished }))
+    Ok((sender, RunRecording { thread, over, unfinished }))
 }
 
-impl Recording {
+impl RunRecording {
     /// Completes it with what was sent so far, also where who sends hangs.
     pub(super) fn finish(self) -> Result<Finished, Failure> {
         self.over.store(true, Ordering::Release);

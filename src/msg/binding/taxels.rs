@@ -87,7 +87,7 @@ impl TaxelFields {
 
 /// Taxels of one message, borrowed from the binding that decoded it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TaxelMessage<'a> {
+pub struct TaxelSamples<'a> {
     /// Stamp of the last row.
     pub stamp: Stamp,
     /// Number of samples, at least 1.
@@ -150,7 +150,7 @@ impl TaxelBinding {
     ///
     /// # Errors
     /// [`SampleError`] if it has no samples, not the number that it states, or samples of another source.
-    pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<TaxelMessage<'_>, SampleError> {
+    pub fn decode(&mut self, cdr: &[u8], received: Stamp) -> Result<TaxelSamples<'_>, SampleError> {
         self.only.admit(cdr)?;
         self.read_fields(cdr)?;
         let n_values = self.fields.len();
@@ -188,7 +188,7 @@ impl TaxelBinding {
         if let Some(none) = self.no_reading {
             self.readings.iter_mut().filter(|reading| **reading == none).for_each(|reading| *reading = f32::NAN);
         }
-        Ok(TaxelMessage { stamp, rows, row_period_ns, sequence, values: &self.readings })
+        Ok(TaxelSamples { stamp, rows, row_period_ns, sequence, values: &self.readings })
     }
 
     /// Number of times that the device's clock was set or restarted, if stamps come from its own clock.

@@ -159,14 +159,14 @@ mod tests {
     use ratatui::backend::TestBackend;
 
     use super::*;
-    use crate::collect::{Command, Layout as Sensors, Senses, Session};
+    use crate::collect::{Command, Layout as Sensors, LedSession, Senses};
     use crate::protocol::{Plan, Protocol};
     use crate::units::{Newton, Stamp};
 
     fn view() -> View {
         let protocol = Protocol::paper();
         let plan = Plan::new(&protocol, None, "tests");
-        let mut session = Session::new(protocol, plan, BTreeSet::new());
+        let mut session = LedSession::new(protocol, plan, BTreeSet::new());
         let mut senses = Senses::new(Sensors {
             taxels: vec![("glove".to_owned(), 6)],
             joint_sources: vec!["hand".to_owned()],

@@ -1,6 +1,6 @@
 //! View of a collection at one moment, whatever shows it.
 
-use crate::collect::{Layout, Preflight, Senses, Session, State, Stream};
+use crate::collect::{Layout, LedSession, Preflight, Senses, State, Stream};
 use crate::protocol::{Action, ForceLevels};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
@@ -70,7 +70,7 @@ pub(crate) struct View {
 
 impl View {
     /// The view of a session and the sensors; the caller says what goes on.
-    pub(crate) fn new(title: &str, session: &Session, senses: &Senses, zero: f64, now: Stamp) -> Self {
+    pub(crate) fn new(title: &str, session: &LedSession, senses: &Senses, zero: f64, now: Stamp) -> Self {
         View {
             title: title.to_owned(),
             place: String::new(),
@@ -92,7 +92,7 @@ impl View {
     }
 
     /// Adds the prompts of a session.
-    pub(crate) fn of_session(mut self, session: &Session, now: Stamp) -> Self {
+    pub(crate) fn of_session(mut self, session: &LedSession, now: Stamp) -> Self {
         let protocol = session.protocol();
         let wording =
             |item: usize, step: usize| protocol.prompt(&session.plan().trials()[item], session.step(item, step));
@@ -165,7 +165,7 @@ pub(crate) fn clock(seconds: f64) -> String {
     format!("{}:{:02}", seconds / 60, seconds % 60)
 }
 
-fn rows(session: &Session) -> Vec<Row> {
+fn rows(session: &LedSession) -> Vec<Row> {
     let current = session.current().map(|item| &session.plan().trials()[item]);
     let mut rows: Vec<Row> = Vec::new();
     for (item, trial) in session.plan().trials().iter().enumerate() {

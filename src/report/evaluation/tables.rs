@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::columns::{Cells, ColumnFile, ColumnsError, Kind};
 use crate::eval::{GroupScore, Measure, Metric, ScoredFrames, TangentialScore};
-use crate::evaluate::{Evaluated, Series, Session};
+use crate::evaluate::{Evaluated, Series, SessionToScore};
 
 const SCORES: [(&str, Kind); 23] = [
     ("model", Kind::Text),
@@ -135,7 +135,7 @@ impl FrameFile {
     ///
     /// # Errors
     /// [`ColumnsError`] when the file can't be written.
-    pub fn handle_session(&mut self, series: &[Series], session: &Session) -> Result<(), ColumnsError> {
+    pub fn handle_session(&mut self, series: &[Series], session: &SessionToScore) -> Result<(), ColumnsError> {
         if self.file.is_none() {
             let notes = notes(session.summary.synthetic);
             self.file = Some(ColumnFile::create(&self.path, &FRAMES, &notes, self.overwrite)?);

@@ -58,7 +58,7 @@ pub enum Record {
 /// Commands to the engine from the rest of the node.
 pub(super) enum Command {
     /// Run these models and baselines.
-    Configure(Box<Core>),
+    Configure(Box<Configured>),
     /// Run nothing.
     CleanUp,
     /// True to publish.
@@ -76,7 +76,7 @@ pub(super) enum Command {
 }
 
 /// The engine's data while the node is configured.
-pub(super) struct Core {
+pub(super) struct Configured {
     pub(super) fusion: Fusion,
     /// The backend of each model, for log messages.
     pub(super) models: Vec<(String, String)>,
@@ -85,7 +85,7 @@ pub(super) struct Core {
 }
 
 /// A topic that feeds the core.
-pub(super) struct Input {
+pub(super) struct InputTopic {
     /// The requirements of each source for this topic.
     pub(super) wanted: Vec<Wanted>,
     pub(super) subscription: Subscription,
@@ -122,7 +122,7 @@ struct Running {
     engine: Engine,
     watched: Watched,
     bindings: Vec<Vec<SampleBinding>>,
-    core: Option<Core>,
+    core: Option<Configured>,
     outgoing: Option<Outgoing>,
     active: bool,
     watchdog: Watchdog,
@@ -142,7 +142,7 @@ struct Running {
 
 impl Engine {
     /// Reads inputs and computes estimates until it is stopped.
-    pub(super) async fn run(self, inputs: Vec<Input>, mut commands: mpsc::UnboundedReceiver<Command>) {
+    pub(super) async fn run(self, inputs: Vec<InputTopic>, mut commands: mpsc::UnboundedReceiver<Command>) {
         let mut running = Running {
             watchdog: Watchdog::new(
                 self.cfg.fusion.tactile_sources.len(),
@@ -233,7 +233,7 @@ impl Running {
                 let _ = reply.send(self.install(&donning, from)); // the receiver may be gone
             }
             Command::Known(reply) => {
-                let known = |core: &Core| (Donning::of(&core.fusion), core.calibration.clone());
+                let known = |core: &Configured| (Donning::of(&core.fusion), core.calibration.clone());
                 let _ = reply.send(self.core.as_ref().map(known).unwrap_or_default()); // the receiver may be gone
             }
             Command::Tap(tap) => self.tap = Some(tap),

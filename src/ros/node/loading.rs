@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::engine::Core;
+use super::engine::Configured;
 use crate::config::Config;
 use crate::fusion::{Fusion, FusionConfig, Receipts};
 use crate::location;
@@ -12,7 +12,7 @@ use crate::zero::{self, KnownModels};
 
 /// A core, and the messages about it.
 pub(super) struct Loaded {
-    pub(super) core: Core,
+    pub(super) core: Configured,
     /// The models, as a calibration must fit them.
     pub(super) known: KnownModels,
     pub(super) notes: Vec<(Severity, String)>,
@@ -61,7 +61,7 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
         .iter()
         .zip(&infos)
         .map(|(model, info)| (model.name.clone(), format!("{} in {}", model.spec.path.display(), runs(info))));
-    let core = Core { models: models.collect(), calibration: from, fusion };
+    let core = Configured { models: models.collect(), calibration: from, fusion };
     Ok(Loaded { core, known, notes })
 }
 

@@ -4,7 +4,7 @@ use super::super::glove::GloveDesign;
 use super::super::manipulation::MAX_MANIPULATION_MINUTES;
 use super::super::performance::Performance;
 use super::super::touch::ForceStyle;
-use super::{Activity, Record, Session, SessionSpec, SimError, User, design};
+use super::{Activity, Record, SessionSpec, SimError, SimulatedSession, User, design};
 use crate::protocol::{Action, Plan, Protocol, Trial};
 use crate::random::Noise;
 use crate::units::{Newton, Stamp};
@@ -52,7 +52,7 @@ pub struct Prompt {
 /// A session that continues as long as it is polled.
 #[derive(Debug)]
 pub struct LiveSession {
-    session: Session,
+    session: SimulatedSession,
     style: ForceStyle,
     noise: Noise,
     protocol: Protocol,
@@ -91,7 +91,7 @@ impl LiveSession {
             }
         };
         let style = user.style.clone();
-        let mut session = Session::begin(user, design, plan, performance, start);
+        let mut session = SimulatedSession::begin(user, design, plan, performance, start);
         session.end_s = f64::INFINITY;
         session.next_annotation = None;
         session.annotations = Vec::new().into_iter();

@@ -6,13 +6,13 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Tensor, TensorData};
 
 use super::super::architecture::{Architecture, CAUSAL_DILATIONS, CAUSAL_FRAMES, TAPS};
-use super::{Input, Output, Weights};
+use super::{NetworkInput, Output, Weights};
 
 impl Weights<'_> {
     /// Forces of the last frames of each window: one, plus one for each frame beyond the network's own window.
-    pub(super) fn causal(&self, input: Input) -> Output {
+    pub(super) fn causal(&self, input: NetworkInput) -> Output {
         let Architecture { window, n_taxels, tactile_scale, touch_scale, force_scale, .. } = *self.architecture;
-        let Input { n, tactile, .. } = input;
+        let NetworkInput { n, tactile, .. } = input;
         let frames = tactile.len() / (n * n_taxels).max(1);
         let fine: Vec<f32> = tactile.iter().map(|value| softsign(value * tactile_scale / touch_scale)).collect();
         let tensor = |values| Tensor::<3>::from_data(TensorData::new(values, [frames, n, n_taxels]), &self.device);
