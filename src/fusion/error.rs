@@ -10,6 +10,14 @@ use super::regressor::{RegressError, Regressor};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SetupError {
+    #[error("region.{region} has model {got} of {n_models}, counted from 0; give the core that model")]
+    NoModel { region: String, got: usize, n_models: usize },
+    #[error("region.{region} has tactile source {got} of {n_sources}, counted from 0; list that source")]
+    NoTactileSource { region: String, got: usize, n_sources: usize },
+    #[error(
+        "region.{region}.taxels has taxel {got}, a sample of its source has {n_taxels}; list taxels below {n_taxels}"
+    )]
+    NoTaxel { region: String, got: usize, n_taxels: usize },
     #[error(
         "region.{region}.taxels has {got} taxels, its model takes {expected}; list the {expected} that it was trained on"
     )]
@@ -56,7 +64,16 @@ pub(super) fn check_region(
     regressors: &[Box<dyn Regressor>],
 ) -> Result<(), SetupError> {
     let name = || region.name.clone();
-    let contract = regressors[region.model].contract();
+    let (got, n_models) = (region.model, regressors.len());
+    let regressor = regressors.get(got).ok_or_else(|| SetupError::NoModel { region: name(), got, n_models })?;
+    let contract = regressor.contract();
+    let (got, n_sources) = (region.source.0, cfg.tactile_sources.len());
+    let source = cfg.tactile_sources.get(got);
+    let source = source.ok_or_else(|| SetupError::NoTactileSource { region: name(), got, n_sources })?;
+    let n_taxels = source.n_taxels;
+    if let Some(&got) = region.taxels.iter().find(|taxel| **taxel >= n_taxels) {
+        return Err(SetupError::NoTaxel { region: name(), got, n_taxels });
+    }
     if contract.n_taxels != region.taxels.len() {
         return Err(SetupError::Taxels { region: name(), expected: contract.n_taxels, got: region.taxels.len() });
     }
@@ -76,9 +93,10 @@ pub(super) fn check_region(
         return Err(SetupError::NoJointSource { region: name() });
     }
     let first = cfg.regions.iter().find(|other| other.source == region.source);
-    let expected = first.map_or(contract.rate_hz, |first| regressors[first.model].contract().rate_hz);
+    let first = first.and_then(|first| regressors.get(first.model));
+    let expected = first.map_or(contract.rate_hz, |first| first.contract().rate_hz);
     if expected != contract.rate_hz {
-        let source_name = cfg.tactile_sources[region.source.0].name.clone();
+        let source_name = source.name.clone();
         return Err(SetupError::Rate { region: name(), source_name, expected, got: contract.rate_hz });
     }
     Ok(())

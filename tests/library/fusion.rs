@@ -436,6 +436,32 @@ fn regions_and_models_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn an_index_of_a_region_that_leads_nowhere_is_refused() {
+    let refused = |change: &dyn Fn(&mut RegionConfig)| {
+        let mut one = region("index", &[0, 1], &["dip"]);
+        change(&mut one);
+        Fusion::new(config(2, vec![one]), vec![Sum::boxed(4, 2, 1)]).unwrap_err()
+    };
+    let region = || "index".to_owned();
+    let no_model = SetupError::NoModel { region: region(), got: 1, n_models: 1 };
+    assert_eq!(refused(&|region| region.model = 1), no_model);
+    let no_source = SetupError::NoTactileSource { region: region(), got: 3, n_sources: 1 };
+    assert_eq!(refused(&|region| region.source = TactileSourceIdx(3)), no_source);
+    let no_taxel = SetupError::NoTaxel { region: region(), got: 2, n_taxels: 2 };
+    assert_eq!(refused(&|region| region.taxels = vec![0, 2]), no_taxel);
+}
+
+#[test]
+fn a_core_and_its_models_can_be_moved_to_another_thread() {
+    fn moves<T: Send>() {}
+    moves::<Fusion>();
+    moves::<Box<dyn Regressor>>();
+    let mut core = one_region();
+    let elsewhere = std::thread::spawn(move || run(&mut core, &steady(20, 0, 20)));
+    assert_eq!(elsewhere.join().unwrap(), run(&mut one_region(), &steady(20, 0, 20)));
+}
+
+#[test]
 fn the_batch_size_changes_when_estimates_come_and_not_what_they_are() {
     let samples = steady(200, 0, 150);
     let single = run(&mut one_region(), &samples);
