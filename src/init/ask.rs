@@ -53,7 +53,7 @@ pub enum InitError {
     },
     /// A model that needs other joint angles.
     #[error(
-        "{model} takes the joint angles {expected}, and for region {region} the bags have {got}; give a model that was trained on these, or none"
+        "{model} takes the joint angles {expected}, and for region {region} the bags have {got}; give a model that was trained on these, or none; if they are the same joints under other names, leave --model out, then write them in joints and, in the same order, those of the model in model_joints"
     )]
     ModelJoints {
         /// The model.

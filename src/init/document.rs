@@ -8,7 +8,7 @@ use super::plan::{JointSource, ModelFile, Region, TaxelSource, TruthSource};
 use super::regions;
 use super::taxels;
 use super::yaml::{Yaml, list};
-use crate::inspect::{BagReport, SourceLine, number, yaml_text};
+use crate::inspect::{BagReport, Likelihood, SourceLine, number, yaml_text};
 
 /// How far from the model's rate a source still counts as being at it.
 const RATE_TOLERANCE: f64 = 0.2;
@@ -42,6 +42,12 @@ pub fn document(bags: &[BagReport], model: Option<&ModelFile>, ask: &mut dyn Ask
     let topic_of = |source: &TruthSource| source.lines.first().map(|(_, topic, _)| topic.clone());
     let taxel_topics: Vec<String> = taxels.iter().map(|source| yaml_text(&source.found.topic)).collect();
     truths.retain(|source| topic_of(source).is_none_or(|topic| !taxel_topics.contains(&topic)));
+    for source in taxels.iter().filter(|source| source.found.likelihood != Likelihood::Likely) {
+        chooser.guesses.push(format!(
+            "nothing looks more like taxels than {}, which may be another sensor; look at it in the file",
+            source.found.topic
+        ));
+    }
     let mut regions = regions::regions(&taxels, &joints, &truths, model, &mut chooser)?;
     force::for_other_fingers(&mut truths, &mut regions);
     let guesses = chooser.guesses;
@@ -75,6 +81,9 @@ pub fn document(bags: &[BagReport], model: Option<&ModelFile>, ask: &mut dyn Ask
     let several = taxels.len() > 1;
     regions.iter().for_each(|one| region(&mut yaml, one, several));
     stages(&mut yaml, bags);
+    yaml.empty();
+    yaml.entry(4, "glove", "\"\"", "serial number of this glove, kept with calibrations and recordings");
+    yaml.entry(4, "user", "\"\"", "who wears it");
     let joint_topics = bags.iter().flat_map(|bag| &bag.topics).map(|topic| topic.stats.topic.clone());
     let is_read = |topic: &String| {
         let line = format!("        topic: {}\n", yaml_text(topic));

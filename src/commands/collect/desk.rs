@@ -169,7 +169,7 @@ impl Desk {
     }
 
     fn handle(&mut self, incoming: Incoming, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
-        let Incoming { topic, cdr, received } = incoming;
+        let Incoming { topic, cdr, received, .. } = incoming;
         let input = &mut self.inputs[topic.0];
         let mut unreadable = |text: String| {
             self.unreadable.entry(input.topic.clone()).or_insert_with(|| (0, text)).0 += 1;

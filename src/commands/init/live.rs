@@ -176,6 +176,10 @@ fn wanted(found: Vec<Endpoint>) -> Vec<Endpoint> {
                 "{} is published as {} and as {}; looking at the first",
                 endpoint.topic, known.type_name, endpoint.type_name
             ))),
+            Some(_) if endpoint.topic != "/tf" => say(&printable(&format!(
+                "{} has several publishers; if they are drivers of one device, stop all but one and try again",
+                endpoint.topic
+            ))),
             Some(_) => {}
             None => drop(by_topic.insert(endpoint.topic.clone(), endpoint)),
         }

@@ -38,7 +38,8 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
     let named = cfg.models.iter().map(|model| model.name.as_str()).zip(&infos);
     let known = KnownModels::new(named.map(|(name, info)| (name, info.sha256.as_str(), &info.contract)));
     let mut installed = None;
-    let uncalibrated = "until then no force is published: call ~/calibrate or ~/tare";
+    let uncalibrated =
+        "until then no force is published: calibrate (tpf call calibrate), or start with --calibration FILE";
     match (calibration, &cfg.calibration.file) {
         (Some(path), _) => installed = Some(install(&mut fusion, cfg, path, &known)?),
         (None, None) => notes.push((Severity::Warn, format!("calibration.file is not set; {uncalibrated}"))),

@@ -37,7 +37,7 @@ impl Inputs {
 
     /// Reads a message for every source that it is for.
     pub fn handle(&mut self, incoming: &Incoming, on_event: &mut dyn FnMut(&Event<'_>)) {
-        let Incoming { topic: SubscribedTopic(input), cdr: Ok(cdr), received } = incoming else { return };
+        let Incoming { topic: SubscribedTopic(input), cdr: Ok(cdr), received, publisher } = incoming else { return };
         for binding in self.bindings.get_mut(*input).into_iter().flat_map(|(_, bindings)| bindings) {
             let source = self.watched.source_of(binding);
             let decoded = binding.decode(cdr, *received);
@@ -48,7 +48,7 @@ impl Inputs {
                     health.handle_for_another(error.reason(), &error.to_string());
                     continue;
                 }
-                _ => health.handle_arrival(self.began.elapsed(), None),
+                _ => health.handle_arrival(self.began.elapsed(), *publisher),
             }
             match decoded {
                 Ok(event) => {

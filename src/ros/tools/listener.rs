@@ -17,7 +17,7 @@ use crate::ros::wire::entities::{Graph, InputName};
 use crate::ros::wire::environment::Environment;
 use crate::ros::wire::error::NodeError;
 use crate::ros::wire::graph::{Around, Endpoint};
-use crate::ros::wire::middleware::{Publisher, Subscription, TopicType};
+use crate::ros::wire::middleware::{Arrival, Publisher, Subscription, TopicType};
 use crate::ros::wire::qos::{self, reliable_qos};
 use crate::ros::wire::remap::{self, NameKind, Remap};
 use crate::ros::wire::threads::{self, runtime};
@@ -59,6 +59,8 @@ pub struct Incoming {
     pub cdr: Result<Vec<u8>, String>,
     /// Receipt time, by the system clock.
     pub received: Stamp,
+    /// Its sender, if the middleware reports it.
+    pub publisher: Option<[u8; 16]>,
 }
 
 /// A node before it starts listening.
@@ -242,8 +244,11 @@ async fn listen(
             _ = &mut stopped => return,
             Some((topic, arrival)) = arrivals.next() => {
                 let incoming = match arrival {
-                    Ok(arrival) => Incoming { topic, cdr: Ok(arrival.cdr), received: arrival.received },
-                    Err(fault) => Incoming { topic, cdr: Err(fault.text), received: crate::ros::wire::clock::system_now() },
+                    Ok(Arrival { cdr, received, publisher }) => Incoming { topic, cdr: Ok(cdr), received, publisher },
+                    Err(fault) => {
+                        let received = crate::ros::wire::clock::system_now();
+                        Incoming { topic, cdr: Err(fault.text), received, publisher: None }
+                    }
                 };
                 if sender.try_send(incoming).is_err() {
                     missed.fetch_add(1, Ordering::Relaxed);

@@ -159,7 +159,10 @@ impl Running {
             (causes, _) => causes.iter().take(2).map(|problem| problem.text.as_str()).collect::<Vec<_>>().join("; "),
         };
         let (level, message) = match (is_calibrated, self.active) {
-            (false, _) => (level.max(Level::Warn), "not calibrated: call ~/calibrate or ~/tare".to_owned()),
+            (false, _) => (
+                level.max(Level::Warn),
+                "not calibrated: calibrate (tpf call calibrate), or start with --calibration FILE".to_owned(),
+            ),
             (_, false) => (Level::Ok, "inactive: nothing is published".to_owned()),
             _ if share < limit => {
                 let reasons = outcomes.reasons(n_expected);

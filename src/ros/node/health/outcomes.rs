@@ -81,7 +81,7 @@ impl Outcomes {
 pub fn advice(flag: &str) -> &'static str {
     match flag {
         "WARMUP" => "a model's window begins anew after each gap: look for gaps in the taxels",
-        "UNCALIBRATED" => "call ~/calibrate or ~/tare",
+        "UNCALIBRATED" => "calibrate (tpf call calibrate), or start with --calibration FILE",
         "STALE_POSE" => "joint angles are missing or too old: look at joint.<source>.stamp and timing.max_pose_age_ms",
         "STALE_TACTILE" => "no taxels come in time: look at their driver and tactile_timeout_ms",
         "POSE_OUT_OF_RANGE" => {

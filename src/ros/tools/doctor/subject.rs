@@ -226,14 +226,15 @@ impl Subject {
             [] => Finding::new("joints", Level::Ok, format!("all {} joints that the regions need come", needed.len())),
             missing => {
                 let other: Vec<&str> = self.seen.joints.iter().map(String::as_str).take(12).collect();
-                let came =
-                    if other.is_empty() { "no joints came".to_owned() } else { format!("{} came", other.join(", ")) };
-                let text = format!(
-                    "{} of {} joints are missing: {}; {came}: write your names in region.<name>.joints and, in the same order, those of the model in region.<name>.model_joints",
-                    missing.len(),
-                    needed.len(),
-                    missing.join(", ")
-                );
+                let advice = match other.is_empty() {
+                    true => "no joints came: see their input".to_owned(),
+                    false => format!(
+                        "{} came: write your names in region.<name>.joints and, in the same order, those of the model in region.<name>.model_joints",
+                        other.join(", ")
+                    ),
+                };
+                let (n_missing, n_needed) = (missing.len(), needed.len());
+                let text = format!("{n_missing} of {n_needed} joints are missing: {}; {advice}", missing.join(", "));
                 Finding::new("joints", Level::Problem, text)
             }
         })
