@@ -270,6 +270,16 @@ pub(super) fn one_line(text: &str) -> String {
     }
 }
 
+/// What to do about a file that isn't there.
+fn of_absent(reason: &std::io::Error) -> &'static str {
+    match reason.kind() {
+        std::io::ErrorKind::NotFound => {
+            "; name another model (--model, or model.NAME.path), or train one of this glove with tpf train"
+        }
+        _ => "",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -279,15 +289,5 @@ mod tests {
         assert_eq!(one_line("a\n  b\u{7}c"), "a bc");
         let long = one_line(&"é".repeat(5000));
         assert_eq!(long.chars().count(), 303);
-    }
-}
-
-/// What to do about a file that isn't there.
-fn of_absent(reason: &std::io::Error) -> &'static str {
-    match reason.kind() {
-        std::io::ErrorKind::NotFound => {
-            "; name another model (--model, or model.NAME.path), or train one of this glove with tpf train"
-        }
-        _ => "",
     }
 }
