@@ -302,7 +302,7 @@ fn open_rten(bytes: &[u8], terms: &Terms) -> Result<(Box<dyn Runtime>, BackendIn
 /// Opens the graph in the runtime that was asked for. Under `auto`, what stands against ONNX Runtime comes with it.
 fn choose_runtime(spec: &ModelSpec, bytes: &[u8], terms: &Terms) -> Result<Chosen, ModelError> {
     let failed = |reason: String| ModelError::Runtime { path: spec.path.clone(), reason: one_line(&reason) };
-    let against = match spec.backend {
+    let (against, is_told) = match spec.backend {
         BackendChoice::Rten => {
             let (runtime, backend) = open_rten(bytes, terms).map_err(failed)?;
             return Ok((runtime, backend, None));
@@ -315,18 +315,14 @@ fn choose_runtime(spec: &ModelSpec, bytes: &[u8], terms: &Terms) -> Result<Chose
         BackendChoice::Auto | BackendChoice::Builtin => match onnxruntime::info() {
             Ok(backend) => match onnxruntime::open(bytes, terms) {
                 Ok(runtime) => return Ok((Box::new(runtime), backend, None)),
-                Err(said) => format!("{backend} refuses the model ({})", one_line(&said)),
+                Err(said) => (format!("{backend} refuses the model ({})", one_line(&said)), true),
             },
-            // Nobody asked for ONNX Runtime, and -v tells what runs.
-            Err(missing) if std::env::var_os("ORT_DYLIB_PATH").is_none() => {
-                let against = format!("ONNX Runtime can't be used ({missing})");
-                let (runtime, backend) =
-                    open_rten(bytes, terms).map_err(|said| failed(format!("{said}; {against}")))?;
-                return Ok((runtime, backend, None));
+            // If nobody named a library, nobody misses it, and -v tells what runs.
+            Err(missing) => {
+                (format!("ONNX Runtime can't be used ({missing})"), std::env::var_os("ORT_DYLIB_PATH").is_some())
             }
-            Err(missing) => format!("ONNX Runtime can't be used ({missing})"),
         },
     };
     let (runtime, backend) = open_rten(bytes, terms).map_err(|said| failed(format!("{said}; {against}")))?;
-    Ok((runtime, backend, Some(format!("{against}: RTen takes its place"))))
+    Ok((runtime, backend, is_told.then(|| format!("{against}: RTen takes its place"))))
 }

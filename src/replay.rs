@@ -236,8 +236,7 @@ fn glove_doubts(cfg: &Config, infos: &[ModelInfo], notes: &Notes) -> Vec<String>
     };
     let worn = notes.glove.as_ref().map(whole);
     let of_model = |(model, info): (&ModelConfig, &ModelInfo)| {
-        let noted =
-            |key: &str| info.metadata.get(key).map(|value| printable(value.trim())).filter(|value| !value.is_empty());
+        let noted = |key: &str| info.noted(key).map(printable);
         let name = &model.name;
         match (noted("glove"), &worn) {
             (Some(trained), Some(worn)) if trained != *worn && cfg.glove.is_none() && model.spec.of_glove.is_none() => {

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use super::progress::Said;
 use super::{Failure, tell};
 pub(super) use crate::bag::shown;
-use crate::config::{Config, DEFAULT_NODE, Origin, ParamTree, ParamValue, load_tree};
+use crate::config::{Config, DEFAULT_NODE, Origin, Param, ParamTree, ParamValue, load_tree};
 use crate::glove;
 #[cfg(feature = "ros")]
 use crate::glove::Models;
@@ -70,12 +70,14 @@ impl ParamArgs {
             }
         }
         let Some(topic) = truth else { return config(&tree) };
-        let taxels = config(&tree)?.tactile.into_iter().map(|source| source.name);
-        if let Some(taken) =
-            taxels.into_iter().find(|name| name.trim_start_matches('/') == topic.trim_start_matches('/'))
-        {
+        let absolute = topic.trim_start_matches('/');
+        let is_taken = |(key, param): &(&str, &Param)| {
+            let is_topic = key.starts_with("tactile.") && key.ends_with(".topic");
+            is_topic && matches!(&param.value, ParamValue::Str(name) if name.trim_start_matches('/') == absolute)
+        };
+        if let Some((key, _)) = tree.iter().find(is_taken) {
             return Err(Failure(format!(
-                "--truth {topic}: {taken} holds the taxels in the parameters, and taxels can't be their own true force; name the topic of a force sensor"
+                "--truth {topic}: {key} names it as the topic of taxels, and taxels can't be their own true force; name the topic of a force sensor"
             )));
         }
         let sources = match tree.get("truth_sources").map(|param| &param.value) {

@@ -81,8 +81,8 @@ fn onnx_files(folder: &Path) -> Vec<PathBuf> {
 
 fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, InitFileError> {
     let info = model::inspect(path)?;
-    let trained_on = info.metadata.get("glove").map(|glove| printable(glove.trim())).filter(|glove| !glove.is_empty());
-    let trained_on = trained_on.map(|glove| {
+    let trained_on = info.noted("glove").map(|glove| {
+        let glove = printable(glove);
         format!(
             "trained on glove {glove}: readings of another glove, or in another unit, give wrong forces without a flag"
         )

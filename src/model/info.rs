@@ -51,6 +51,13 @@ pub struct ModelInfo {
     pub notes: Vec<String>,
 }
 
+impl ModelInfo {
+    /// An entry of the metadata, if it has one that is not empty.
+    pub fn noted(&self, key: &str) -> Option<&str> {
+        self.metadata.get(key).map(|value| value.trim()).filter(|value| !value.is_empty())
+    }
+}
+
 /// Runtime of a model, and where it comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct BackendInfo {

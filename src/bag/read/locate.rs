@@ -9,6 +9,7 @@ use super::names::natural_order;
 use super::storage::{first_log_time, summary};
 use crate::bag::error::one_line;
 use crate::bag::layout::{self, METADATA_FILE};
+use crate::bag::shown;
 use crate::location::{self, Entry, Found, Place};
 use crate::units::{NANOS_PER_SEC, Stamp};
 
@@ -51,8 +52,7 @@ pub(super) fn files(input: &Path) -> Result<Files, BagError> {
     }
 }
 
-/// Most folders in a folder that are looked at, and most bags that are named, to tell where bags are.
-const MOST_TRIED: usize = 50;
+/// Most bags in a folder that are named, where one of them is meant.
 const MOST_NAMED: usize = 3;
 
 /// Size of a bag's files as they are stored. None of them is unpacked or copied.
@@ -74,19 +74,17 @@ fn folder(folder: &Path) -> Result<Files, BagError> {
     let Contents { mut files, folders } = contents(folder)?;
     if files.is_empty() {
         let mut why = "the folder holds no .mcap or .db3 file and no metadata.yaml".to_owned();
-        let holds_bag = |path: &&PathBuf| {
-            is_file(&path.join(METADATA_FILE)).unwrap_or(false)
-                || contents(path).is_ok_and(|found| !found.files.is_empty())
+        let bags = if folders.is_empty() {
+            Vec::new()
+        } else {
+            recordings_at(folder).map_or_else(|_| Vec::new(), |found| found.paths)
         };
-        let bags: Vec<String> =
-            folders.iter().take(MOST_TRIED).filter(holds_bag).map(|path| crate::bag::shown(path)).collect();
-        if !bags.is_empty() {
-            let more =
-                if bags.len() > MOST_NAMED { format!(" and {} more", bags.len() - MOST_NAMED) } else { String::new() };
-            why.push_str(&format!(
-                "; folders in it are bags, name one: {}{more}",
-                bags[..bags.len().min(MOST_NAMED)].join(", ")
-            ));
+        // A folder without any stands for itself.
+        if bags.first().is_some_and(|bag| bag != folder) {
+            let named: Vec<String> = bags.iter().take(MOST_NAMED).map(|bag| shown(bag)).collect();
+            let n_more = bags.len() - named.len();
+            let more = if n_more > 0 { format!(" and {n_more} more") } else { String::new() };
+            why.push_str(&format!("; folders in it are bags, name one: {}{more}", named.join(", ")));
         }
         return Err(not_a_bag(folder, why));
     }

@@ -9,7 +9,7 @@ use crate::commands::live::RosArguments;
 use crate::commands::progress::Progress;
 use crate::commands::{Failure, interrupt, say};
 use crate::msg::definition::Definitions;
-use crate::msg::type_hash;
+use crate::msg::{TFMessage, WireType, type_hash};
 use crate::ros::{Delivery, Endpoint, Listening, SubscribedTopic, TopicType};
 
 /// The node that looks, unless it is given another name.
@@ -25,7 +25,7 @@ const NAP: Duration = Duration::from_millis(100);
 const MOST_TOPICS: usize = 256;
 
 /// Types of topics that no glove sends on: they say how nodes are, or are too large to look at.
-const UNUSED: [&str; 11] = [
+const UNUSED: [&str; 12] = [
     "diagnostic_msgs/msg/DiagnosticArray",
     "foxglove_msgs/msg/CompressedVideo",
     "lifecycle_msgs/msg/TransitionEvent",
@@ -37,6 +37,7 @@ const UNUSED: [&str; 11] = [
     "sensor_msgs/msg/Image",
     "sensor_msgs/msg/PointCloud2",
     "std_msgs/msg/String",
+    "visualization_msgs/msg/MarkerArray",
 ];
 
 /// What only a live graph needs.
@@ -82,8 +83,7 @@ pub(super) fn record(args: &LiveArgs, folder: Option<&Path>) -> Result<Recorded,
     let recorded = Recorded { folder: tempfile::tempdir()?, told: Vec::new() };
     let mut bag = BagWriter::create(&recorded.bag(), WriteOptions::default())?;
     let mut seen = Vec::new();
-    // Parts of actions are no data of a glove, and their types are rarely installed.
-    for endpoint in wanted(found).into_iter().filter(|endpoint| !endpoint.topic.contains("/_action/")) {
+    for endpoint in wanted(found) {
         match subscribe(&mut listening, &mut bag, &definitions, &endpoint) {
             Ok(channel) => seen.push(Seen { endpoint, channel, n_messages: 0 }),
             Err(Failure(why)) => say(&format!("not looked at: {}: {}", endpoint.topic, printable(&why))),
@@ -168,7 +168,7 @@ fn look(listening: &Listening) -> Result<Vec<Endpoint>, Failure> {
 fn wanted(found: Vec<Endpoint>) -> Vec<Endpoint> {
     let mut by_topic: BTreeMap<String, Endpoint> = BTreeMap::new();
     for endpoint in found {
-        if UNUSED.contains(&endpoint.type_name.as_str()) {
+        if UNUSED.contains(&endpoint.type_name.as_str()) || endpoint.topic.contains("/_action/") {
             continue;
         }
         match by_topic.get(&endpoint.topic) {
@@ -176,7 +176,7 @@ fn wanted(found: Vec<Endpoint>) -> Vec<Endpoint> {
                 "{} is published as {} and as {}; looking at the first",
                 endpoint.topic, known.type_name, endpoint.type_name
             ))),
-            Some(_) if endpoint.topic != "/tf" => say(&printable(&format!(
+            Some(_) if endpoint.type_name != TFMessage::TYPE_NAME => say(&printable(&format!(
                 "{} has several publishers; if they are drivers of one device, stop all but one and try again",
                 endpoint.topic
             ))),

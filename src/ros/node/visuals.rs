@@ -1,7 +1,7 @@
 //! Pictures of the estimates for RViz and Foxglove: markers, images of the taxels, and the frames of patches.
 //!
-//! The engine hands over frames at the rate of pictures. The publishing thread draws them, and only those that somebody
-//! wants, so that pictures cost estimates nothing.
+//! The engine hands over frames at the rate of pictures. The publishing thread draws those that somebody wants, between two
+//! messages. The thread that reads inputs never waits for it.
 
 mod colour;
 mod image;

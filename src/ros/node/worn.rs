@@ -35,8 +35,8 @@ pub(super) async fn keep_on(shared: Rc<Shared>) {
 ///
 /// `limit`: for the engine to answer, and again for the writing.
 pub(super) async fn keep(shared: &Shared, limit: Duration) {
+    let Some(path) = shared.parameters.borrow().config().calibration.worn_file.clone() else { return };
     let cfg = shared.parameters.borrow().config().clone();
-    let Some(path) = cfg.calibration.worn_file.clone() else { return };
     let (reply, known) = oneshot::channel();
     if shared.commands.send(Command::Known(reply)).is_err() {
         return;

@@ -167,8 +167,8 @@ pub fn examine(request: Request<'_>) -> Result<Examination, NodeError> {
     let mut monitored = Vec::new();
     for node in own {
         let contacts = format!("{node}/contacts");
-        let incoming = listening.subscribe(&contacts, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
-        monitored.push((incoming, node.to_owned(), Monitored::new(&contacts, node.to_owned())));
+        let topic = listening.subscribe(&contacts, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
+        monitored.push((topic, node.to_owned(), Monitored::new(&contacts, node.to_owned())));
     }
     let diagnostics = listening.subscribe("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
     let duration = if subject.is_some() { duration.max(LEAST) } else { duration };
