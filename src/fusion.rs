@@ -37,7 +37,7 @@ pub use error::{FusionError, SetupError};
 pub use estimate::{Estimate, Flags, Tick, TickTaxels};
 pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
 pub use features::{FeatureWindow, NewestWindow, TaxelFeatures};
-pub use frames::{Frame, FrameCutter, TactileCounters};
+pub use frames::{Frame, FrameCutter, RowStamps, TactileCounters};
 pub use gain::{ForceGain, GainError, KnownTouch};
 pub use geometry::{Patch, Wrench, split};
 pub use health::{RateFault, SourceFault, SourceHealth};

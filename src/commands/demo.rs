@@ -213,6 +213,7 @@ fn next_steps(folder: &Folder<'_>) -> String {
     let (session, params, picture) = (folder.session(), folder.params(), folder.picture());
     format!(
         "
+These are scores of one user and one donning. With another --seed they differ, also in which of tactile-only and pose-aware is better.
 All of it is in {path} (synthetic): look at {picture}; open the bags in Foxglove or PlotJuggler.
 
 With your own glove:

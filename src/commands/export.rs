@@ -11,13 +11,17 @@ use super::{Failure, Outcome, interrupt, print, say};
 use crate::export::{self, Request, Targets};
 use crate::sessions::Shard;
 
+/// Ends of names of tables.
+const CSV: &str = "csv";
+const PARQUET: &str = "parquet";
+
 /// Writes force, contact, artifact, taxels and joint angles for those who learn from them: as a LeRobot dataset at its
 /// own rate, or as a table of all frames.
 ///
 /// Estimates are those in the bag where it holds some (of `tpf run --record` or `tpf replay --merge`), else the models of
 /// the parameters make them as `tpf replay` does.
 #[derive(Debug, clap::Args)]
-#[command(group = clap::ArgGroup::new("output").required(true).multiple(true))]
+#[command(group = clap::ArgGroup::new("outputs").required(true).multiple(true))]
 pub(super) struct Args {
     /// Bags, or folders of bags: one recording each, which becomes one episode
     #[arg(required = true, value_name = "BAG")]
@@ -25,14 +29,17 @@ pub(super) struct Args {
     #[command(flatten)]
     params: ParamArgs,
     /// Write a LeRobotDataset v3 to this folder, which must not be there yet
-    #[arg(long, value_name = "DIR", group = "output")]
+    #[arg(long, value_name = "DIR", group = "outputs")]
     lerobot: Option<PathBuf>,
     /// Write every frame of every region as Parquet
-    #[arg(long, value_name = "FILE", group = "output")]
+    #[arg(long, value_name = "FILE", group = "outputs")]
     parquet: Option<PathBuf>,
     /// Write every frame of every region as CSV
-    #[arg(long, value_name = "FILE", group = "output")]
+    #[arg(long, value_name = "FILE", group = "outputs")]
     csv: Option<PathBuf>,
+    /// Write a table: CSV or Parquet, by the end of the name (.csv, .parquet)
+    #[arg(short, long, value_name = "FILE", group = "outputs", conflicts_with_all = ["csv", "parquet"], value_parser = table)]
+    output: Option<PathBuf>,
     /// Frames a second of the LeRobot dataset
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     fps: u32,
@@ -88,11 +95,21 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 
 impl Args {
     fn targets(&self) -> Targets<'_> {
+        let named = |end: &str| self.output.as_deref().filter(|path| path.extension().is_some_and(|of| of == end));
         Targets {
             lerobot: self.lerobot.as_deref(),
-            parquet: self.parquet.as_deref(),
-            csv: self.csv.as_deref(),
+            parquet: self.parquet.as_deref().or(named(PARQUET)),
+            csv: self.csv.as_deref().or(named(CSV)),
             overwrite: self.overwrite,
         }
+    }
+}
+
+/// A table whose name tells its format.
+fn table(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension() {
+        Some(end) if end == CSV || end == PARQUET => Ok(path),
+        _ => Err("expected a name that ends in .csv or .parquet; for a LeRobotDataset, use --lerobot DIR".to_owned()),
     }
 }

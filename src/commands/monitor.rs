@@ -51,7 +51,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut listener = listening.start()?;
     let mut watched = Monitored::new(&contacts, node.to_string());
     let mut terminal = Terminal::open(args.plain)?;
-    let limit = args.seconds.or(terminal.is_none().then_some(5.0)).map(Duration::from_secs_f64);
+    let has_screen = terminal.is_some();
+    let limit = args.seconds.or((!has_screen).then_some(5.0)).map(Duration::from_secs_f64);
     let started = Instant::now();
     while !interrupt::happened() && limit.is_none_or(|limit| started.elapsed() < limit) {
         let mut next = listener.next(FRAME);
@@ -75,7 +76,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let around = if watched.regions.is_empty() { listener.around().ok() } else { None };
     let here = around.map(|around| around.fusion_nodes().into_iter().map(str::to_owned).collect::<Vec<_>>());
     listener.leave();
-    if args.plain || args.seconds.is_some() || watched.regions.is_empty() {
+    if !has_screen || args.seconds.is_some() || watched.regions.is_empty() {
         print(&text(&watched, system_now()))?;
     }
     if !watched.regions.is_empty() {

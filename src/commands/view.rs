@@ -59,7 +59,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let bag = args.bag.as_deref().unwrap_or(Path::new(""));
     let request =
         Request { bag, zero: args.zero.wanted(), compute: args.compute || replaces, drop_unused_joints: replaces };
-    let session = BagView::read(cfg, &request, &Shown::bytes("view"))?;
+    let session = match BagView::read(cfg, &request, &Shown::bytes("view")) {
+        Err(_) if interrupt::happened() => return Err(Failure("interrupted".to_owned())), // it would have written nothing
+        read => read?,
+    };
     open(args, &server)?;
     server.serve(Content::Session(Arc::new(session)))?;
     Ok(Outcome::Done)

@@ -208,26 +208,15 @@ impl FrameCutter {
             return;
         }
         let last_stamp = block.stamp.offset(self.source.stamp_offset_ns);
-        let span_ns = block.row_period_ns.saturating_mul(rows as i64 - 1);
-        let squeezed = match self.newest {
-            Some(newest) if last_stamp <= newest => {
-                let late =
-                    if last_stamp == newest { &mut self.counters.duplicate } else { &mut self.counters.out_of_order };
-                *late += rows as u64;
-                return;
-            }
-            Some(newest) if rows > 1 && last_stamp.offset(-span_ns) <= newest => Some(newest),
-            _ => None,
+        let Some(stamps) = RowStamps::new(last_stamp, rows, block.row_period_ns, self.newest) else {
+            let is_again = self.newest == Some(last_stamp);
+            let late = if is_again { &mut self.counters.duplicate } else { &mut self.counters.out_of_order };
+            *late += rows as u64;
+            return;
         };
-        self.counters.bursts += u64::from(squeezed.is_some());
+        self.counters.bursts += u64::from(stamps.is_burst());
         for (row_idx, values) in block.values.chunks_exact(self.source.n_taxels).enumerate() {
-            let stamp = match squeezed {
-                Some(newest) => {
-                    let step = i128::from(last_stamp.nanos_since(newest)) * (row_idx as i128 + 1) / rows as i128;
-                    newest.offset(step as i64) // a part of an i64 span
-                }
-                None => last_stamp.offset(-block.row_period_ns.saturating_mul((rows - 1 - row_idx) as i64)),
-            };
+            let stamp = stamps.at(row_idx);
             if self.newest.is_some_and(|newest| stamp <= newest) {
                 self.counters.duplicate += 1; // more rows than nanoseconds
                 continue;
@@ -361,6 +350,47 @@ impl Grid {
         self.n_rows = 0;
         self.sums.fill(0.0);
         self.counts.fill(0);
+    }
+}
+
+/// Stamps of the rows of one message. The last row has the stamp of the message, and the others lie one period apart before it. Where
+/// they would lie at or before a row that came already (a burst), all of them are spread evenly after that row.
+#[derive(Debug, Clone, Copy)]
+pub struct RowStamps {
+    last: Stamp,
+    rows: usize,
+    row_period_ns: i64,
+    after: Option<Stamp>,
+}
+
+impl RowStamps {
+    /// The stamps of `rows` rows, of which `last` is the newest, after the row at `newest`. `None` if `last` is not newer.
+    pub fn new(last: Stamp, rows: usize, row_period_ns: i64, newest: Option<Stamp>) -> Option<Self> {
+        let after = match newest {
+            Some(newest) if last <= newest => return None,
+            Some(newest) => {
+                let span_ns = row_period_ns.saturating_mul((rows as i64).saturating_sub(1));
+                (rows > 1 && last.offset(-span_ns) <= newest).then_some(newest)
+            }
+            None => None,
+        };
+        Some(RowStamps { last, rows, row_period_ns, after })
+    }
+
+    /// True if the rows are spread.
+    pub fn is_burst(&self) -> bool {
+        self.after.is_some()
+    }
+
+    /// Stamp of a row, 0 the oldest.
+    pub fn at(&self, row_idx: usize) -> Stamp {
+        match self.after {
+            Some(newest) => {
+                let step = i128::from(self.last.nanos_since(newest)) * (row_idx as i128 + 1) / self.rows as i128;
+                newest.offset(step as i64) // a part of an i64 span
+            }
+            None => self.last.offset(-self.row_period_ns.saturating_mul((self.rows - 1 - row_idx) as i64)),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::fusion::{Event, FusionConfig, JointSample, JointSource, TactileBlock, TactileSource};
+use crate::fusion::{Event, FusionConfig, JointSample, JointSource, RowStamps, TactileBlock, TactileSource};
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
 /// Maximum number of joints that are kept. Two hands and two arms have fewer.
@@ -89,10 +89,16 @@ impl Samples {
             track.wrong_length += 1;
             return Ok(());
         }
+        let newest = track.stamp.last().copied();
+        let last_stamp = block.stamp.offset(source.stamp_offset_ns);
+        if !is_newer(last_stamp, newest.as_ref(), self.time_jump_ns, &source.name)? {
+            track.late += block.rows as u64;
+            return Ok(());
+        }
+        let Some(stamps) = RowStamps::new(last_stamp, block.rows, block.row_period_ns, newest) else { return Ok(()) };
         for (row_idx, row) in block.values.chunks_exact(source.n_taxels).enumerate() {
-            let before_last = (block.rows - 1 - row_idx) as i64;
-            let stamp = block.stamp.offset(source.stamp_offset_ns - block.row_period_ns.saturating_mul(before_last));
-            if is_newer(stamp, track.stamp.last(), self.time_jump_ns, &source.name)? {
+            let stamp = stamps.at(row_idx);
+            if track.stamp.last().is_none_or(|newest| stamp > *newest) {
                 track.stamp.push(stamp);
                 track.values.extend_from_slice(row);
             } else {
@@ -167,6 +173,7 @@ fn is_newer(stamp: Stamp, newest: Option<&Stamp>, time_jump_ns: i64, name: &str)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fusion::{FrameClock, TactileSourceIdx};
 
     const STAMPS: [Stamp; 3] = [Stamp(10), Stamp(20), Stamp(40)];
 
@@ -177,6 +184,42 @@ mod tests {
             [9, 10, 19, 20, 35, 36, 40, 55, 56].map(at),
             [None, Some(0), Some(0), Some(1), Some(1), None, Some(2), Some(2), None]
         );
+    }
+
+    #[test]
+    fn a_burst_keeps_every_row_as_the_core_does() {
+        let (name, frame_clock) = ("glove".to_owned(), FrameClock::Tactile);
+        let mut samples = Samples {
+            tactile: vec![TactileTrack::default()],
+            joints: BTreeMap::new(),
+            joint_names: Vec::new(),
+            tactile_sources: vec![TactileSource {
+                name,
+                n_taxels: 1,
+                stamp_offset_ns: 0,
+                inverted: false,
+                frame_clock,
+            }],
+            joint_sources: Vec::new(),
+            time_jump_ns: 1000,
+        };
+        for (at, values) in [(20, [0.0, 1.0]), (24, [2.0, 3.0]), (24, [4.0, 5.0])] {
+            let (source, stamp) = (TactileSourceIdx(0), Stamp(at));
+            let row_period_ns = 10;
+            let block = TactileBlock {
+                source,
+                stamp,
+                rows: 2,
+                row_period_ns,
+                sequence: None,
+                values: &values,
+                received: stamp,
+            };
+            samples.handle_event(&Event::Tactile(block)).unwrap();
+        }
+        let track = &samples.tactile[0];
+        assert_eq!(track.stamp, [10, 20, 22, 24].map(Stamp));
+        assert_eq!((track.values.as_slice(), track.late), ([0.0, 1.0, 2.0, 3.0].as_slice(), 2));
     }
 
     #[test]

@@ -64,9 +64,25 @@ fn joints_that_never_come_are_named_for_adaptive_models_too() {
 }
 
 #[test]
+fn a_table_is_exported_by_the_end_of_its_name() {
+    let folder = folder();
+    replay(folder.path(), &["-o", "out.mcap", "--merge", "--model", &model("glove3_adaptive")]).ok();
+    let export = |name: &str| tpf(folder.path(), &["export", "out.mcap", "--params-file", "glove.yaml", "-o", name]);
+    export("forces.csv").ok();
+    let table = fs::read_to_string(folder.path().join("forces.csv")).unwrap();
+    assert!(table.lines().next().unwrap().contains("force_n") && table.lines().count() > 1000, "{table:.300}");
+    let other = export("forces.txt");
+    assert!(other.stderr.contains("expected a name that ends in .csv or .parquet"), "{other:?}");
+    assert!(!folder.path().join("forces.txt").exists());
+}
+
+#[test]
 #[cfg(feature = "train")]
 fn taxels_are_not_their_own_truth() {
     let folder = folder();
+    let eval = ["eval", BAG, "--params-file", "glove.yaml", "-p", "truth.load_cell.topic:=/glove/taxels"];
+    let set = tpf(folder.path(), &eval);
+    assert!(set.failure().contains("taxels can't be their own true force"), "{set:?}");
     let train = ["train", BAG, "--params-file", "glove.yaml", "--truth", "/glove/taxels", "-o", "m.onnx"];
     let circular = tpf(folder.path(), &train);
     assert!(circular.failure().contains("taxels can't be their own true force"), "{circular:?}");

@@ -264,7 +264,12 @@ pub(super) fn one_type_a_topic(reader: &Reader<'_>, sources: &Named<'_>) -> Resu
         match known.get(topic) {
             Some((_, other)) if other == type_name => {}
             Some((other_key, other)) => {
-                let problem = format!("but {other_key} is {other}, and both are on the topic {topic}: it has one type");
+                let is_own_truth = key.starts_with("truth.") && other_key.starts_with("tactile.");
+                let advice = match is_own_truth {
+                    true => "taxels can't be their own true force; name the topic of a force sensor",
+                    false => "it has one type",
+                };
+                let problem = format!("but {other_key} is {other}, and both are on the topic {topic}: {advice}");
                 return Err(reader.refused(key, problem));
             }
             None => {

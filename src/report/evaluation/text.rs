@@ -17,6 +17,9 @@ use crate::units::{GramForce, Newton};
 pub(super) const MEASURES_IN_WORDS: &str = "BA: balanced accuracy of touch. F1: harmonic mean of precision and recall of touch. \
      MDF: minimal detectable force. MAE: mean absolute error of the force. R2: coefficient of determination. gF: gram-force.";
 
+/// The meaning of the signs in the table.
+const SIGNS_IN_WORDS: &str = "(+): higher is better. (-): lower is better. *: best of the glove.";
+
 /// The table, and what was gained.
 pub fn short_text(result: &Evaluated) -> String {
     let mut text = String::new();
@@ -44,7 +47,7 @@ fn heading(text: &mut String, result: &Evaluated) {
         let _ = writeln!(text, "{lack} ({})\n", short_list(&of, result.sessions.len()));
     }
     if result.has_scores() {
-        let _ = writeln!(text, "{}\n{}", shown(&result.table.table(), 2), MEASURES_IN_WORDS);
+        let _ = writeln!(text, "{}\n{MEASURES_IN_WORDS} {SIGNS_IN_WORDS}", shown(&result.table.table(), 2));
         touch_by(result).into_iter().for_each(|line| {
             let _ = writeln!(text, "\n{line}");
         });
@@ -181,11 +184,18 @@ fn improvements(text: &mut String, result: &Evaluated) {
     for change in &result.improvements {
         let _ = writeln!(text, "{}", improvement(change));
     }
+    if !result.improvements.is_empty() {
+        let _ = writeln!(text, "{CHANGES_IN_WORDS}");
+    }
 }
+
+/// The meaning of [`improvement`].
+pub(super) const CHANGES_IN_WORDS: &str = "A minus sign is better. Touch error: 100 % minus BA.";
 
 /// The gain of one model over another, in a line.
 pub(super) fn improvement(change: &Improvement) -> String {
-    let share = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:+.1} %", -100.0 * share));
+    let share =
+        |share: Option<f64>| share.map_or("not comparable".to_owned(), |share| format!("{:+.1} %", -100.0 * share));
     format!(
         "glove {}, {} to {}: MDF {}, touch error {}, MAE {}",
         change.glove,

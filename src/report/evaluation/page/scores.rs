@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use super::super::pose_quality::words;
 use super::super::text::{
-    MEASURES_IN_WORDS, TANGENTIAL, improvement, is_of_several, measure_name, number, short_list, tangential_mae,
-    touch_by,
+    CHANGES_IN_WORDS, MEASURES_IN_WORDS, TANGENTIAL, improvement, is_of_several, measure_name, number, short_list,
+    tangential_mae, touch_by,
 };
 use super::super::verdict::Said;
 use super::{slug, style};
@@ -48,6 +48,9 @@ pub(super) fn table_of_all(page: &mut Page, result: &Evaluated) {
     result.improvements.iter().for_each(|change| {
         section.text(&improvement(change));
     });
+    if !result.improvements.is_empty() {
+        section.text(CHANGES_IN_WORDS);
+    }
     let tangential = result.tangential();
     if !tangential.is_empty() {
         section.table(&tangential_table(&tangential));

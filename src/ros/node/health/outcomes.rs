@@ -66,7 +66,7 @@ impl Outcomes {
         let mut texts: Vec<String> = flags.iter().map(|(name, n)| format!("{n} frames {name}")).collect();
         let n_missing = n_expected - self.n as f64;
         if n_missing > 0.1 * n_expected {
-            texts.push(format!("{n_missing:.0} frames never came"));
+            texts.push(format!("{n_missing:.0} frames missing"));
         }
         texts.join(", ")
     }
@@ -112,7 +112,7 @@ mod tests {
         (0..10).for_each(|_| outcomes.handle(&estimate(None, Flags::WARMUP | Flags::STALE_POSE)));
         assert_eq!((outcomes.n, outcomes.n_with_force, outcomes.n_good), (100, 90, 80));
         assert_eq!((outcomes.share(100.0), outcomes.share(200.0), outcomes.share(50.0)), (0.8, 0.4, 0.8));
-        assert_eq!(outcomes.reasons(200.0), "20 frames STALE_POSE, 10 frames WARMUP, 100 frames never came");
+        assert_eq!(outcomes.reasons(200.0), "20 frames STALE_POSE, 10 frames WARMUP, 100 frames missing");
         assert_eq!(outcomes.reasons(105.0), "20 frames STALE_POSE, 10 frames WARMUP", "a tick more or less");
         assert_eq!(outcomes.worst(), Some("STALE_POSE"));
         assert_eq!((Outcomes::default().share(0.0), Outcomes::default().worst()), (0.0, None));

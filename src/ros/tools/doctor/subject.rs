@@ -155,14 +155,18 @@ impl Subject {
         for (source, wanted) in self.wanted_by_source().into_iter().enumerate() {
             findings.extend(self.of_input(source, &wanted, around));
         }
-        findings.extend(self.of_joints());
+        // One cause is told once: what an input explains is no finding of its own.
+        let input_fails = findings.iter().any(|finding| finding.level == Level::Problem);
+        if !(input_fails && self.seen.joints.is_empty()) {
+            findings.extend(self.of_joints());
+        }
         findings.extend(self.of_names(around));
         if self.cfg.use_sim_time && !around.publishers.iter().any(|endpoint| endpoint.topic == "/clock") {
             let text =
                 "use_sim_time is true and nobody publishes /clock: start what does, or set use_sim_time to false";
             findings.push(Finding::new("clock", Level::Problem, text));
         }
-        findings.extend(self.of_estimates());
+        findings.extend(self.of_estimates(input_fails));
         findings
     }
 
@@ -293,13 +297,13 @@ impl Subject {
         findings
     }
 
-    /// The estimates that the node would have made.
-    fn of_estimates(&mut self) -> Option<Finding> {
+    /// The estimates that the node would have made. Nothing if an input that fails explains why there are none.
+    fn of_estimates(&mut self, input_fails: bool) -> Option<Finding> {
         let (core, elapsed) = (self.core.as_ref()?, self.inputs.elapsed());
         let (outcomes, n_expected) = self.inputs.take_outcomes(elapsed, core);
         if outcomes.n == 0 {
             let text = "no frame could be made of what came, so no estimate was tried; see the inputs";
-            return Some(Finding::new("estimates", Level::Problem, text));
+            return (!input_fails).then(|| Finding::new("estimates", Level::Problem, text));
         }
         let sources = 0..self.cfg.fusion.tactile_sources.len();
         if sources.clone().all(|idx| core.baseline(TactileSourceIdx(idx)).is_none()) {
