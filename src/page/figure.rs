@@ -303,22 +303,24 @@ impl Figure {
     }
 
     fn layout(&self, is_synthetic: bool) -> Value {
-        let mut notes = self.notes.clone();
-        if is_synthetic {
-            notes.push(json!({
-                "text": "synthetic data", "showarrow": false, "xref": "paper", "yref": "paper", "x": 1, "y": 0,
-                "xanchor": "right", "yanchor": "top", "yshift": -48, "font": {"size": 11, "color": "--synthetic"},
-            }));
-        }
         let (mut x, mut y) = (self.x.clone(), self.y.clone());
         let mut layout = json!({
             "autosize": true, "height": self.height_px, "font": {"family": FONT, "color": "--ink", "size": 13},
             "margin": {"l": 60, "r": 12, "t": 12, "b": 66, "autoexpand": true},
             "paper_bgcolor": "--paper", "plot_bgcolor": "--paper", "hovermode": "closest", "barmode": "group",
             "hoverlabel": {"bgcolor": "--paper", "bordercolor": "--faint", "font": {"color": "--ink"}},
-            "showlegend": self.n_named > 1, "shapes": self.shapes, "annotations": notes,
+            "showlegend": self.n_named > 1, "shapes": self.shapes,
+            "annotations": self.notes,
             "legend": {"orientation": "h", "x": 0, "y": 1, "xanchor": "left", "yanchor": "bottom"},
         });
+        if is_synthetic {
+            // The lowest line of the picture, below the names of the ticks however long they are.
+            layout["title"] = json!({
+                "text": "synthetic data", "font": {"size": 11, "color": "--synthetic"}, "automargin": false,
+                "xref": "container", "x": 1, "xanchor": "right", "yref": "container", "y": 0, "yanchor": "bottom",
+                "pad": {"r": 12, "b": 2},
+            });
+        }
         if !self.rows.is_empty() {
             set(&mut y, "domain", json!([ROWS_SHARE + ROWS_GAP, 1.0]));
             set(&mut x, "anchor", json!("y2"));
