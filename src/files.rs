@@ -110,7 +110,12 @@ pub fn temporary_in(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
     builder.prefix(prefix).suffix(".tmp");
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
+    builder.tempfile_in(folder).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => {
+            io::Error::new(error.kind(), format!("there is no folder {}; make it first", folder.display()))
+        }
+        _ => error,
+    })
 }
 
 /// A temporary folder, with the permissions that any new folder gets.

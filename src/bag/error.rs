@@ -53,7 +53,7 @@ pub enum BagError {
         names: Vec<String>,
     },
     /// The recording is not of ROS 2.
-    #[error("{}: has the MCAP profile {profile:?}, expected \"ros2\": record it again, or read it with the tools of ROS 1", .path.display())]
+    #[error("{}: has the MCAP profile {profile:?}, expected \"ros2\": convert it with rosbags-convert (pip install rosbags)", .path.display())]
     Profile {
         /// The file.
         path: PathBuf,

@@ -17,6 +17,10 @@ pub(super) fn parameters(regions: &[RegionResult], cfg: &Config, sources: &[usiz
         if joints.is_empty() {
             let _ = writeln!(text, "    # No joint tells enough of what its taxels read in the air.");
         } else {
+            let _ = writeln!(
+                text,
+                "    # For models that are trained from now on; one that is trained already needs its own joints."
+            );
             let _ = writeln!(text, "    joints: [{}]", joints.join(", "));
         }
         for range in &report.pose_range {

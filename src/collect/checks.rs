@@ -197,7 +197,7 @@ fn still(window: &Window, layout: &Layout, checks: &Checks) -> Vec<Problem> {
         if let Some(mean) = force.mean().filter(|mean| mean.abs() > checks.load_cell_zero) {
             let most = checks.load_cell_zero;
             problems.push(format!(
-                "force sensor {name} reads {mean:.2} N with nothing on it, expected at most {most} N; tare it"
+                "force sensor {name} reads {mean:.2} N with nothing on it, expected at most {most} N; tare it, or take away what presses it"
             ));
         }
     }
@@ -330,7 +330,12 @@ mod tests {
         assert_eq!(swapped.len(), 1, "{swapped:?}");
         assert!(swapped[0].ends_with("their names may be swapped"), "{swapped:?}");
         let untared = problems(&Bench { force: 1.5, ..GOOD });
-        assert_eq!(untared, ["force sensor cell reads 1.50 N with nothing on it, expected at most 0.25 N; tare it"]);
+        assert_eq!(
+            untared,
+            [
+                "force sensor cell reads 1.50 N with nothing on it, expected at most 0.25 N; tare it, or take away what presses it"
+            ]
+        );
         let silent = problems(&Bench { joints: false, ..GOOD });
         assert!(silent[0].starts_with("joint source hand: nothing came for 2.0 s"), "{silent:?}");
         let renamed = problems(&Bench { names: ["index_dip", "pip_joint", "index_mcp_flex"], ..GOOD });

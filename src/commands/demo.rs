@@ -71,7 +71,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = Folder { path: &args.output, glove: args.glove };
     folder.prepare()?;
     interrupt::listen();
-    write(&folder.params(), shipped.params.as_bytes())?;
+    // Whoever goes on with this file wants the best of the models.
+    write(&folder.params(), shipped.params.replace("_pose_aware.onnx", "_adaptive.onnx").as_bytes())?;
     write(&folder.model(Model::TactileOnly), shipped.tactile_only)?;
     write(&folder.model(Model::PoseAware), shipped.pose_aware)?;
     write(&folder.model(Model::Adaptive), shipped.adaptive)?;
@@ -214,19 +215,23 @@ fn next_steps(folder: &Folder<'_>) -> String {
     format!(
         "
 These are scores of one user and one donning. With another --seed they differ, also in which of tactile-only and pose-aware is better.
-All of it is in {path} (synthetic): look at {picture}; open the bags in Foxglove or PlotJuggler.
+All of it is in {path} (synthetic). The picture is {picture}.
 
+The same session with the adaptive model:
+  tpf view {adaptive} --params-file {params}
+  tpf export {adaptive} --params-file {params} -o forces.csv
+  tpf eval {session} --params-file {params} --compare {tactile_only} --whole --by substage
 With your own glove:
   tpf inspect YOUR_BAG
-  tpf init YOUR_BAG -o P.yaml
-  tpf train YOUR_BAGS_WITH_A_LOAD_CELL --params-file P.yaml -o MODEL.onnx
-  tpf replay YOUR_BAG --params-file P.yaml -o OUT.mcap
-  tpf eval YOUR_BAGS --params-file P.yaml --model MODEL.onnx --report OUT.html
-The same on this session:
-  tpf eval {session} --params-file {params} --whole --by substage
+  tpf init YOUR_BAG -o glove.yaml
+  tpf train YOUR_BAGS_WITH_A_LOAD_CELL --params-file glove.yaml --kind adaptive -o model.onnx
+  tpf replay YOUR_BAG --params-file glove.yaml --model model.onnx --calibrate-first 10 --merge -o forces.mcap
+  tpf eval YOUR_BAGS --params-file glove.yaml --model model.onnx --report report.html
 ",
         picture = picture.display(),
         session = session.display(),
         params = params.display(),
+        adaptive = folder.replayed(Model::Adaptive).display(),
+        tactile_only = folder.model(Model::TactileOnly).display(),
     )
 }

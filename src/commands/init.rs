@@ -97,11 +97,22 @@ impl Args {
     }
 }
 
+/// Lines of the file to check that are shown, at most.
+const SHOWN_CHECKS: usize = 8;
+
 /// A summary of the written file, and what to do next.
 fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
     let output = args.output.display();
     let mut text = format!("{output}: regions {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
+    let to_check: Vec<&str> = made.text.lines().filter(|line| line.contains("CHECK:")).map(str::trim).collect();
+    if !to_check.is_empty() {
+        text += "look at these lines:\n";
+        to_check.iter().take(SHOWN_CHECKS).for_each(|line| text += &format!("  {line}\n"));
+        if to_check.len() > SHOWN_CHECKS {
+            text += &format!("  and {} more that are marked CHECK\n", to_check.len() - SHOWN_CHECKS);
+        }
+    }
     let bag =
         inspect::all_recordings(&args.bags).first().map_or_else(|| "BAG".to_owned(), |bag| bag.display().to_string());
     text += &match (written.has_model, made.has_truth) {
@@ -123,7 +134,13 @@ fn told(written: &Written, args: &Args) -> String {
                 all => format!("{}.onnx", all[0]),
             };
             let model = args.output.with_file_name(model);
-            format!("next: tpf train {bag} --params-file {output}{region}{at_rest} -o {}\n", model.display())
+            let first = match args.bags.is_empty() {
+                true => format!(
+                    "next: record sessions with the force sensor (tpf collect --params-file {output} -o DIR, or ros2 bag record)\n"
+                ),
+                false => String::new(),
+            };
+            format!("{first}next: tpf train {bag} --params-file {output}{region}{at_rest} -o {}\n", model.display())
         }
         (false, false) => format!(
             "next: a model of this glove: name it by --model, or collect data for one (tpf collect --params-file {output}); these bags hold no true force beside the taxels, so none can be trained on them\n"

@@ -20,7 +20,8 @@ pub(super) fn sources(
 ) -> Result<Vec<TaxelSource>, InitError> {
     let all: Vec<&TactileCandidate> =
         most_seen(bags, |bag| &bag.candidates.tactile, |one| (&one.topic, &one.field, one.n_messages));
-    let usable: Vec<&TactileCandidate> = all.iter().copied().filter(|one| changes(one)).collect();
+    let usable: Vec<&TactileCandidate> =
+        all.iter().copied().filter(|one| changes(one) && !is_rather_a_force(one, bags)).collect();
     let likeliest = usable.iter().map(|one| one.likelihood).min();
     let found: Vec<&TactileCandidate> = match likeliest {
         Some(Likelihood::Likely) => of(&usable, Likelihood::Likely),
@@ -104,6 +105,13 @@ fn changes(one: &TactileCandidate) -> bool {
     one.likelihood != Likelihood::Unlikely && one.n_taxels.is_some_and(|n| n > 0) && !is_constant(one)
 }
 
+/// Whether a topic speaks for a force sensor more than for taxels.
+fn is_rather_a_force(one: &TactileCandidate, bags: &[BagReport]) -> bool {
+    let forces = bags.iter().flat_map(|bag| &bag.candidates.force);
+    let mut here = forces.filter(|force| force.topic == one.topic);
+    one.likelihood != Likelihood::Likely && here.any(|force| force.likelihood == Likelihood::Likely)
+}
+
 /// Whether no taxel ever changes.
 fn is_constant(one: &TactileCandidate) -> bool {
     one.taxels.skew.is_none()
@@ -116,7 +124,11 @@ fn of<'a>(all: &[&'a TactileCandidate], likelihood: Likelihood) -> Vec<&'a Tacti
 
 fn none(bags: &[BagReport], all: &[&TactileCandidate]) -> InitError {
     let names = bags.iter().map(|bag| bag.path.clone()).collect::<Vec<_>>().join(", ");
-    let constant = |one: &TactileCandidate| if is_constant(one) { "; none of its taxels ever changes" } else { "" };
+    let constant = |one: &TactileCandidate| match one {
+        one if is_constant(one) => "; none of its taxels ever changes",
+        one if is_rather_a_force(one, bags) => "; it is more likely a force sensor",
+        _ => "",
+    };
     let because =
         |one: &&TactileCandidate| format!("{} ({}): {}{}", one.topic, one.field, one.reasons.join("; "), constant(one));
     let why = match all.first().map(because) {

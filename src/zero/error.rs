@@ -43,6 +43,10 @@ pub enum ZeroError {
     #[error("region {region}: {error}")]
     Loaded { region: String, error: CalibrationError },
     #[error(
+        "region {region}: {percent:.0} % of the frames of the zero read more than {limit}, at most {limit_percent:.0} % may (calibration.max_force, calibration.max_loaded_fraction): something touches the glove there, or the model is of another glove; tell when nothing does, by --calibrate-first with fewer seconds, --in-air FROM..TO or --zero-load-below FORCE"
+    )]
+    LoadedInBag { region: String, percent: f64, limit: crate::units::Newton, limit_percent: f64 },
+    #[error(
         "region {region}: the zero of {file} doesn't hold in this recording: {percent:.0} % of the frames that are annotated as zero load read more than {limit}, at most {limit_percent:.0} % may (calibration.max_force, calibration.max_loaded_fraction); calibrate again after putting the glove on"
     )]
     LoadedHere { region: String, file: String, percent: f64, limit: crate::units::Newton, limit_percent: f64 },

@@ -95,15 +95,16 @@ impl LoadCheck {
         if let (0, Some((flags, _))) = (tally.n_estimates, commonest) {
             return Err(ZeroError::Unjudged { region, n_frames: tally.n_frames, flags: *flags });
         }
+        let percent = 100.0 * tally.n_loaded as f64 / tally.n_estimates as f64;
+        let (limit, limit_percent) = (self.limits.max_force, 100.0 * self.limits.max_loaded_fraction);
         judge_loaded(tally.n_loaded, tally.n_estimates, &self.limits).map_err(|error| match &self.from {
-            ZeroFrom::File { file } => ZeroError::LoadedHere {
-                region,
-                file: file.clone(),
-                percent: 100.0 * tally.n_loaded as f64 / tally.n_estimates as f64,
-                limit: self.limits.max_force,
-                limit_percent: 100.0 * self.limits.max_loaded_fraction,
-            },
-            _ => ZeroError::Loaded { region, error },
+            ZeroFrom::File { file } => {
+                ZeroError::LoadedHere { region, file: file.clone(), percent, limit, limit_percent }
+            }
+            ZeroFrom::Annotations { .. } | ZeroFrom::First { .. } => {
+                ZeroError::LoadedInBag { region, percent, limit, limit_percent }
+            }
+            ZeroFrom::Live { .. } => ZeroError::Loaded { region, error },
         })
     }
 

@@ -36,7 +36,7 @@ PLOTS = """() => [...document.querySelectorAll('.plot > div')].map(plot => {
         with_points: (plot.data || []).filter(trace => ((trace.z || trace.y || []).length > 0)).length,
         width: plot.querySelector('.main-svg')?.getBoundingClientRect().width ?? 0,
         drawn: plot.querySelectorAll('.scatterlayer path, .barlayer path, .heatmaplayer image').length,
-        words: [...plot.querySelectorAll('.annotation-text')].map(text => text.textContent),
+        words: [...plot.querySelectorAll('.annotation-text, .gtitle')].map(text => text.textContent),
         background: plot.querySelector('.main-svg')?.style.background,
         toolbar_on_legend: boxes('.modebar-group').some(bar => boxes('.legend').some(legend => meet(bar, legend))),
         data: (plot.data || []).map(trace => ({ name: trace.name, x: trace.x, y: trace.y, z: trace.z })),

@@ -48,7 +48,7 @@ impl BagSchema {
     ///
     /// In `.msg` an empty text defines a message without fields.
     pub fn is_undefined(&self) -> bool {
-        self.data.is_empty() && self.encoding != "ros2msg"
+        self.data.is_empty() && (self.encoding != "ros2msg" || !self.name.ends_with("/Empty"))
     }
 
     /// The type with everything that it is made of; one that the recorder didn't define is looked for among `installed`.

@@ -5,9 +5,11 @@ use nalgebra::{DMatrix, DVector};
 use super::history::JointHistory;
 use super::{ARTIFACT_BASIS, ArtifactError, ArtifactModel, HISTORY_S};
 
-/// True forces below this are none, gF, and how long it must have been so and stay so, s.
+/// True forces below this are none, gF, and how long it must have been so and stay so, s. Where the force sensor is noisier, the limit
+/// is so many standard deviations of its noise.
 const AIR_GF: f32 = 1.5;
 const AIR_S: f64 = 0.2;
+const AIR_DEVIATIONS: f32 = 5.0;
 
 /// True forces of a light touch, gF: how it spreads over the taxels is learned from these.
 const LIGHT_GF: std::ops::Range<f32> = 5.0..30.0;
@@ -80,7 +82,10 @@ pub fn learn_artifact(
     let n_light: usize = donnings.iter().map(|donning| donning.light.len()).sum();
     let refuse = |what: String| Err(ArtifactError(what));
     if donnings.is_empty() {
-        return refuse(format!("no session has {LEAST_FRAMES} frames in the air, with joint angles, to learn from"));
+        return refuse(format!(
+            "no session has {LEAST_FRAMES} frames in the air to learn from: with joint angles, {} s after the first frame, and {AIR_S} s before and after each true force of {AIR_GF} gF or of {AIR_DEVIATIONS} deviations of the force sensor's noise",
+            2.0 * HISTORY_S[1]
+        ));
     }
     if n_light < LEAST_FRAMES {
         let (from, to) = (LIGHT_GF.start, LIGHT_GF.end);
@@ -136,8 +141,9 @@ impl<'s> Donning<'s> {
             basis.extend_from_slice(history.basis());
         }
         let reach = (AIR_S * rate_hz) as usize;
+        let air_gf = AIR_GF.max(AIR_DEVIATIONS * noise_gf(frames.truth_gf));
         let loaded: Vec<usize> = (0..frames.truth_gf.len())
-            .filter(|&idx| frames.truth_gf[idx].is_nan() || frames.truth_gf[idx].abs() >= AIR_GF)
+            .filter(|&idx| frames.truth_gf[idx].is_nan() || frames.truth_gf[idx].abs() >= air_gf)
             .collect();
         let is_air = |idx: usize| {
             let next = loaded.partition_point(|&loaded| loaded + reach < idx);
@@ -191,6 +197,22 @@ impl<'s> Donning<'s> {
         })
     }
 }
+
+/// Standard deviation of the noise of a force sensor, gF: of its second differences, by their median. Touches are slow and rare beside it.
+fn noise_gf(truth_gf: &[f32]) -> f32 {
+    let second = |of: &[f32]| (of[0] - 2.0 * of[1] + of[2]).abs();
+    let mut differences: Vec<f32> =
+        truth_gf.windows(3).map(second).filter(|difference| difference.is_finite()).collect();
+    if differences.is_empty() {
+        return 0.0;
+    }
+    let middle = differences.len() / 2;
+    let median = *differences.select_nth_unstable_by(middle, f32::total_cmp).1;
+    median / (NORMAL_MEDIAN * 6.0_f32.sqrt())
+}
+
+/// The median of the absolute value of a normal variable of deviation 1.
+const NORMAL_MEDIAN: f32 = 0.6745;
 
 /// Finds the shapes of a taxel, and its gains and offset in each donning.
 fn fit_taxel(donnings: &mut [Donning<'_>], taxel: usize, shapes: &mut [f64]) -> Result<(), ArtifactError> {
@@ -283,4 +305,25 @@ fn solve(mut left: DMatrix<f64>, right: DVector<f64>, pull: f64, taxel: usize) -
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_noise_of_a_force_sensor_is_found_beside_its_touches() {
+        let mut state = 7_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
+        };
+        // The sum of three uniform numbers of variance 1/3 is nearly normal, of variance 1.
+        let touch = |frame: usize| if frame % 300 < 80 { 200.0 } else { 0.0 };
+        let noisy: Vec<f32> = (0..6000).map(|frame| touch(frame) + 2.0 * (uniform() + uniform() + uniform())).collect();
+        let noise = noise_gf(&noisy);
+        assert!((noise - 2.0).abs() < 0.2, "{noise}");
+        assert_eq!(noise_gf(&[0.0; 50]), 0.0);
+        assert_eq!(noise_gf(&[f32::NAN, 1.0]), 0.0);
+    }
 }

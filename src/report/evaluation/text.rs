@@ -42,12 +42,21 @@ fn heading(text: &mut String, result: &Evaluated) {
         1 => "1 session".to_owned(),
         n => format!("{n} sessions"),
     };
-    let _ = writeln!(text, "{synthetic}{} of {sessions}\n", result.scored);
+    let scored = result.scored.to_string();
+    let how = if scored.contains("test part") {
+        ", so that models that were trained on the rest are judged fairly (--whole scores every frame)"
+    } else {
+        ""
+    };
+    let _ = writeln!(text, "{synthetic}{scored} of {sessions}{how}\n");
     for (lack, of) in result.missing() {
         let _ = writeln!(text, "{lack} ({})\n", short_list(&of, result.sessions.len()));
     }
     if result.has_scores() {
         let _ = writeln!(text, "{}\n{MEASURES_IN_WORDS} {SIGNS_IN_WORDS}", shown(&result.table.table(), 2));
+        if result.models.iter().any(|model| model.name.ends_with(", base")) {
+            let _ = writeln!(text, "base: the force before the pose correction.");
+        }
         touch_by(result).into_iter().for_each(|line| {
             let _ = writeln!(text, "\n{line}");
         });
@@ -249,6 +258,10 @@ pub(super) fn measure_name(measure: Measure) -> &'static str {
     }
 }
 
+/// The meaning of two columns of the table of contacts.
+const REMOVED_IN_WORDS: &str = "Removed: true touches that the base force tells and the corrected force does not. \
+     Delayed: those that the corrected force tells more than 50 ms later.";
+
 fn contacts(text: &mut String, result: &Evaluated) {
     let _ = writeln!(text, "\nContact\n");
     let mut table = terminal::table([
@@ -281,6 +294,9 @@ fn contacts(text: &mut String, result: &Evaluated) {
         }
     }
     let _ = writeln!(text, "{}", shown(&table, 2));
+    if result.models.iter().flat_map(|model| model.contacts.values()).any(|contact| contact.preservation.is_some()) {
+        let _ = writeln!(text, "{REMOVED_IN_WORDS}");
+    }
 }
 
 fn held(text: &mut String, result: &Evaluated) {

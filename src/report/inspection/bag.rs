@@ -106,6 +106,10 @@ fn stamps(topics: &[TopicReport]) -> String {
         if stamps.n_unset > 0 {
             line(&mut unset, 2, &format!("{topic}: {} stamps are zero, left out", count(stamps.n_unset)));
         }
+        if stamps.delay_mean_ms.is_some_and(|ms| ms.abs() >= CLOCKS_DIFFER_MS) {
+            let words = "its stamps are far from the time of receipt: the clock of its sender was not set, or the bag is a copy; its samples fit others only if their stamps are of the same clock";
+            line(&mut unset, 2, &format!("{topic}: {words}"));
+        }
         let field = if stamps.field == "header.stamp" { String::new() } else { format!(", {}", stamps.field) };
         names.push(format!("{topic}{field}"));
         table.add_row(vec![
@@ -125,11 +129,14 @@ fn stamps(topics: &[TopicReport]) -> String {
         return String::new();
     }
     format!(
-        "\n  Topics by their own stamps, which is what fusion goes by: the same in ms.\n  back, same: stamps before or at the \
+        "\n  Topics by their own stamps, which decide the time of each sample: columns as above, in ms.\n  back, same: stamps before or at the \
          one in front of them.\n  delay: time of receipt less stamp, mean and max.\n\n{}{unset}",
         under_names(&names, &table)
     )
 }
+
+/// A mean delay from which on clocks must differ, ms.
+const CLOCKS_DIFFER_MS: f64 = 60e3;
 
 /// A delay in ms; with its unit where it is so long that the clocks must differ.
 fn delay(ms: Option<f64>) -> String {

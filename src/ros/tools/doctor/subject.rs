@@ -319,7 +319,10 @@ impl Subject {
         Some(if percent >= min {
             Finding::new("estimates", Level::Ok, format!("{percent} % of {} frames have a full estimate", outcomes.n))
         } else {
-            let what = outcomes.worst().map_or("look at the inputs", advice);
+            let what = match input_fails {
+                true => "see the inputs",
+                false => outcomes.worst().map_or("look at the inputs", advice),
+            };
             let reasons = outcomes.reasons(n_expected);
             let text = format!(
                 "{percent} % of {} frames have a full estimate, below diagnostics.min_estimates of {min} % ({reasons}): {what}",
