@@ -6,10 +6,10 @@ use super::history::JointHistory;
 use super::{ARTIFACT_BASIS, ArtifactError, ArtifactModel, HISTORY_S};
 
 /// True forces below this are none, gF, and how long it must have been so and stay so, s. Where the force sensor is noisier, the limit
-/// is so many standard deviations of its noise.
+/// is so many standard deviations of its noise: one in fifty frames is lost to it then.
 const AIR_GF: f32 = 1.5;
 const AIR_S: f64 = 0.2;
-const AIR_DEVIATIONS: f32 = 5.0;
+const AIR_DEVIATIONS: f32 = 3.5;
 
 /// True forces of a light touch, gF: how it spreads over the taxels is learned from these.
 const LIGHT_GF: std::ops::Range<f32> = 5.0..30.0;
