@@ -183,7 +183,7 @@ impl fmt::Display for Summary<'_> {
             let without = if without.is_empty() { without } else { format!("; no estimate{without}") };
             writeln!(f, "  region {}: {} estimates{degraded}{without}", region.name, c.estimates)?;
         }
-        writeln!(f, "  estimates sha256 {}", self.estimates_sha256)
+        writeln!(f, "  estimates sha256 {} (equal sums, equal estimates)", self.estimates_sha256)
     }
 }
 
@@ -219,9 +219,10 @@ pub(super) fn warnings(losses: &[String], topics: &BTreeMap<String, TopicCounter
     warnings
 }
 
-/// Counts that are not zero, as `, 3 gaps, 1 time jumps`.
+/// Counts that are not zero, as `, 3 gaps, 1 time jump`.
 fn listed(counts: &[(&str, u64)]) -> String {
     counts.iter().filter(|(_, n)| *n > 0).fold(String::new(), |mut text, (what, n)| {
+        let what = if *n == 1 && matches!(*what, "gaps" | "time jumps") { what.trim_end_matches('s') } else { what };
         let _ = write!(text, ", {n} {what}"); // writing to a String never fails
         text
     })
