@@ -1,9 +1,9 @@
 # The live node and the offline tools in an image without a ROS installation:
 #   docker build -t tactile_pose_fusion .
 #   docker run --rm --net host --ipc host -v "$PWD:/work" -w /work tactile_pose_fusion run --params-file glove.yaml
-# FEATURES chooses what is built in: cli (the programs), ros (DDS), zenoh, train.
+# FEATURES chooses what is built in: ros (DDS), zenoh, train.
 FROM rust:1.95-bookworm AS build
-ARG FEATURES=cli,ros,train
+ARG FEATURES=ros,train
 WORKDIR /src
 COPY . .
 RUN cargo build --release --locked --no-default-features --features "$FEATURES" --bins

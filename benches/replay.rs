@@ -4,7 +4,7 @@
 #![allow(missing_docs)] // criterion's macros make public items
 #![allow(clippy::print_stdout)] // criterion prints the results
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/tpf_common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
@@ -58,8 +58,8 @@ fn tick(c: &mut Criterion) {
             let mut k = 0;
             let mut step = move || {
                 let (stamp, positions, values) = (at(k * 10), angles(k), taxels(k));
-                fusion.handle(common::fake::joints(stamp, &names, &positions));
-                fusion.handle(common::fake::tactile(stamp, &values));
+                fusion.handle(common::fake::joints(stamp, &names, &positions)).unwrap();
+                fusion.handle(common::fake::tactile(stamp, &values)).unwrap();
                 k += 1;
                 black_box(fusion.poll().unwrap().map(|tick| tick.estimates.len()))
             };

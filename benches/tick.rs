@@ -54,8 +54,8 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
                 std::thread::sleep(due.saturating_duration_since(Instant::now()));
             }
             let began = Instant::now();
-            fusion.handle(joints(stamp, &names, &positions));
-            fusion.handle(tactile(stamp, &values));
+            fusion.handle(joints(stamp, &names, &positions)).unwrap();
+            fusion.handle(tactile(stamp, &values)).unwrap();
             let tick = fusion.poll().unwrap().expect("a frame has its joints and is run");
             let taken = began.elapsed().as_secs_f64();
             assert!(k < 63 || tick.estimates.iter().all(|estimate| estimate.force.is_some()));

@@ -6,9 +6,7 @@
 use std::error::Error;
 use std::io::{BufRead, Write};
 
-use tactile_pose_fusion::fusion::{
-    BaselineBuilder, Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx,
-};
+use tactile_pose_fusion::fusion::{BaselineBuilder, Event, JointSample, TactileBlock};
 use tactile_pose_fusion::glove::Glove;
 use tactile_pose_fusion::units::{NANOS_PER_SEC, Stamp};
 use tactile_pose_fusion::zero;
@@ -16,10 +14,12 @@ use tactile_pose_fusion::zero;
 fn main() -> Result<(), Box<dyn Error>> {
     let params = std::env::args().nth(1).ok_or("own_samples PARAMS.yaml < samples.csv")?;
     let glove = Glove::load(params)?;
-    let n_taxels = glove.config().fusion.tactile_sources[0].n_taxels;
-    let names = glove.config().fusion.regions[0].joints.clone();
+    let n_taxels = glove.config().fusion.tactile_sources()[0].n_taxels;
+    let names = glove.config().fusion.regions()[0].joints.clone();
     let limits = zero::limits(&glove.config().calibration);
     let mut core = glove.into_core()?;
+    let tactile = core.config().tactile_source_idxs().next().ok_or("no tactile source")?;
+    let hand = core.config().joint_source_idxs().next();
 
     let mut rest = Some(BaselineBuilder::new(n_taxels, NANOS_PER_SEC / 2));
     let mut stdout = std::io::stdout().lock();
@@ -36,15 +36,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         if let Some(builder) = &mut rest {
             builder.handle_sample(stamp, &taxels);
             if stamp.nanos_since(begun) as f64 > limits.min_s * 1e9 {
-                core.handle_baseline(TactileSourceIdx(0), builder.finish(&limits)?)?;
+                core.handle_baseline(tactile, builder.finish(&limits)?)?;
                 rest = None;
             }
         }
-        let source = JointSourceIdx(0);
-        core.handle(Event::Joints(JointSample { source, stamp, names: &names, positions, received: stamp }));
-        let (source, values, received) = (TactileSourceIdx(0), taxels.as_slice(), stamp);
+        if let Some(source) = hand {
+            core.handle(Event::Joints(JointSample { source, stamp, names: &names, positions, received: stamp }))?;
+        }
+        let (source, values, received) = (tactile, taxels.as_slice(), stamp);
         let (rows, row_period_ns, sequence) = (1, 0, None);
-        core.handle(Event::Tactile(TactileBlock { source, stamp, rows, row_period_ns, sequence, values, received }));
+        core.handle(Event::Tactile(TactileBlock { source, stamp, rows, row_period_ns, sequence, values, received }))?;
         while let Some(tick) = core.poll()? {
             let estimate = &tick.estimates[0];
             let force = estimate.force.map_or(f64::NAN, |force| force.0);

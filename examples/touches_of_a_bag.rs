@@ -8,6 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use tactile_pose_fusion::config::{self, DEFAULT_NODE};
+use tactile_pose_fusion::fusion::RegionIdx;
 use tactile_pose_fusion::observer::Observer;
 use tactile_pose_fusion::replay::{self, Recording};
 use tactile_pose_fusion::units::Stamp;
@@ -28,11 +29,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("touches_of_a_bag PARAMS.yaml BAG".into());
     };
     let cfg = config::load(Path::new(&params), DEFAULT_NODE)?;
-    let names: Vec<String> = cfg.fusion.regions.iter().map(|region| region.name.clone()).collect();
+    let names: Vec<String> = cfg.fusion.regions().iter().map(|region| region.name.clone()).collect();
     let bags = [PathBuf::from(bag)];
 
     // By region: the touch that goes on, since when and how hard.
-    let mut touches: BTreeMap<usize, (Stamp, f64)> = BTreeMap::new();
+    let mut touches: BTreeMap<RegionIdx, (Stamp, f64)> = BTreeMap::new();
     let mut stdout = std::io::stdout().lock();
     let mut printed = Ok(());
     let seen = replay::for_each(cfg, Recording { bags: &bags, zero: Wanted::Any }, &Notes, |tick| {
@@ -42,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let (_, peak) = touches.entry(estimate.region).or_insert((tick.stamp, 0.0));
                 *peak = peak.max(force);
             } else if let Some((since, peak)) = touches.remove(&estimate.region) {
-                let (name, lasted_s) = (&names[estimate.region], tick.stamp.nanos_since(since) as f64 / 1e9);
+                let (name, lasted_s) = (&names[estimate.region.position()], tick.stamp.nanos_since(since) as f64 / 1e9);
                 let line = writeln!(stdout, "{name},{:.3},{lasted_s:.3},{peak:.3}", since.0 as f64 / 1e9);
                 printed = std::mem::replace(&mut printed, Ok(())).and(line);
             }

@@ -92,7 +92,7 @@ pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> R
         let mut core = Fusion::new(cfg.fusion.clone(), fusion.into_regressors())?;
         zero.install(&mut core)?;
         touches = force_gains(request.bags, &cfg, &zero, core, known, observer)?;
-        zero.donning.force_gains = vec![None; cfg.fusion.regions.len()];
+        zero.donning.force_gains = vec![None; cfg.fusion.regions().len()];
         touches.iter().for_each(|found| zero.donning.force_gains[found.region] = Some(found.gain));
     }
     Ok(Calibrated { calibration: zero.to_calibration(&cfg, &known_models.hashes), from: zero.from, touches })
@@ -113,7 +113,7 @@ fn judge(
         check(observer)?;
         for part in inputs.parts(message.channel)? {
             let Input::Event(event) = inputs.decode(&message, part) else { continue };
-            fusion.handle(event);
+            fusion.handle(event)?;
             while let Some(tick) = fusion.poll()? {
                 if !rest.takes(tick) {
                     break 'rest;

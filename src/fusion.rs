@@ -12,10 +12,12 @@ mod error;
 mod estimate;
 mod event;
 mod features;
+mod fit;
 mod frames;
 mod gain;
 mod geometry;
 mod health;
+mod idx;
 mod joints;
 mod queue;
 mod region;
@@ -35,13 +37,13 @@ pub use contact::{Contact, ContactDetector, ContactEvent};
 pub use counters::{Count, Counters, TactileCount};
 pub use error::{FusionError, SetupError};
 pub use estimate::{Estimate, Flags, Tick, TickTaxels};
-pub use event::{Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
-pub use features::{FeatureWindow, NewestWindow, TaxelFeatures};
-pub use frames::{Frame, FrameCutter, RowStamps, TactileCounters};
+pub use event::{Event, JointSample, TactileBlock};
+pub use frames::{RowStamps, TactileCounters};
 pub use gain::{ForceGain, GainError, KnownTouch};
 pub use geometry::{Patch, Wrench, split};
 pub use health::{RateFault, SourceFault, SourceHealth};
-pub use joints::{JointAngle, JointCounters, JointTimelines, PoseTrust};
+pub use idx::{JointSourceIdx, ModelIdx, RegionIdx, TactileSourceIdx};
+pub use joints::JointCounters;
 pub use region::RegionCounters;
 pub use regressor::{
     Contract, ForceAxes, ForceUnit, Forces, FrameSequence, PoseRange, RegressError, Regressor, SharedWindows,
@@ -49,7 +51,8 @@ pub use regressor::{
 };
 
 use crate::units::{Stamp, nanos};
-use frames::Continuity;
+use frames::{Continuity, Frame, FrameCutter};
+use joints::JointTimelines;
 use queue::ModelQueue;
 use region::{Place, Readiness, Region};
 
@@ -78,7 +81,7 @@ pub struct Fusion {
 struct Source {
     cutter: FrameCutter,
     baseline: Option<Baseline>,
-    regions: Vec<usize>,
+    regions: Vec<RegionIdx>,
     joints: Vec<usize>,
     pending: VecDeque<PendingFrame>,
     spare: Vec<PendingFrame>,
@@ -103,7 +106,7 @@ struct PendingTick {
     number: i64,
     received: Stamp,
     age_ns: Option<i64>,
-    regions: Vec<(usize, Readiness)>,
+    regions: Vec<(RegionIdx, Readiness)>,
     taxels: TickTaxels,
 }
 
@@ -111,47 +114,47 @@ impl Fusion {
     /// A core without a baseline: every frame is UNCALIBRATED until [`Fusion::handle_baseline`].
     ///
     /// # Errors
-    /// [`SetupError`] when regions and models don't fit each other.
+    /// [`SetupError`] when regions and models don't fit each other: no such model, other numbers of taxels or joints, joints
+    /// of other names, joints without a source, models of several rates for one source.
     pub fn new(cfg: FusionConfig, regressors: Vec<Box<dyn Regressor>>) -> Result<Self, SetupError> {
-        for region in &cfg.regions {
-            error::check_region(region, &cfg, &regressors)?;
+        for region in cfg.regions() {
+            fit::check_region(region, &cfg, &regressors)?;
         }
-        let mut joint_names: Vec<String> = cfg.regions.iter().flat_map(|region| region.joints.clone()).collect();
+        let mut joint_names: Vec<String> = cfg.regions().iter().flat_map(|region| region.joints.clone()).collect();
         joint_names.sort();
         joint_names.dedup();
         let joint_idxs = |region: &RegionConfig| -> Vec<usize> {
             region.joints.iter().filter_map(|joint| joint_names.iter().position(|name| name == joint)).collect()
         };
-        let sources: Vec<Source> = (0..cfg.tactile_sources.len())
-            .map(|source_idx| {
-                let in_source = |region: &&RegionConfig| region.source.0 == source_idx;
-                let mut joints: Vec<usize> = cfg.regions.iter().filter(in_source).flat_map(joint_idxs).collect();
-                joints.sort_unstable();
-                joints.dedup();
-                let contract = cfg.regions.iter().find(in_source).map(|region| regressors[region.model].contract());
-                let rate_hz = contract.map_or(DEFAULT_RATE_HZ, |contract| contract.rate_hz);
-                Source {
-                    cutter: FrameCutter::new(cfg.tactile_sources[source_idx].clone(), rate_hz, &cfg.timing),
-                    baseline: None,
-                    regions: (0..cfg.regions.len()).filter(|&idx| in_source(&&cfg.regions[idx])).collect(),
-                    joints,
-                    pending: VecDeque::new(),
-                    spare: Vec::new(),
-                }
-            })
-            .collect();
+        let of_source = |(source_idx, source): (TactileSourceIdx, &TactileSource)| {
+            let regions = || cfg.region_idxs().zip(cfg.regions()).filter(|(_, region)| region.source == source_idx);
+            let mut joints: Vec<usize> = regions().flat_map(|(_, region)| joint_idxs(region)).collect();
+            joints.sort_unstable();
+            joints.dedup();
+            let contract = regions().next().map(|(_, region)| regressors[region.model.position()].contract());
+            let rate_hz = contract.map_or(DEFAULT_RATE_HZ, |contract| contract.rate_hz);
+            Source {
+                cutter: FrameCutter::new(source.clone(), rate_hz, cfg.timing()),
+                baseline: None,
+                regions: regions().map(|(region_idx, _)| region_idx).collect(),
+                joints,
+                pending: VecDeque::new(),
+                spare: Vec::new(),
+            }
+        };
+        let sources: Vec<Source> = cfg.tactile_source_idxs().zip(cfg.tactile_sources()).map(of_source).collect();
         let mut models: Vec<ModelQueue> = regressors.into_iter().map(ModelQueue::new).collect();
-        let regions = cfg.regions.iter().enumerate().map(|(idx, region)| {
-            let model = &mut models[region.model];
-            let place = Place { region: idx, model: region.model, lane: model.add_lane() };
+        let regions = cfg.region_idxs().zip(cfg.regions()).map(|(region_idx, region)| {
+            let model = &mut models[region.model.position()];
+            let place = Place { region: region_idx, model: region.model, lane: model.add_lane() };
             let contract = model.regressor.contract();
-            let max_gap_ns = sources[region.source.0].cutter.max_gap_ns();
-            let source = &cfg.tactile_sources[region.source.0];
-            Region::new(place, region, source, contract, joint_idxs(region), max_gap_ns, cfg.following)
+            let max_gap_ns = sources[region.source.position()].cutter.max_gap_ns();
+            let source = &cfg.tactile_sources()[region.source.position()];
+            Region::new(place, region, source, contract, joint_idxs(region), max_gap_ns, cfg.following())
         });
         Ok(Fusion {
             regions: regions.collect(),
-            joints: JointTimelines::new(joint_names, cfg.joint_sources.clone(), &cfg.timing),
+            joints: JointTimelines::new(joint_names, cfg.joint_sources().to_vec(), cfg.timing()),
             sources,
             models,
             waiting: VecDeque::new(),
@@ -166,28 +169,47 @@ impl Fusion {
     }
 
     /// Takes a sample of taxels or joint angles.
-    pub fn handle(&mut self, event: Event<'_>) {
-        self.received = self.received.max(event.received());
+    ///
+    /// # Errors
+    /// [`FusionError::NoTactileSource`] and [`FusionError::NoJointSource`] when it comes of a source that this core doesn't
+    /// have; nothing has changed then.
+    pub fn handle(&mut self, event: Event<'_>) -> Result<(), FusionError> {
         match event {
-            Event::Tactile(block) => self.handle_tactile(&block),
+            Event::Tactile(block) => {
+                let (got, n_sources) = (block.source, self.sources.len());
+                if got.position() >= n_sources {
+                    return Err(FusionError::NoTactileSource { got, n_sources });
+                }
+                self.received = self.received.max(block.received);
+                self.handle_tactile(&block);
+            }
             Event::Joints(sample) => {
+                let (got, n_sources) = (sample.source, self.cfg.joint_sources().len());
+                if got.position() >= n_sources {
+                    return Err(FusionError::NoJointSource { got, n_sources });
+                }
+                self.received = self.received.max(sample.received);
                 self.joints.handle(&sample);
                 for source_idx in 0..self.sources.len() {
                     self.settle(source_idx, sample.received, false);
                 }
             }
         }
+        Ok(())
     }
 
     /// Takes the baseline of a tactile source. Its windows start again, because their frames had another one subtracted.
     ///
     /// # Errors
-    /// [`SetupError::Baseline`] when its length isn't the source's number of taxels; nothing has changed then.
+    /// [`SetupError::UnknownTactileSource`], and [`SetupError::Baseline`] when its length isn't the source's number of
+    /// taxels; nothing has changed then.
     pub fn handle_baseline(&mut self, source: TactileSourceIdx, baseline: Baseline) -> Result<(), SetupError> {
-        let (source_cfg, source) = (&self.cfg.tactile_sources[source.0], &mut self.sources[source.0]);
-        error::check_baseline(&baseline, source_cfg)?;
-        for &region_idx in &source.regions {
-            self.regions[region_idx].handle_baseline(&self.cfg.regions[region_idx], &baseline);
+        let (got, n_sources) = (source, self.sources.len());
+        let found = self.cfg.tactile_source(source).zip(self.sources.get_mut(source.position()));
+        let (source_cfg, source) = found.ok_or(SetupError::UnknownTactileSource { got, n_sources })?;
+        fit::check_baseline(&baseline, source_cfg)?;
+        for region_idx in source.regions.iter().map(|region_idx| region_idx.position()) {
+            self.regions[region_idx].handle_baseline(&self.cfg.regions()[region_idx], &baseline);
         }
         source.cutter.handle_noise(&baseline.noise);
         source.baseline = Some(baseline);
@@ -198,48 +220,53 @@ impl Fusion {
     /// artifact has no use for one.
     ///
     /// # Errors
-    /// [`SetupError::Artifact`] when it belongs to another model; nothing has changed then.
-    pub fn handle_artifact(&mut self, region_idx: usize, fit: ArtifactFit) -> Result<(), SetupError> {
-        let region = self.cfg.regions[region_idx].name.clone();
-        self.regions[region_idx].handle_artifact(fit).map_err(|error| SetupError::Artifact { region, error })
+    /// [`SetupError::UnknownRegion`], and [`SetupError::Artifact`] when it belongs to another model; nothing has changed
+    /// then.
+    pub fn handle_artifact(&mut self, region: RegionIdx, fit: ArtifactFit) -> Result<(), SetupError> {
+        let (cfg, region) = self.region_mut(region)?;
+        region.handle_artifact(fit).map_err(|error| SetupError::Artifact { region: cfg.name.clone(), error })
     }
 
     /// Takes the gain of a region's forces from known touches of this donning, after the baseline
     /// that they were measured above.
     ///
     /// # Errors
-    /// [`SetupError::Gain`] if no touches can give this gain; nothing has changed then.
-    pub fn handle_force_gain(&mut self, region_idx: usize, gain: &ForceGain) -> Result<(), SetupError> {
-        let region = self.cfg.regions[region_idx].name.clone();
-        gain.check().map_err(|error| SetupError::Gain { region, error })?;
-        self.regions[region_idx].handle_force_gain(gain);
+    /// [`SetupError::UnknownRegion`], and [`SetupError::Gain`] if no touches can give this gain; nothing has changed then.
+    pub fn handle_force_gain(&mut self, region: RegionIdx, gain: &ForceGain) -> Result<(), SetupError> {
+        let (cfg, region) = self.region_mut(region)?;
+        gain.check().map_err(|error| SetupError::Gain { region: cfg.name.clone(), error })?;
+        region.handle_force_gain(gain);
         Ok(())
     }
 
-    /// Gain of a region's forces, from known touches of this donning.
-    pub fn force_gain(&self, region_idx: usize) -> Option<&ForceGain> {
-        self.regions[region_idx].force_gain()
+    /// Gain of a region's forces, from known touches of this donning. `None` if there are none, or no such region.
+    pub fn force_gain(&self, region: RegionIdx) -> Option<&ForceGain> {
+        self.regions.get(region.position())?.force_gain()
     }
 
-    /// Filter of a region's artifact, if its model has one.
-    pub fn artifact(&self, region_idx: usize) -> Option<&ArtifactFilter> {
-        self.regions[region_idx].artifact()
+    /// Filter of a region's artifact. `None` if its model has none, or if there is no such region.
+    pub fn artifact(&self, region: RegionIdx) -> Option<&ArtifactFilter> {
+        self.regions.get(region.position())?.artifact()
     }
 
     /// Takes other contact thresholds for the regions, from the next estimate on.
     ///
     /// # Shapes
     /// `thresholds`: `[regions]`.
-    pub fn handle_thresholds(&mut self, thresholds: &[ContactThresholds]) {
-        for ((region, cfg), thresholds) in self.regions.iter_mut().zip(&mut self.cfg.regions).zip(thresholds) {
-            cfg.contact = *thresholds;
+    ///
+    /// # Errors
+    /// Those of [`FusionConfig::with_thresholds`]; nothing has changed then.
+    pub fn handle_thresholds(&mut self, thresholds: &[ContactThresholds]) -> Result<(), SetupError> {
+        self.cfg = self.cfg.clone().with_thresholds(thresholds)?;
+        for (region, thresholds) in self.regions.iter_mut().zip(thresholds) {
             region.contact.handle_thresholds(*thresholds);
         }
+        Ok(())
     }
 
-    /// The baseline of a tactile source; `None` if it has none.
+    /// The baseline of a tactile source; `None` if it has none, or if there is no such source.
     pub fn baseline(&self, source: TactileSourceIdx) -> Option<&Baseline> {
-        self.sources[source.0].baseline.as_ref()
+        self.sources.get(source.position())?.baseline.as_ref()
     }
 
     /// Ends the stream: frames that still wait for joints are settled with what is here, and the last batch is run
@@ -260,8 +287,9 @@ impl Fusion {
             self.spare_ticks.push(tick);
         }
         if self.ready.is_empty() {
-            let n_ticks = self.waiting.len().min(self.cfg.batch.max(1));
-            if n_ticks > 0 && (n_ticks == self.cfg.batch.max(1) || self.finishing) {
+            let batch = self.cfg.batch().get();
+            let n_ticks = self.waiting.len().min(batch);
+            if n_ticks > 0 && (n_ticks == batch || self.finishing) {
                 self.run_batch(n_ticks)?;
             }
         }
@@ -269,7 +297,7 @@ impl Fusion {
         Ok(self.current.as_ref())
     }
 
-    /// The configuration given at the start.
+    /// The configuration given at the start, with the contact thresholds that hold now.
     pub fn config(&self) -> &FusionConfig {
         &self.cfg
     }
@@ -279,9 +307,15 @@ impl Fusion {
         self.models.into_iter().map(|model| model.regressor).collect()
     }
 
-    /// The contract of the model of a region.
-    pub fn contract(&self, region_idx: usize) -> &Contract {
-        self.models[self.cfg.regions[region_idx].model].regressor.contract()
+    /// The contract of the model of a region; `None` if there is no such region.
+    pub fn contract(&self, region: RegionIdx) -> Option<&Contract> {
+        let region = self.cfg.region(region)?;
+        Some(self.models.get(region.model.position())?.regressor.contract())
+    }
+
+    /// The contract of the model of each region, in the order of the regions.
+    pub fn contracts(&self) -> impl Iterator<Item = &Contract> {
+        self.cfg.region_idxs().filter_map(|region| self.contract(region))
     }
 
     /// Joints that regions need and that no message has named so far.
@@ -291,20 +325,26 @@ impl Fusion {
 
     /// Current faults of the tactile sources.
     pub fn source_faults(&self) -> Vec<SourceFault<'_>> {
-        let sources = self.cfg.tactile_sources.iter().zip(&self.sources);
+        let sources = self.cfg.tactile_sources().iter().zip(&self.sources);
         let faults = |(cfg, source): (_, &Source)| Some(source.cutter.health().faults(cfg, self.model_hz(source)?));
         sources.filter_map(faults).flatten().collect()
     }
 
-    /// Rate fault of a tactile source, over all of its frames so far.
+    /// Rate fault of a tactile source, over all of its frames so far. `None` if it has none, or if there is no such source.
     pub fn rate_fault(&self, source: TactileSourceIdx) -> Option<RateFault<'_>> {
-        let (cfg, source) = (&self.cfg.tactile_sources[source.0], &self.sources[source.0]);
+        let (cfg, source) = self.cfg.tactile_source(source).zip(self.sources.get(source.position()))?;
         RateFault::judge(cfg, source.cutter.measured_rate_hz()?, self.model_hz(source)?)
     }
 
     /// Model rate that a source's regions share; `None` if no region uses the source.
     fn model_hz(&self, source: &Source) -> Option<f64> {
-        Some(self.contract(*source.regions.first()?).rate_hz)
+        Some(self.contract(*source.regions.first()?)?.rate_hz)
+    }
+
+    /// A region and its configuration.
+    fn region_mut(&mut self, region: RegionIdx) -> Result<(&RegionConfig, &mut Region), SetupError> {
+        let found = self.cfg.region(region).zip(self.regions.get_mut(region.position()));
+        found.ok_or(SetupError::UnknownRegion { got: region, n_regions: self.cfg.regions().len() })
     }
 
     /// Frames that wait for joint states or for their batch.
@@ -314,9 +354,9 @@ impl Fusion {
 
     /// Input counters, by outcome.
     pub fn counters(&self) -> Counters<'_> {
-        let tactile = self.cfg.tactile_sources.iter().zip(&self.sources);
-        let joints = self.cfg.joint_sources.iter().zip(self.joints.counters());
-        let regions = self.cfg.regions.iter().zip(&self.regions);
+        let tactile = self.cfg.tactile_sources().iter().zip(&self.sources);
+        let joints = self.cfg.joint_sources().iter().zip(self.joints.counters());
+        let regions = self.cfg.regions().iter().zip(&self.regions);
         Counters {
             tactile: tactile
                 .map(|(cfg, Source { cutter, .. })| TactileCount {
@@ -331,7 +371,7 @@ impl Fusion {
     }
 
     fn handle_tactile(&mut self, block: &TactileBlock<'_>) {
-        let source_idx = block.source.0;
+        let source_idx = block.source.position();
         if self.sources[source_idx].cutter.handle_header(block) == Continuity::Jumped {
             self.settle(source_idx, block.received, true);
         }
@@ -342,7 +382,9 @@ impl Fusion {
             waiting.values.clear();
             waiting.values.extend_from_slice(frame.values);
             waiting.faults.clear();
-            waiting.faults.extend(regions.iter().map(|&region_idx| health.flags(&cfg.regions[region_idx].taxels)));
+            waiting
+                .faults
+                .extend(regions.iter().map(|&region_idx| health.flags(&cfg.regions()[region_idx.position()].taxels)));
             pending.push_back(waiting);
         });
         self.settle(source_idx, block.received, false);
@@ -350,7 +392,7 @@ impl Fusion {
 
     /// Settles the frames whose joint angles are final: the later state has arrived, or the wait is over.
     fn settle(&mut self, source_idx: usize, received: Stamp, all: bool) {
-        let slack_ns = nanos(self.cfg.timing.joint_slack);
+        let slack_ns = nanos(self.cfg.timing().joint_slack);
         loop {
             let source = &mut self.sources[source_idx];
             let Some(frame) = source.pending.front() else { return };
@@ -371,14 +413,14 @@ impl Fusion {
         let mut tick = self.spare_pending.pop().unwrap_or_default();
         (tick.source, tick.stamp, tick.received) = (source_idx, frame.stamp, received);
         (tick.epoch, tick.number) = (frame.epoch, frame.number);
-        tick.age_ns = (self.cfg.receipts == Receipts::Live).then(|| received.nanos_since(frame.stamp));
-        let max_age_ns = self.cfg.timing.max_age.map(|max_age| nanos(max_age).unsigned_abs());
+        tick.age_ns = (self.cfg.receipts() == Receipts::Live).then(|| received.nanos_since(frame.stamp));
+        let max_age_ns = self.cfg.timing().max_age.map(|max_age| nanos(max_age).unsigned_abs());
         let late = tick.age_ns.zip(max_age_ns).is_some_and(|(age_ns, max_ns)| age_ns.unsigned_abs() > max_ns);
         tick.regions.clear();
         tick.taxels.clear();
         let PendingFrame { stamp, epoch, number, ref values, ref faults } = *frame;
         for (&region_idx, &faults) in source.regions.iter().zip(faults) {
-            let region = &mut self.regions[region_idx];
+            let region = &mut self.regions[region_idx.position()];
             let seen = Frame { stamp, epoch, number, values };
             let mut readiness = region.handle_frame(&seen, faults, source.baseline.as_ref(), &self.joints);
             if late {
@@ -387,11 +429,11 @@ impl Fusion {
             }
             if readiness.run {
                 let Place { model, lane, .. } = region.place;
-                self.models[model].push(lane, region.window());
+                self.models[model.position()].push(lane, region.window());
             }
             tick.regions.push((region_idx, readiness));
-            if self.cfg.keep_taxels {
-                region.keep_taxels(&seen, &self.cfg.regions[region_idx].taxels, &mut tick.taxels);
+            if self.cfg.keeps_taxels() {
+                region.keep_taxels(&seen, &self.cfg.regions()[region_idx.position()].taxels, &mut tick.taxels);
             }
         }
         self.waiting.push_back(tick);
@@ -401,8 +443,8 @@ impl Fusion {
     fn run_batch(&mut self, n_ticks: usize) -> Result<(), FusionError> {
         let due = self.waiting.iter().take(n_ticks).flat_map(|tick| &tick.regions);
         for (region_idx, _) in due.filter(|(_, readiness)| readiness.run) {
-            let Place { model, lane, .. } = self.regions[*region_idx].place;
-            self.models[model].make_due(lane);
+            let Place { model, lane, .. } = self.regions[region_idx.position()].place;
+            self.models[model.position()].make_due(lane);
         }
         for model in &mut self.models {
             model.run()?;
@@ -410,7 +452,7 @@ impl Fusion {
         for _ in 0..n_ticks {
             let Some(mut pending) = self.waiting.pop_front() else { break };
             let mut tick = self.spare_ticks.pop().unwrap_or_else(|| Tick {
-                source: TactileSourceIdx(0),
+                source: TactileSourceIdx::at(0),
                 stamp: Stamp(0),
                 epoch: 0,
                 number: 0,
@@ -419,15 +461,15 @@ impl Fusion {
                 estimates: Vec::new(),
                 taxels: TickTaxels::default(),
             });
-            tick.source = TactileSourceIdx(pending.source);
+            tick.source = TactileSourceIdx::at(pending.source);
             (tick.stamp, tick.received) = (pending.stamp, pending.received);
             (tick.epoch, tick.number, tick.age_ns) = (pending.epoch, pending.number, pending.age_ns);
             tick.estimates.clear();
             std::mem::swap(&mut tick.taxels, &mut pending.taxels);
             for &(region_idx, ref readiness) in &pending.regions {
-                let region = &mut self.regions[region_idx];
+                let region = &mut self.regions[region_idx.position()];
                 let Place { model, lane, .. } = region.place;
-                let answer = readiness.run.then(|| self.models[model].pop(lane)).flatten();
+                let answer = readiness.run.then(|| self.models[model.position()].pop(lane)).flatten();
                 tick.estimates.push(region.estimate(pending.stamp, readiness, answer));
             }
             self.spare_pending.push(pending);

@@ -1,5 +1,6 @@
 //! A glove as described by its parameters, with its models ready to run.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use crate::config::{self, Config, ConfigError, DEFAULT_NODE};
@@ -114,8 +115,8 @@ impl Models {
     }
 
     /// Number of frames per inference call at which these models run fastest.
-    pub fn batch_hint(&self) -> usize {
-        self.infos.iter().map(|info| info.batch_hint).max().unwrap_or(1)
+    pub fn batch_hint(&self) -> NonZeroUsize {
+        self.infos.iter().map(|info| info.batch_hint).max().unwrap_or(NonZeroUsize::MIN)
     }
 }
 
@@ -152,12 +153,15 @@ pub fn replace_model(cfg: &mut Config, path: PathBuf) -> Result<(), SeveralModel
 /// Removes the joints from regions whose model has no pose input. The parameters of a pose-aware model can then also
 /// run the tactile-only model that it is compared with. Returns a note for each region.
 pub fn drop_unused_joints(cfg: &mut Config, models: &[ModelInfo]) -> Vec<String> {
-    let without_pose = |region: &&mut RegionConfig| models[region.model].contract.n_region_joints() == 0;
-    let mut notes = Vec::new();
-    for region in cfg.fusion.regions.iter_mut().filter(without_pose).filter(|region| !region.joints.is_empty()) {
-        notes.push(format!("region {}: its model has no pose input, so its joints are not used", region.name));
-        region.joints.clear();
-        region.model_joints.clear();
-    }
+    let is_without_pose = |region: &RegionConfig| {
+        let model = models.get(region.model.position());
+        model.is_some_and(|model| model.contract.n_region_joints() == 0)
+    };
+    let regions = cfg.fusion.regions().iter().filter(|region| is_without_pose(region) && !region.joints.is_empty());
+    let note = |region: &RegionConfig| {
+        format!("region {}: its model has no pose input, so its joints are not used", region.name)
+    };
+    let notes = regions.map(note).collect();
+    cfg.fusion = cfg.fusion.clone().without_joints(is_without_pose);
     notes
 }

@@ -12,24 +12,25 @@
 //! estimates as soon as their joint angles are final.
 //!
 //! ```
-//! use tactile_pose_fusion::fusion::{Baseline, Event, JointSample, JointSourceIdx, TactileBlock, TactileSourceIdx};
+//! use tactile_pose_fusion::fusion::{Baseline, Event, JointSample, TactileBlock};
 //! use tactile_pose_fusion::glove::Glove;
 //! use tactile_pose_fusion::units::Stamp;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let mut core = Glove::load("params/glove3.yaml")?.into_core()?;
-//! core.handle_baseline(TactileSourceIdx(0), Baseline::from_median(vec![300.0; 6]))?; // readings at rest
+//! let glove = core.config().tactile_source_named("glove").ok_or("no source named glove")?;
+//! let hand = core.config().joint_source_named("hand").ok_or("no source named hand")?;
+//! core.handle_baseline(glove, Baseline::from_median(vec![300.0; 6]))?; // readings at rest
 //! let names = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"].map(String::from);
-//! let (hand, glove) = (JointSourceIdx(0), TactileSourceIdx(0));
 //! let mut newest = None;
 //! for number in 0..100_i64 {
 //!     let stamp = Stamp(number * 10_000_000); // ns: 100 Hz
 //!     let (positions, values) = ([0.2, 0.4, 0.3, 0.0], [310.0 + (number % 3) as f32; 6]);
-//!     core.handle(Event::Joints(JointSample { source: hand, stamp, names: &names, positions: &positions, received: stamp }));
+//!     core.handle(Event::Joints(JointSample { source: hand, stamp, names: &names, positions: &positions, received: stamp }))?;
 //!     let (rows, row_period_ns, sequence) = (1, 0, None);
 //!     let block =
 //!         TactileBlock { source: glove, stamp, rows, row_period_ns, sequence, values: &values, received: stamp };
-//!     core.handle(Event::Tactile(block));
+//!     core.handle(Event::Tactile(block))?;
 //!     while let Some(tick) = core.poll()? {
 //!         newest = tick.estimates[0].force; // N; `None` until the model's window is full
 //!     }
@@ -112,8 +113,8 @@
 //! - `tpf replay` calls [`replay::run`], `tpf train` `training::run`, and `tpf run` `ros::run`. `tpf eval` calls
 //!   [`evaluate::run_with`], which is [`evaluate::run`] with the frames of each session, or with `--partial`
 //!   [`evaluate::run_partial`]. Without `--whole`, it scores
-//!   the test part only. A [`evaluate::Request::new`] scores every frame. The program `tpf` is in `commands` (feature
-//!   `cli`), which uses the library like any other program.
+//!   the test part only. A [`evaluate::Request::new`] scores every frame. The program `tpf` is in a crate of its own,
+//!   `tactile_pose_fusion_commands`, which uses the library like any other program.
 //! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in
 //!   [`model`], metrics in [`eval`], and labels and annotations of recordings in [`recording`] and [`sessions`].
 //! - The networks for training are in `train`. `training` makes a model file from bags. The live node is in `ros`.
@@ -127,8 +128,6 @@ pub mod characterization;
 pub mod characterize;
 pub mod collect;
 pub mod columns;
-#[cfg(feature = "cli")]
-pub mod commands;
 pub mod config;
 pub mod eval;
 pub mod evaluate;
@@ -146,14 +145,10 @@ pub mod location;
 pub mod model;
 pub mod msg;
 pub mod observer;
-#[cfg(feature = "cli")]
-pub mod page;
 pub mod protocol;
 mod random;
 pub mod recording;
 pub mod replay;
-#[cfg(feature = "cli")]
-pub mod report;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod sessions;
@@ -164,6 +159,4 @@ pub mod train;
 #[cfg(feature = "train")]
 pub mod training;
 pub mod units;
-#[cfg(feature = "cli")]
-pub mod view;
 pub mod zero;

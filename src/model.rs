@@ -5,7 +5,7 @@
 //! runtime, or the built-in code if it gives the same forces, and a [`ModelInfo`].
 
 use std::io::Read;
-use std::num::NonZero;
+use std::num::{NonZero, NonZeroUsize};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ pub use info::{BackendInfo, Batch, Dim, ModelInfo, Origin, RuntimeName, TensorIn
 const MAX_FILE_MIB: u64 = 64;
 
 /// Number of windows per call in a runtime. More gain nothing.
-const WINDOWS_AT_ONCE: usize = 32;
+const WINDOWS_AT_ONCE: NonZeroUsize = NonZeroUsize::new(32).expect("it is above 0");
 
 /// Name of the vector instructions that the built-in code uses on this machine, for reports of its speed.
 pub fn vectors() -> &'static str {

@@ -35,7 +35,7 @@ pub fn input_topics(cfg: &Config) -> InputTopics {
         taxels: cfg.tactile.clone(),
         joints: cfg.joints.clone(),
         truth: Vec::new(),
-        joint_sources: cfg.fusion.joint_sources.clone(),
+        joint_sources: cfg.fusion.joint_sources().to_vec(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
         told: cfg.told_stages.clone(),
@@ -134,7 +134,7 @@ pub fn read<E: From<RecordingError>>(
                             (event, _) => Some(event),
                         };
                         if let Some(event) = event {
-                            core.handle(event);
+                            core.handle(event).map_err(RecordingError::from)?;
                         }
                         drain(core_idx, core, on_tick).map_err(RecordingError::from)?;
                     }

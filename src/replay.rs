@@ -9,7 +9,7 @@ mod side_by_side;
 mod stages;
 mod summary;
 
-use std::num::NonZero;
+use std::num::{NonZero, NonZeroUsize};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -50,7 +50,7 @@ pub struct Options {
     pub merge: bool,
     /// Frames per inference call. `None` takes the number at which the models run fastest. With 1, the output has the
     /// same bytes as that of the live node.
-    pub batch: Option<usize>,
+    pub batch: Option<NonZeroUsize>,
     /// Number of cores to use. The output is the same for any number.
     pub jobs: NonZero<usize>,
     /// True if joints of regions whose model has no pose input are ignored. Otherwise they are refused.
@@ -106,7 +106,8 @@ pub fn run(
     let mut writer = BagWriter::create(&options.output, write)?;
     let Ready { models, fusion, zero, inference } =
         ready(&mut cfg, recording, &inputs, &reader, options.batch, options.drop_unused_joints, observer)?;
-    let contracts: Vec<_> = cfg.fusion.regions.iter().map(|region| &models.infos[region.model].contract).collect();
+    let contracts: Vec<_> =
+        cfg.fusion.regions().iter().map(|region| &models.infos[region.model.position()].contract).collect();
     let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &contracts)?;
 
     let started = Instant::now();
@@ -204,13 +205,14 @@ fn ready(
     recording: Recording<'_>,
     inputs: &Inputs,
     reader: &BagReader,
-    batch: Option<usize>,
+    batch: Option<NonZeroUsize>,
     drops_unused_joints: bool,
     observer: &dyn Observer,
 ) -> Result<Ready, ReplayError> {
     let mut models = Models::load(cfg)?;
     models.tell(cfg, observer);
-    cfg.fusion.batch = batch.unwrap_or_else(|| models.batch_hint());
+    let batch = batch.unwrap_or_else(|| models.batch_hint());
+    cfg.fusion = cfg.fusion.clone().with_batch(batch).with_receipts(inputs.receipts(reader));
     if drops_unused_joints {
         drop_unused_joints(cfg, &models.infos).iter().for_each(|note| observer.note(note));
     }
@@ -218,7 +220,6 @@ fn ready(
     zero.notes.iter().for_each(|note| observer.note(note));
     let inference = InferenceTime::default();
     let regressors = std::mem::take(&mut models.regressors).into_iter().map(|model| inference.of(model)).collect();
-    cfg.fusion.receipts = inputs.receipts(reader);
     let mut fusion = Fusion::new(cfg.fusion.clone(), regressors)?;
     zero.install(&mut fusion)?;
     Ok(Ready { models, fusion, zero, inference })

@@ -4,6 +4,7 @@
 mod device_messages;
 mod hand_forms;
 mod hand_message;
+mod shipped;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,6 +21,7 @@ use crate::units::Stamp;
 pub use device_messages::{HandJointPose, HandJointPoses, ManusErgonomics, ManusGlove, ManusRawNode};
 pub use hand_forms::{HandForm, static_frames};
 pub use hand_message::HandMessage;
+pub use shipped::{SHIPPED, Shipped};
 
 /// Topic of the taxels.
 pub const TAXELS: &str = "/glove/taxels";

@@ -23,7 +23,7 @@ use self::data::Data;
 use crate::config::Config;
 use crate::eval::{Part, Split, SplitBy};
 use crate::files;
-use crate::fusion::ForceAxes;
+use crate::fusion::{ForceAxes, RegionIdx};
 use crate::location;
 use crate::observer::Observer;
 use crate::sessions::InAir;
@@ -170,26 +170,26 @@ impl Request {
 /// [`TrainingError`] where the parameters have several regions and none is named, none of that name, or no joints that
 /// the network needs.
 pub fn for_region(mut cfg: Config, name: Option<&str>, kind: Kind) -> Result<Config, TrainingError> {
-    let names = || cfg.fusion.regions.iter().map(|region| region.name.as_str()).collect::<Vec<_>>().join(", ");
-    let idx = match (name, cfg.fusion.regions.len()) {
-        (None, 1) => 0,
+    let names = || cfg.fusion.regions().iter().map(|region| region.name.as_str()).collect::<Vec<_>>().join(", ");
+    let found = match (name, cfg.fusion.regions().len()) {
+        (None, 1) => Some(RegionIdx::at(0)),
         (None, n) => return Err(TrainingError::SeveralRegions { n, names: names() }),
-        (Some(name), _) => {
-            let found = cfg.fusion.regions.iter().position(|region| region.name == name);
-            found.ok_or_else(|| TrainingError::NoSuchRegion { name: name.to_owned(), names: names() })?
-        }
+        (Some(name), _) => cfg.fusion.region_named(name),
     };
-    if kind.needs_joints() && cfg.fusion.regions[idx].joints.is_empty() {
-        let region = cfg.fusion.regions[idx].name.clone();
-        return Err(TrainingError::NoJoints { region, kind: kind.name() });
+    let only = found.and_then(|idx| Some((idx, cfg.fusion.clone().only(idx)?)));
+    let (idx, mut fusion) =
+        only.ok_or_else(|| TrainingError::NoSuchRegion { name: name.unwrap_or_default().to_owned(), names: names() })?;
+    if kind.needs_joints()
+        && let Some(region) = fusion.regions().iter().find(|region| region.joints.is_empty())
+    {
+        return Err(TrainingError::NoJoints { region: region.name.clone(), kind: kind.name() });
     }
-    cfg.fusion.regions = vec![cfg.fusion.regions.swap_remove(idx)];
-    cfg.truth_of_region = vec![cfg.truth_of_region.swap_remove(idx)];
     if !kind.needs_joints() {
-        cfg.fusion.regions[0].joints.clear();
-        cfg.fusion.joint_sources.clear();
+        fusion = fusion.without_pose();
         cfg.joints.clear();
     }
+    cfg.fusion = fusion;
+    cfg.truth_of_region = vec![cfg.truth_of_region.swap_remove(idx.position())];
     Ok(cfg)
 }
 
@@ -255,7 +255,7 @@ fn train_without(
     })?;
     let card = ModelCard {
         rate_hz: data.rate_hz,
-        joints: cfg.fusion.regions[0].joints.clone(),
+        joints: cfg.fusion.regions()[0].joints.clone(),
         pose_range: data.pose_range.clone(),
         artifact: data.artifact.as_deref().cloned(),
         touch: report.touch(),

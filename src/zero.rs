@@ -23,7 +23,10 @@ pub use recorded::{Wanted, find, find_with};
 
 use crate::calibration::{Calibration, CalibrationFileError};
 use crate::config::Config;
-use crate::fusion::{ArtifactFilter, ArtifactFit, Baseline, Contract, ForceGain, Fusion, SetupError, TactileSourceIdx};
+use crate::fusion::{
+    ArtifactFilter, ArtifactFit, Baseline, Contract, ForceGain, Fusion, ModelIdx, RegionIdx, SetupError,
+    TactileSourceIdx,
+};
 
 /// SHA-256 of each model, by the model's name in the parameters.
 pub type ModelHashes = BTreeMap<String, String>;
@@ -50,8 +53,8 @@ impl KnownModels {
 
     /// `[regions]`: the artifact model of each region's model.
     fn artifacts_of_regions(&self, cfg: &Config) -> Vec<Option<TimedArtifact>> {
-        let of_region = |model: usize| self.artifacts.get(model).cloned().flatten();
-        cfg.fusion.regions.iter().map(|region| of_region(region.model)).collect()
+        let of_region = |model: ModelIdx| self.artifacts.get(model.position()).cloned().flatten();
+        cfg.fusion.regions().iter().map(|region| of_region(region.model)).collect()
     }
 }
 
@@ -69,32 +72,32 @@ pub struct Donning {
 impl Donning {
     /// The baselines of a core, its artifacts as they are now, and its force gains. No baselines if one is missing.
     pub fn of(fusion: &Fusion) -> Self {
-        let regions = || 0..fusion.config().regions.len();
-        let sources = 0..fusion.config().tactile_sources.len();
-        let baselines: Option<_> = sources.map(|idx| fusion.baseline(TactileSourceIdx(idx)).cloned()).collect();
+        let regions = || fusion.config().region_idxs();
+        let sources = fusion.config().tactile_source_idxs();
+        let baselines: Option<_> = sources.map(|source| fusion.baseline(source).cloned()).collect();
         Donning {
             baselines: baselines.unwrap_or_default(),
-            artifacts: regions().map(|idx| fusion.artifact(idx).and_then(ArtifactFilter::fit)).collect(),
-            force_gains: regions().map(|idx| fusion.force_gain(idx).copied()).collect(),
+            artifacts: regions().map(|region| fusion.artifact(region).and_then(ArtifactFilter::fit)).collect(),
+            force_gains: regions().map(|region| fusion.force_gain(region).copied()).collect(),
         }
     }
 
     /// Gives a core its baselines, artifacts and force gains.
     ///
     /// # Errors
-    /// [`SetupError`] if the number of taxels or joints differs, or if a gain is out of range.
+    /// [`SetupError`] if the number of sources, regions, taxels or joints differs, or if a gain is out of range.
     pub fn install(&self, fusion: &mut Fusion) -> Result<(), SetupError> {
         for (source_idx, baseline) in self.baselines.iter().enumerate() {
-            fusion.handle_baseline(TactileSourceIdx(source_idx), baseline.clone())?;
+            fusion.handle_baseline(TactileSourceIdx::at(source_idx), baseline.clone())?;
         }
         for (region_idx, artifact) in self.artifacts.iter().enumerate() {
             if let Some(artifact) = artifact {
-                fusion.handle_artifact(region_idx, artifact.clone())?;
+                fusion.handle_artifact(RegionIdx::at(region_idx), artifact.clone())?;
             }
         }
         for (region_idx, gain) in self.force_gains.iter().enumerate() {
             if let Some(gain) = gain {
-                fusion.handle_force_gain(region_idx, gain)?;
+                fusion.handle_force_gain(RegionIdx::at(region_idx), gain)?;
             }
         }
         Ok(())
@@ -157,15 +160,15 @@ impl Zero {
 
     /// The calibration as a file for this glove and user, and for these models.
     pub fn to_calibration(&self, cfg: &Config, models: &ModelHashes) -> Calibration {
-        let names = cfg.fusion.tactile_sources.iter().map(|source| source.name.clone());
+        let names = cfg.fusion.tactile_sources().iter().map(|source| source.name.clone());
         let sources: BTreeMap<String, Baseline> = names.zip(self.donning.baselines.iter().cloned()).collect();
         let text = |value: &Option<String>| value.clone().unwrap_or_default();
         let mut calibration = Calibration::new(&text(&cfg.glove), &text(&cfg.user), self.from.to_string(), sources);
         calibration.models.clone_from(models);
-        for (region, artifact) in cfg.fusion.regions.iter().zip(&self.donning.artifacts) {
+        for (region, artifact) in cfg.fusion.regions().iter().zip(&self.donning.artifacts) {
             calibration.artifacts.extend(artifact.clone().map(|artifact| (region.name.clone(), artifact)));
         }
-        for (region, gain) in cfg.fusion.regions.iter().zip(&self.donning.force_gains) {
+        for (region, gain) in cfg.fusion.regions().iter().zip(&self.donning.force_gains) {
             calibration.force_gains.extend(gain.map(|gain| (region.name.clone(), gain)));
         }
         calibration
@@ -192,7 +195,7 @@ impl std::fmt::Display for ZeroFrom {
 /// [`ZeroError::ArtifactInFile`] if an artifact in it doesn't fit its model.
 pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero, ZeroError> {
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
-    let sources = &cfg.fusion.tactile_sources;
+    let sources = cfg.fusion.tactile_sources();
     let mut notes = Vec::new();
     let calibration = match Calibration::load(path, &text(&cfg.glove), &text(&cfg.user), sources) {
         Err(error @ CalibrationFileError::Mismatch { .. }) => {
@@ -216,7 +219,7 @@ pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero
     }
     let baselines = sources.iter().filter_map(|source| calibration.sources.get(&source.name).cloned()).collect();
     let mut artifacts = Vec::new();
-    for (region, model) in cfg.fusion.regions.iter().zip(models.artifacts_of_regions(cfg)) {
+    for (region, model) in cfg.fusion.regions().iter().zip(models.artifacts_of_regions(cfg)) {
         let fit = model.as_ref().and_then(|_| calibration.artifacts.get(&region.name).cloned());
         if let (Some((model, _)), Some(fit)) = (&model, &fit) {
             fit.check(model).map_err(|error| {
@@ -234,7 +237,7 @@ pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero
         artifacts.push(fit);
     }
     let force_gains =
-        cfg.fusion.regions.iter().map(|region| calibration.force_gains.get(&region.name).copied()).collect();
+        cfg.fusion.regions().iter().map(|region| calibration.force_gains.get(&region.name).copied()).collect();
     let from = ZeroFrom::File { file: path.display().to_string() };
     Ok(Zero { notes, ..Zero::new(from, Donning { baselines, artifacts, force_gains }) })
 }

@@ -15,8 +15,8 @@ fn hand(batch: usize) -> Fusion {
         let taxels: Vec<usize> = (4 * idx..4 * idx + 4).collect();
         region(name, &taxels, &[&joints[0], &joints[1]])
     });
-    let mut cfg = config(20, regions.collect());
-    cfg.batch = batch;
+    let cfg = config(20, regions.collect());
+    let cfg = cfg.with_batch(batch_of(batch));
     fusion(cfg, vec![Sum::boxed(64, 4, 2)])
 }
 
@@ -43,7 +43,7 @@ fn measured(
     let mut n_estimates = 0;
     let mut play = |samples: &[Sample]| {
         for sample in samples {
-            core.handle(sample.event());
+            core.handle(sample.event()).unwrap();
             while let Some(tick) = core.poll().unwrap() {
                 n_estimates += tick.estimates.iter().filter(|estimate| estimate.force.is_some()).count();
             }
@@ -117,9 +117,9 @@ fn following_artifacts_asks_for_no_memory_once_it_is_warm() {
     let artifact = Some(std::sync::Arc::new(artifact));
     let contract = Contract { artifact, has_base: false, ..contract(64, n_taxels, 0) };
     let mut core = fusion(config(20, regions.collect()), vec![Box::new(Sum { contract })]);
-    (0..FINGERS.len()).for_each(|idx| core.handle_artifact(idx, fit.clone()).unwrap());
+    (0..FINGERS.len()).for_each(|idx| core.handle_artifact(RegionIdx::at(idx), fit.clone()).unwrap());
     let (used, n_estimates) = measured(&mut core, second, 10);
     assert_eq!((used.count_total, used.bytes_total), (0, 0));
     assert!(n_estimates > 5 * 2000, "{n_estimates} estimates");
-    assert!(core.artifact(0).unwrap().change() > 0.0, "something was learned");
+    assert!(core.artifact(RegionIdx::at(0)).unwrap().change() > 0.0, "something was learned");
 }

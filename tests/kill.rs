@@ -1,6 +1,7 @@
 //! A process that is killed at any moment leaves no half output under its name, and a recording that is cut off can be
 //! read as far as it goes.
 
+#[path = "tpf_common/mod.rs"]
 mod common;
 
 use std::fs;
@@ -8,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use common::ROOT;
 use common::bags::{Bag, at, write_session};
 use common::onnx::LinearModel;
 use common::tpf::write_params;
@@ -185,7 +187,7 @@ fn a_recording_cut_off_anywhere_is_read_up_to_its_last_whole_chunk() {
 
     let Some(python) = common::python() else { return };
     let mut command = Command::new(python);
-    command.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/read_cut.py"));
+    command.arg(format!("{ROOT}/tests/python/read_cut.py"));
     let output = command.args(cuts.iter().map(|(path, _)| path)).output().unwrap();
     assert!(output.status.success(), "{output:?}");
     let text = String::from_utf8(output.stdout).unwrap();

@@ -1,6 +1,8 @@
 //! Memory stays bounded however large a chunk is, or however many rows are put in order. Alone in their file, one at a time: the
 //! peak is that of the whole process.
 
+#[path = "common/root.rs"]
+mod root;
 #[path = "common/skip.rs"]
 mod skip;
 

@@ -5,13 +5,12 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use tactile_pose_fusion::commands;
 use tactile_pose_fusion::model::first_run;
 
 /// Runs the command line of `tpf`, whose first word is the program's name; returns its exit code.
 #[pyfunction]
 pub(crate) fn main(py: Python<'_>, args: Vec<OsString>) -> u8 {
-    py.detach(|| commands::main_with(args))
+    py.detach(|| tactile_pose_fusion_commands::main_with(args))
 }
 
 /// Tries models in processes of this program from now on. With these arguments, `--try-model` and a text it passes the text

@@ -43,7 +43,7 @@ pub(crate) struct Track {
 /// `[regions]`: tracks that take what the core says of a frame.
 pub(crate) fn take(tracks: &mut [Track], tick: &Tick) {
     for estimate in &tick.estimates {
-        tracks[estimate.region].handle(tick.stamp.0, estimate);
+        tracks[estimate.region.position()].handle(tick.stamp.0, estimate);
     }
 }
 

@@ -48,7 +48,7 @@ impl Parameters {
 
     /// Names of the regions, in their order.
     fn regions(&self) -> Vec<String> {
-        self.cfg.fusion.regions.iter().map(|region| region.name.clone()).collect()
+        self.cfg.fusion.regions().iter().map(|region| region.name.clone()).collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! What `tpf` does with bags, as functions.
 
-use std::num::NonZero;
+use std::num::{NonZero, NonZeroUsize};
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
@@ -87,7 +87,7 @@ pub(crate) fn replay(
 ) -> PyResult<(Estimates, String, Vec<String>)> {
     let mut cfg = with_model(parameters, model.as_deref())?;
     cfg.models.iter_mut().for_each(|model| model.spec.threads = cores());
-    let names: Vec<String> = cfg.fusion.regions.iter().map(|region| region.name.clone()).collect();
+    let names: Vec<String> = cfg.fusion.regions().iter().map(|region| region.name.clone()).collect();
     let recording = Recording { bags: &bags, zero: zero(&calibration, calibrate_first_s)? };
     let mut tracks = vec![Track::default(); names.len()];
     let seen = work::run(watcher, |observer| {
@@ -113,9 +113,12 @@ pub(crate) fn replay_to(
 ) -> PyResult<(String, Vec<String>)> {
     let cfg = with_model(parameters, model.as_deref())?;
     let recording = Recording { bags: &bags, zero: zero(&calibration, calibrate_first_s)? };
-    if let Some(batch) = batch.filter(|batch| !(1..=4096).contains(batch)) {
-        return Err(exception(Kind::Parameter, format!("batch: expected 1 to 4096 frames, got {batch}")));
-    }
+    let checked = |batch: usize| {
+        let frames = NonZeroUsize::new(batch).filter(|frames| frames.get() <= 4096);
+        let refused = || exception(Kind::Parameter, format!("batch: expected 1 to 4096 frames, got {batch}"));
+        frames.ok_or_else(refused)
+    };
+    let batch = batch.map(checked).transpose()?;
     let options = Options { overwrite, merge, batch, drop_unused_joints: model.is_some(), ..Options::new(output) };
     let replayed = work::run(watcher, |observer| replaying::run(cfg, recording, &options, observer))?;
     Ok((json(&replayed.summary())?, replayed.warnings()))
@@ -222,7 +225,7 @@ pub(crate) fn calibrate(
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(String, Vec<Gain>)> {
     let cfg = with_model(parameters, model.as_deref())?;
-    let regions: Vec<String> = cfg.fusion.regions.iter().map(|region| region.name.clone()).collect();
+    let regions: Vec<String> = cfg.fusion.regions().iter().map(|region| region.name.clone()).collect();
     let known_forces = match (by_sensor, told.is_empty()) {
         (true, _) => Some(KnownForces::Sensor),
         (false, true) => None,

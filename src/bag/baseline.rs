@@ -4,7 +4,6 @@ use super::inputs::{Input, InputError, Inputs};
 use super::{BagError, BagReader};
 use crate::fusion::{
     Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, Event, FusionConfig, TactileBlock, TactileSource,
-    TactileSourceIdx,
 };
 use crate::units::{NANOS_PER_SEC, Stamp, nanos};
 
@@ -126,15 +125,14 @@ pub fn collect_baselines(
     zero_load: ZeroLoad,
     limits: &CalibrationLimits,
 ) -> Result<Baselines, BaselineError> {
-    let hole_ns = nanos(cfg.timing.max_gap).max(NANOS_PER_SEC / 2); // slow sensors have long steps, not holes
+    let hole_ns = nanos(cfg.timing().max_gap).max(NANOS_PER_SEC / 2); // slow sensors have long steps, not holes
     let mut sources: Vec<Collector> = cfg
-        .tactile_sources
-        .iter()
-        .enumerate()
-        .map(|(idx, source)| Collector {
+        .tactile_source_idxs()
+        .zip(cfg.tactile_sources())
+        .map(|(source_idx, source)| Collector {
             n_taxels: source.n_taxels,
             offset_ns: source.stamp_offset_ns,
-            builder: BaselineBuilder::new(source.n_taxels, hole_ns).needing(cfg.taxels_in_use(TactileSourceIdx(idx))),
+            builder: BaselineBuilder::new(source.n_taxels, hole_ns).needing(cfg.taxels_in_use(source_idx)),
             first: None,
             last: Stamp(i64::MIN),
             done: false,
@@ -150,7 +148,7 @@ pub fn collect_baselines(
         for part in inputs.parts(message.channel)? {
             match inputs.decode(&message, part) {
                 Input::Event(Event::Tactile(block)) => {
-                    let collector = &mut sources[block.source.0];
+                    let collector = &mut sources[block.source.position()];
                     collector.take(&block, |stamp, first| match zero_load {
                         ZeroLoad::Annotated => match &told {
                             Some(rest) => Rest::any_holds(rest, stamp),
@@ -188,7 +186,7 @@ pub fn collect_baselines(
         ZeroLoad::First(_) => collector.first.map(|from| Rest { from, to: collector.last }).into_iter().collect(),
     };
     Ok(Baselines {
-        baselines: sources.iter().zip(&cfg.tactile_sources).map(finish).collect::<Result<_, _>>()?,
+        baselines: sources.iter().zip(cfg.tactile_sources()).map(finish).collect::<Result<_, _>>()?,
         spans_s: sources.iter().map(|collector| collector.builder.span_s()).collect(),
         rest: sources.iter().map(rest).collect(),
         goes_on: sources.iter().map(|collector| collector.done).collect(),

@@ -55,7 +55,7 @@ impl EstimateWriter {
     pub fn write(&mut self, bag: &mut BagWriter, tick: &Tick) -> Result<(), BagError> {
         let EstimateWriter { outgoing, wrenches, contacts, cdr, fingerprint } = self;
         outgoing.encode(tick, cdr, |slot, cdr| match slot {
-            Slot::Wrench(region) => wrenches[region].write(bag, tick.received, cdr, fingerprint),
+            Slot::Wrench(region) => wrenches[region.position()].write(bag, tick.received, cdr, fingerprint),
             Slot::Contacts => contacts.write(bag, tick.received, cdr, fingerprint),
         })
     }

@@ -190,7 +190,7 @@ impl Inputs {
                     if let Event::Joints(sample) = &event {
                         let needed = &self.topics.needed;
                         let angles = sample.names.iter().map(String::as_str).zip(sample.positions.iter().copied());
-                        self.angles[sample.source.0].handle(angles.filter(|(name, _)| needed.contains(*name)));
+                        self.angles[sample.source.position()].handle(angles.filter(|(name, _)| needed.contains(*name)));
                     }
                     for name in names {
                         if self.joint_names.len() < MAX_JOINT_NAMES && !self.joint_names.contains(name) {
@@ -336,20 +336,20 @@ impl Inputs {
         for (source, topic) in self.topics.taxels.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
             let binding = TaxelBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
-            roles.push(Role::Samples(SampleBinding::Taxels(TactileSourceIdx(source), binding)));
+            roles.push(Role::Samples(SampleBinding::Taxels(TactileSourceIdx::at(source), binding)));
         }
         for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
             let tree = self.tree_of(channel, &topic.type_name)?;
             let binding = JointBinding::compile_with(&topic.fields, &tree, &self.frames[source]);
             let binding = Box::new(binding.map_err(|error| binding_error(channel, error))?);
-            roles.push(Role::Samples(SampleBinding::Joints(JointSourceIdx(source), binding)));
+            roles.push(Role::Samples(SampleBinding::Joints(JointSourceIdx::at(source), binding)));
         }
         let tells_frames = |topic: &Topic<JointFields>| static_topic(topic).as_ref() == Some(&channel.topic);
         for (source, topic) in self.topics.joints.iter().enumerate().filter(|(_, topic)| tells_frames(topic)) {
             let tree = self.tree_of(channel, &topic.type_name)?;
             let binding = FramesBinding::compile(&topic.fields, &tree, &self.frames[source]);
             let binding = binding.map_err(|error| binding_error(channel, error))?;
-            roles.push(Role::Samples(SampleBinding::Frames(JointSourceIdx(source), binding)));
+            roles.push(Role::Samples(SampleBinding::Frames(JointSourceIdx::at(source), binding)));
         }
         for (source, topic) in self.topics.truth.iter().enumerate().filter(|(_, topic)| topic.name == channel.topic) {
             let binding = TruthBinding::compile(&topic.fields, &self.tree_of(channel, &topic.type_name)?);
@@ -385,9 +385,9 @@ impl Role {
     /// The kind of its source, and the index of that source among those of the kind.
     fn source(&self) -> (&'static str, usize) {
         match self {
-            Role::Samples(SampleBinding::Taxels(source, _)) => (TAXELS, source.0),
-            Role::Samples(SampleBinding::Joints(source, _)) => (ANGLES, source.0),
-            Role::Samples(SampleBinding::Frames(source, _)) => ("frames", source.0),
+            Role::Samples(SampleBinding::Taxels(source, _)) => (TAXELS, source.position()),
+            Role::Samples(SampleBinding::Joints(source, _)) => (ANGLES, source.position()),
+            Role::Samples(SampleBinding::Frames(source, _)) => ("frames", source.position()),
             Role::Truth(source, _) => ("true force", *source),
             Role::Stage => ("stage", 0),
         }

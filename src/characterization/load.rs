@@ -1,6 +1,7 @@
 //! Reads the frames of every region from a bag, with the same core as the live node and with all joints in the bag.
 
 use std::collections::BTreeSet;
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::time::Duration;
 
@@ -10,7 +11,7 @@ use crate::bag::{BagReader, Inputs};
 use crate::characterize::SessionFrames;
 use crate::config::Config;
 use crate::eval::{TareCurve, ZeroLoad};
-use crate::fusion::{FrameClock, FusionConfig, RegionConfig};
+use crate::fusion::{FrameClock, FusionConfig, RegionConfig, Timing};
 use crate::glove::known;
 use crate::observer::{Observer, check};
 use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, TruthTrack, aligned, input_topics, read};
@@ -76,9 +77,11 @@ impl GloveLoader<'_> {
         let zero = zero.map_err(|error| in_bag(&error))?;
         zero.notes.iter().for_each(|note| self.observer.note(note));
         let (mut collectors, mut cores) = (Vec::new(), Vec::new());
-        for region in &self.cfg.fusion.regions {
+        let core_cfg = self.core_cfg();
+        for (region_idx, region) in core_cfg.region_idxs().zip(core_cfg.regions()) {
             let rate_hz = self.rate_hz(region, scan);
-            let (rows, mut fusion) = RowCollector::new(self.core_of(region), window(self.cfg, rate_hz), rate_hz, None)?;
+            let Some(only) = core_cfg.clone().only(region_idx) else { continue };
+            let (rows, mut fusion) = RowCollector::new(only, window(self.cfg, rate_hz), rate_hz, None)?;
             zero.install(&mut fusion)?;
             collectors.push(rows);
             cores.push(fusion);
@@ -108,7 +111,7 @@ impl GloveLoader<'_> {
         for (region_idx, rows) in collectors.into_iter().enumerate() {
             let rows = rows.finish();
             let Some(last) = rows.stamp.last() else {
-                let region = &self.cfg.fusion.regions[region_idx].name;
+                let region = &self.cfg.fusion.regions()[region_idx].name;
                 return Err(in_bag(&format!(
                     "region {region}: no frame has both taxels and joints; check with tpf inspect that their stamps are of one clock"
                 )));
@@ -160,19 +163,19 @@ impl GloveLoader<'_> {
         Ok(there)
     }
 
-    /// The core's configuration for one region, with every joint that is examined.
-    fn core_of(&self, region: &RegionConfig) -> FusionConfig {
-        let mut fusion = self.cfg.fusion.clone();
-        fusion.timing.joint_slack = JOINT_SLACK;
-        fusion.regions =
-            vec![RegionConfig { joints: self.joints.to_vec(), model_joints: Vec::new(), ..region.clone() }];
-        fusion
+    /// The core's configuration for every region, with every joint that is examined.
+    fn core_cfg(&self) -> FusionConfig {
+        let fusion = self.cfg.fusion.clone().with_joints(self.joints);
+        let timing = Timing { joint_slack: JOINT_SLACK, ..*fusion.timing() };
+        fusion.with_timing(timing)
     }
 
     fn rate_hz(&self, region: &RegionConfig, scan: &Scan) -> f64 {
-        let expected = self.cfg.models[region.model].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
-        let follows_source = self.cfg.fusion.tactile_sources[region.source.0].frame_clock == FrameClock::Tactile;
-        let measured = scan.tactile[region.source.0].timing.map(|timing| timing.rate_hz).filter(|_| follows_source);
+        let expected = self.cfg.models[region.model.position()].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
+        let follows_source =
+            self.cfg.fusion.tactile_sources()[region.source.position()].frame_clock == FrameClock::Tactile;
+        let measured =
+            scan.tactile[region.source.position()].timing.map(|timing| timing.rate_hz).filter(|_| follows_source);
         measured.filter(|hz| (hz / expected - 1.0).abs() > RATE_TOLERANCE).unwrap_or(expected)
     }
 
@@ -189,7 +192,7 @@ impl GloveLoader<'_> {
         let seconds = |stamp: &Stamp| stamp.nanos_since(first) as f64 / NANOS_PER_SEC as f64;
         let (mut truth_gf, mut tare) = (Vec::new(), Vec::new());
         if let Some((track, curve)) = tared {
-            let forces = aligned(track, &curve, &rows.stamp, self.cfg.fusion.timing.max_gap);
+            let forces = aligned(track, &curve, &rows.stamp, self.cfg.fusion.timing().max_gap);
             truth_gf = forces.into_iter().map(|force| force.map_or(f64::NAN, |force| force.0)).collect();
             tare = curve.knots().iter().map(|knot| (seconds(&knot.at), knot.tare.0)).collect();
         }
@@ -229,6 +232,7 @@ fn instructed(labels: &Labels, stamps: &[Stamp]) -> (Vec<Option<usize>>, Vec<Str
 }
 
 /// Number of frames in a window: just enough to contain every gap that the core fills.
-fn window(cfg: &Config, rate_hz: f64) -> usize {
-    (cfg.fusion.timing.max_gap.as_secs_f64() * rate_hz).ceil() as usize + 2
+fn window(cfg: &Config, rate_hz: f64) -> NonZeroUsize {
+    let n_missing = (cfg.fusion.timing().max_gap.as_secs_f64() * rate_hz).ceil() as usize;
+    NonZeroUsize::MIN.saturating_add(n_missing.saturating_add(1))
 }

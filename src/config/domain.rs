@@ -24,13 +24,13 @@ use super::keys::{KEYS, ParamKey};
 use super::names::NodeName;
 use super::param_file::{Origin, ParamTree};
 use super::text::list;
-use crate::fusion::{Following, ForceUnit, FusionConfig, Receipts, Timing};
+use crate::fusion::{Following, ForceUnit, FusionConfig, Timing};
 use crate::model::{BackendChoice, ModelSpec, TensorNames};
 use crate::msg::Stage;
 use crate::msg::binding::{ForceReading, JointFields, TaxelFields, Topic, TruthFields};
 use crate::units::{GramForce, Newton, from_millis};
 
-/// A model with its name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is an index into these.
+/// A model with its name. [`RegionConfig::model`](crate::fusion::RegionConfig::model) is its position among these.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelConfig {
     /// Name in the parameters.
@@ -156,7 +156,7 @@ pub struct Config {
 impl Config {
     /// Names of the joints that regions need.
     pub fn needed_joints(&self) -> BTreeSet<String> {
-        self.fusion.regions.iter().flat_map(|region| region.joints.iter().cloned()).collect()
+        self.fusion.regions().iter().flat_map(|region| region.joints.iter().cloned()).collect()
     }
 
     /// Reads the parameters of a node.
@@ -204,22 +204,13 @@ impl Config {
         region::turn_truths(&reader, &regions, &truth_of_region, &mut truth_sources)?;
         let layouts = visuals::layouts(&reader, &regions)?;
         let calibration = calibration(&reader)?;
-        let (timing, receipts) = (timing(&reader)?, Receipts::default());
         let following = match reader.text("adaptation")?.as_str() {
             "none" => Following::Off,
             "frozen" => Following::Frozen,
             _ => Following::On,
         };
-        let fusion = FusionConfig {
-            tactile_sources,
-            joint_sources,
-            regions,
-            timing,
-            receipts,
-            following,
-            batch: 1,
-            keep_taxels: false,
-        };
+        let fusion =
+            FusionConfig::new(tactile_sources, joint_sources, regions, timing(&reader)?)?.with_following(following);
         Ok(Config {
             fusion,
             tactile,
@@ -253,11 +244,11 @@ impl Config {
         let mut keys = BTreeMap::new();
         for key in KEYS {
             let names: Vec<&str> = match key.pattern.split('.').next() {
-                Some("tactile") => self.fusion.tactile_sources.iter().map(|source| source.name.as_str()).collect(),
-                Some("joint") => self.fusion.joint_sources.iter().map(|source| source.name.as_str()).collect(),
+                Some("tactile") => self.fusion.tactile_sources().iter().map(|source| source.name.as_str()).collect(),
+                Some("joint") => self.fusion.joint_sources().iter().map(|source| source.name.as_str()).collect(),
                 Some("truth") => self.truth_sources.iter().map(|source| source.name.as_str()).collect(),
                 Some("model") => self.models.iter().map(|model| model.name.as_str()).collect(),
-                Some("region") => self.fusion.regions.iter().map(|region| region.name.as_str()).collect(),
+                Some("region") => self.fusion.regions().iter().map(|region| region.name.as_str()).collect(),
                 _ => vec![""],
             };
             keys.extend(names.into_iter().map(|name| (key.with_name(name), key)));

@@ -1,9 +1,10 @@
 //! Errors of parameter files and configurations.
 
 use super::names::NameError;
+use crate::fusion::SetupError;
 
 /// A configuration that is refused. Every message gives place, key, value, and what was expected.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConfigError {
     /// The parameter file can't be read.
     #[error("{file}: can't be read: {reason}")]
@@ -16,6 +17,9 @@ pub enum ConfigError {
     /// The parameter file, or an override, is malformed.
     #[error(transparent)]
     Params(#[from] ParamError),
+    /// Regions and sources don't fit each other.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
     /// The node's name is invalid.
     #[error(transparent)]
     NodeName(#[from] NameError),

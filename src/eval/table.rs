@@ -1,9 +1,7 @@
-//! Models against metrics in the shape of the paper's Table I: as data, and as text.
+//! Models against metrics in the shape of the paper's Table I.
 
 use std::collections::BTreeMap;
 
-#[cfg(feature = "cli")]
-use comfy_table::{CellAlignment, Table, presets};
 use serde::{Deserialize, Serialize};
 
 use super::curve::Mdf;
@@ -147,52 +145,5 @@ impl ResultTable {
             })
         });
         compared.collect()
-    }
-
-    /// The table as text: a row a model and glove, the best value of each glove and measure marked with `*`.
-    ///
-    /// The paper sets the gloves side by side; here they are below each other, so that a terminal holds any number of
-    /// them.
-    #[cfg(feature = "cli")]
-    pub fn text(&self) -> String {
-        self.table().to_string()
-    }
-
-    /// The same as a table, of which the first two columns name the rows.
-    #[cfg(feature = "cli")]
-    pub(crate) fn table(&self) -> Table {
-        let mut table = Table::new();
-        table.load_style(presets::ASCII_MARKDOWN);
-        table.set_header(["Glove", "Model", "BA % (+)", "F1 % (+)", "MDF gF (-)", "MAE gF (-)", "R2 (+)", "Frames"]);
-        for column in table.column_iter_mut().skip(2) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-        for (glove_idx, glove) in self.gloves.iter().enumerate() {
-            for row in &self.rows {
-                let mut texts = vec![glove.clone(), row.model.clone()];
-                match row.cells.get(glove_idx).copied().flatten() {
-                    Some(cell) => {
-                        texts.extend(Measure::ALL.map(|measure| {
-                            let mark = if self.is_best(glove_idx, measure, &cell) { '*' } else { ' ' };
-                            format!("{}{mark}", cell.text(measure))
-                        }));
-                        texts.push(cell.coverage.n_scored.to_string());
-                    }
-                    None => texts.extend(std::iter::repeat_n("-".to_owned(), Measure::ALL.len() + 1)),
-                }
-                table.add_row(texts);
-            }
-        }
-        table
-    }
-
-    /// Whether no other model has a better value, and one has a worse one.
-    #[cfg(feature = "cli")]
-    fn is_best(&self, glove_idx: usize, measure: Measure, cell: &Cell) -> bool {
-        let Some(value) = cell.value(measure) else { return false };
-        let sign = if measure.higher_is_better() { 1.0 } else { -1.0 };
-        let others = self.rows.iter().filter_map(|row| row.cells.get(glove_idx)?.as_ref()?.value(measure));
-        let gains: Vec<f64> = others.map(|other| sign * (value - other)).collect();
-        gains.iter().all(|&gain| gain >= 0.0) && gains.iter().any(|&gain| gain > 0.0)
     }
 }

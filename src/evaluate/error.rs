@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::bag::BagError;
 use crate::columns::ColumnsError;
 use crate::eval::MetricError;
+use crate::fusion::SetupError;
 use crate::glove::SeveralModels;
 use crate::model::ModelError;
 use crate::observer::Cancelled;
@@ -20,6 +21,8 @@ pub enum EvaluateError {
     Model(#[from] ModelError),
     #[error(transparent)]
     Models(#[from] SeveralModels),
+    #[error(transparent)]
+    Setup(#[from] SetupError),
     #[error(transparent)]
     Session(#[from] SessionError),
     #[error(transparent)]

@@ -11,7 +11,7 @@ use super::{EvaluateError, JudgeTouch, Request, what_is_scored};
 use crate::bag::shown;
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
-use crate::fusion::{ContactBy, Regressor};
+use crate::fusion::{ContactBy, ContactThresholds, RegionConfig, Regressor};
 use crate::glove::{Models, drop_unused_joints, replace_model};
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
@@ -106,20 +106,22 @@ impl<'a> Plan<'a> {
         let (mut cores, mut planned, mut series) = (Vec::new(), Vec::new(), Vec::new());
         for path in paths {
             let mut cfg = cfg.clone();
-            cfg.fusion.regions.iter_mut().for_each(|region| match request.touch {
-                JudgeTouch::AsTheNode => {}
-                JudgeTouch::Force => region.contact.by = ContactBy::Force,
+            let judged_by = |region: &RegionConfig| match request.touch {
+                JudgeTouch::AsTheNode => region.contact,
+                JudgeTouch::Force => ContactThresholds { by: ContactBy::Force, ..region.contact },
                 JudgeTouch::Levels(levels) => {
-                    (region.contact.by, region.contact.touch) = (ContactBy::Model, Some(levels));
+                    ContactThresholds { by: ContactBy::Model, touch: Some(levels), ..region.contact }
                 }
-            });
+            };
+            let thresholds: Vec<_> = cfg.fusion.regions().iter().map(judged_by).collect();
+            cfg.fusion = cfg.fusion.with_thresholds(&thresholds)?;
             cfg.models.iter_mut().for_each(|model| model.spec.backend = request.backend.unwrap_or(model.spec.backend));
             if let Some(path) = path {
                 replace_model(&mut cfg, path.to_path_buf())?;
             }
             let models = Models::load(&cfg)?;
             models.tell(&cfg, observer);
-            cfg.fusion.batch = models.batch_hint();
+            cfg.fusion = cfg.fusion.with_batch(models.batch_hint());
             drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| observer.detail(note));
             let name = match (path, cfg.models.as_slice()) {
                 (Some(path), _) => stem(path),
@@ -141,7 +143,7 @@ impl<'a> Plan<'a> {
         }
         for quality in request.pose_levels.iter().copied() {
             let takes_pose =
-                |core: &&PlannedCore| core.cfg.fusion.regions.iter().any(|region| !region.joints.is_empty());
+                |core: &&PlannedCore| core.cfg.fusion.regions().iter().any(|region| !region.joints.is_empty());
             let Some(judged) = planned.get(request.compare.len()).filter(takes_pose) else {
                 return Err(EvaluateError::NoPose);
             };
@@ -233,17 +235,17 @@ impl<'a> Plan<'a> {
             }
             None => Vec::new(),
         };
-        let several = self.cfg.fusion.regions.len() > 1;
-        let max_gap = self.cfg.fusion.timing.max_gap;
+        let several = self.cfg.fusion.regions().len() > 1;
+        let max_gap = self.cfg.fusion.timing().max_gap;
         let mut frames = Vec::new();
         for (series_idx, series) in self.series.iter().enumerate() {
             let is_judged = Some(series_idx) == self.judged();
             let mut of_regions = Vec::new();
-            for (region_idx, region) in self.cfg.fusion.regions.iter().enumerate() {
+            for (region_idx, region) in self.cfg.fusion.regions().iter().enumerate() {
                 let (column, window_ns) = match series.source {
                     SeriesSource::Core(core) => {
                         let regressors = &cores[core].regressors;
-                        (&columns[core][region_idx], window_ns(regressors[region.model].as_ref()))
+                        (&columns[core][region_idx], window_ns(regressors[region.model.position()].as_ref()))
                     }
                     SeriesSource::Recorded => (&recorded[region_idx], 0),
                 };
@@ -324,5 +326,5 @@ fn stem(path: &Path) -> String {
 /// From the first frame of a model's window to its last.
 fn window_ns(regressor: &dyn Regressor) -> i64 {
     let contract = regressor.contract();
-    ((contract.window.saturating_sub(1)) as f64 / contract.rate_hz * 1e9).round() as i64
+    ((contract.window.get() - 1) as f64 / contract.rate_hz * 1e9).round() as i64
 }

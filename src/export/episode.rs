@@ -74,7 +74,7 @@ impl Layout {
     pub fn new(cfg: &FusionConfig, fps: u32, window_ms: u32, first: &SessionToExport<'_>) -> Result<Self, ExportError> {
         let (tracks, first) = (first.estimates, first.samples);
         let mut sources = Vec::new();
-        for (source, track) in cfg.tactile_sources.iter().zip(&first.tactile) {
+        for (source, track) in cfg.tactile_sources().iter().zip(&first.tactile) {
             let what = format!("tactile source {}", source.name);
             let rate_hz = track.rate_hz().ok_or(ExportError::TooFew { what: what.clone(), n: track.stamp.len() })?;
             let window = (f64::from(window_ms) * 1e-3 * rate_hz).round() as usize;
@@ -85,9 +85,9 @@ impl Layout {
             }
             sources.push(Source { name: source.name.clone(), n_taxels: source.n_taxels, rate_hz, window });
         }
-        let regions = cfg.regions.iter().zip(tracks).map(|(region, track)| Region {
+        let regions = cfg.regions().iter().zip(tracks).map(|(region, track)| Region {
             name: region.name.clone(),
-            source: region.source.0,
+            source: region.source.position(),
             taxels: region.taxels.clone(),
             tangential: track.has_tangential(),
         });
@@ -96,8 +96,8 @@ impl Layout {
             regions: regions.collect(),
             sources,
             joints: first.joint_names.clone(),
-            max_gap_ns: nanos(cfg.timing.max_gap),
-            max_pose_age_ns: nanos(cfg.timing.usual_pose_age()),
+            max_gap_ns: nanos(cfg.timing().max_gap),
+            max_pose_age_ns: nanos(cfg.timing().usual_pose_age()),
         })
     }
 

@@ -71,7 +71,7 @@ impl<'a> ExportLoader<'a> {
             self.compute(bag, &labelled)?
         };
         let of_regions = || self.cfg.truth_of_region.iter().zip(&estimates);
-        let max_gap = self.cfg.fusion.timing.max_gap;
+        let max_gap = self.cfg.fusion.timing().max_gap;
         let truth = of_regions().map(|(truth_idx, track)| labelled.truth_at(*truth_idx, &track.stamp, max_gap));
         let truth = truth.collect();
         let tangential_truth = of_regions()
@@ -127,7 +127,7 @@ impl<'a> ExportLoader<'a> {
         if is_first {
             models.tell(&cfg, self.observer);
         }
-        cfg.fusion.batch = models.batch_hint();
+        cfg.fusion = cfg.fusion.with_batch(models.batch_hint());
         if self.request.model.is_some() {
             drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| self.observer.note(note));
         }
@@ -168,7 +168,7 @@ fn read_samples(
             }
         }
     }
-    let used = cfg.fusion.regions.iter().flat_map(|region| &region.joints);
+    let used = cfg.fusion.regions().iter().flat_map(|region| &region.joints);
     inputs.check_end(used.map(String::as_str).filter(|joint| !samples.joints.contains_key(*joint)))?;
     let counters = inputs.counters();
     let unreadable = counters.iter().filter_map(|(topic, counters)| {
@@ -178,7 +178,7 @@ fn read_samples(
     });
     let losses = reader.losses().iter().map(ToString::to_string).chain(unreadable).collect();
     let mut drops = Vec::new();
-    for (source, track) in cfg.fusion.tactile_sources.iter().zip(&samples.tactile) {
+    for (source, track) in cfg.fusion.tactile_sources().iter().zip(&samples.tactile) {
         if track.late + track.wrong_length > 0 {
             drops.push(format!(
                 "tactile source {}: {} samples came late or twice, {} messages had another length than {} taxels",

@@ -84,7 +84,7 @@ pub fn rows(
         let (expected, got) = (missing.clone(), session.samples.joint_names.join(", "));
         return Err(ExportError::OtherJoints { expected, got });
     }
-    let regions = cfg.regions.iter().zip(session.estimates).enumerate();
+    let regions = cfg.regions().iter().zip(session.estimates).enumerate();
     Ok(regions
         .map(|(region_idx, (region, track))| {
             let truth = session.truth.get(region_idx).and_then(Option::as_deref).unwrap_or_default();
@@ -100,7 +100,7 @@ pub fn rows(
                 let axis = |axis: usize| (0..track.stamp.len()).map(|idx| at(idx, axis)).collect();
                 cells.extend((0..TANGENTIAL_TRUTH.len()).map(|idx| Cells::Number(axis(idx))));
             }
-            let max_age_ns = nanos(cfg.timing.usual_pose_age());
+            let max_age_ns = nanos(cfg.timing().usual_pose_age());
             cells.extend(
                 joints
                     .iter()
@@ -118,7 +118,7 @@ fn refuse_other_axes(
     tangential: &[bool],
     session: &SessionToExport<'_>,
 ) -> Result<(), ExportError> {
-    let regions = cfg.regions.iter().zip(session.estimates).zip(tangential);
+    let regions = cfg.regions().iter().zip(session.estimates).zip(tangential);
     let mut regions = regions.filter(|((_, track), has_place)| track.has_tangential() && !**has_place);
     match regions.next() {
         Some(((region, _), _)) => Err(ExportError::OtherAxes { region: region.name.clone() }),

@@ -1,9 +1,13 @@
-//! Configuration of the fusion core. Values here are valid: invalid ones were refused when they were built.
+//! Configuration of the fusion core.
 
+use std::cmp::Ordering;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::time::Duration;
 
 use super::artifact::Following;
+use super::error::SetupError;
 use super::geometry::Patch;
+use super::idx::{JointSourceIdx, ModelIdx, RegionIdx, TactileSourceIdx};
 use super::regressor::{TouchLevels, TouchOutput};
 use crate::units::Newton;
 
@@ -57,7 +61,7 @@ pub struct Timing {
     /// How much data time a frame waits for the joint state after it.
     pub joint_slack: Duration,
     /// How long the last joint state is held, and the longest span that is interpolated across. `None` follows the measured
-    /// period of each joint, within bounds: see [`JointTimelines`](super::JointTimelines).
+    /// period of each joint: three of them, at least 200 ms and at most 500 ms.
     pub max_pose_age: Option<Duration>,
     /// A stamp this far behind the newest one of its stream is a jump of time, not a late sample.
     pub time_jump: Duration,
@@ -99,10 +103,10 @@ pub struct ContactThresholds {
     pub force_on: Newton,
     /// Below this force contact may end; less than `force_on`.
     pub force_off: Newton,
-    /// Consecutive frames at or above `force_on`, or the touch level, before contact begins; at least 1.
-    pub on_frames: u32,
-    /// Consecutive frames below `force_off`, or the touch level, before contact ends; at least 1.
-    pub off_frames: u32,
+    /// Consecutive frames at or above `force_on`, or the touch level, before contact begins.
+    pub on_frames: NonZeroU32,
+    /// Consecutive frames below `force_off`, or the touch level, before contact ends.
+    pub off_frames: NonZeroU32,
 }
 
 impl ContactThresholds {
@@ -115,31 +119,21 @@ impl ContactThresholds {
     }
 }
 
-impl FusionConfig {
-    /// Taxels of a source that some region has.
-    pub fn taxels_in_use(&self, source: super::TactileSourceIdx) -> impl Iterator<Item = usize> {
-        self.regions
-            .iter()
-            .filter(move |region| region.source == source)
-            .flat_map(|region| region.taxels.iter().copied())
-    }
-}
-
-/// One patch of the hand with one force.
+/// One patch of the hand with one force. [`FusionConfig::new`] checks it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionConfig {
     /// Name in topics and messages.
     pub name: String,
-    /// Index of its tactile source.
-    pub source: super::TactileSourceIdx,
+    /// Its tactile source.
+    pub source: TactileSourceIdx,
     /// Its taxels as indices into a sample of the source, in the order of the model's input.
     pub taxels: Vec<usize>,
     /// Its joints by name, in the order of the model's pose input; empty for a model without pose.
     pub joints: Vec<String>,
     /// Names by which its model knows these joints, for a model of another finger; empty where they are the same.
     pub model_joints: Vec<String>,
-    /// Index of its model among the regressors given to [`Fusion::new`](super::Fusion::new).
-    pub model: usize,
+    /// Its model.
+    pub model: ModelIdx,
     /// Where its force acts and along which direction.
     pub patch: Patch,
     /// Contact thresholds.
@@ -157,22 +151,258 @@ pub enum Receipts {
 }
 
 /// Everything the core needs to know, apart from models and calibration.
+///
+/// # Invariant
+/// A configuration that exists is whole: every region has a source, taxels of that source, and thresholds in their order.
+/// Nothing changes it. The methods `with_*`, `without_*` and [`FusionConfig::only`] consume it and give another one, of
+/// which the same is true. That it also fits its models is checked where it meets them, by
+/// [`Fusion::new`](super::Fusion::new), which is the only way into a core:
+/// `fusion_config::a_config_that_is_not_whole_is_refused`, `fusion_config::what_is_made_of_a_config_is_whole`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FusionConfig {
+    tactile_sources: Vec<TactileSource>,
+    joint_sources: Vec<JointSource>,
+    regions: Vec<RegionConfig>,
+    timing: Timing,
+    receipts: Receipts,
+    following: Following,
+    batch: NonZeroUsize,
+    keeps_taxels: bool,
+}
+
+impl FusionConfig {
+    /// A configuration that runs each frame at once, knows nothing of receipts and keeps no taxels.
+    ///
+    /// # Errors
+    /// [`SetupError::EmptySource`], [`SetupError::NoTactileSource`], [`SetupError::NoTaxel`],
+    /// [`SetupError::ForceThresholds`] and [`SetupError::TouchThresholds`].
+    pub fn new(
+        tactile_sources: Vec<TactileSource>,
+        joint_sources: Vec<JointSource>,
+        regions: Vec<RegionConfig>,
+        timing: Timing,
+    ) -> Result<Self, SetupError> {
+        check_sources(&tactile_sources, &regions)?;
+        regions.iter().try_for_each(|region| check_thresholds(&region.name, &region.contact))?;
+        Ok(FusionConfig {
+            tactile_sources,
+            joint_sources,
+            regions,
+            timing,
+            receipts: Receipts::default(),
+            following: Following::default(),
+            batch: NonZeroUsize::MIN,
+            keeps_taxels: false,
+        })
+    }
+
+    /// The same with other tolerances in time.
+    pub fn with_timing(self, timing: Timing) -> Self {
+        FusionConfig { timing, ..self }
+    }
+
+    /// The same with another meaning of the receipt times of events.
+    pub fn with_receipts(self, receipts: Receipts) -> Self {
+        FusionConfig { receipts, ..self }
+    }
+
+    /// The same with another handling of artifacts after the calibration.
+    pub fn with_following(self, following: Following) -> Self {
+        FusionConfig { following, ..self }
+    }
+
+    /// The same with another number of frames in one inference call.
+    pub fn with_batch(self, batch: NonZeroUsize) -> Self {
+        FusionConfig { batch, ..self }
+    }
+
+    /// The same with the taxels of each frame in its tick, or without them.
+    pub fn with_kept_taxels(self, keeps_taxels: bool) -> Self {
+        FusionConfig { keeps_taxels, ..self }
+    }
+
+    /// The same with other contact thresholds.
+    ///
+    /// # Shapes
+    /// `thresholds`: `[regions]`.
+    ///
+    /// # Errors
+    /// [`SetupError::NThresholds`], [`SetupError::ForceThresholds`] and [`SetupError::TouchThresholds`].
+    pub fn with_thresholds(mut self, thresholds: &[ContactThresholds]) -> Result<Self, SetupError> {
+        let (expected, got) = (self.regions.len(), thresholds.len());
+        if got != expected {
+            return Err(SetupError::NThresholds { expected, got });
+        }
+        for (region, thresholds) in self.regions.iter_mut().zip(thresholds) {
+            check_thresholds(&region.name, thresholds)?;
+            region.contact = *thresholds;
+        }
+        Ok(self)
+    }
+
+    /// The same with these joints for every region, which its model knows by the same names.
+    pub fn with_joints(mut self, joints: &[String]) -> Self {
+        for region in &mut self.regions {
+            region.joints = joints.to_vec();
+            region.model_joints.clear();
+        }
+        self
+    }
+
+    /// The same with one model for all regions: the only one that [`Fusion::new`](super::Fusion::new) is then given.
+    pub fn with_one_model(mut self) -> Self {
+        self.regions.iter_mut().for_each(|region| region.model = ModelIdx::at(0));
+        self
+    }
+
+    /// The same without the joints of those regions that `is_without` chooses.
+    pub fn without_joints(mut self, is_without: impl Fn(&RegionConfig) -> bool) -> Self {
+        for region in self.regions.iter_mut().filter(|region| is_without(region)) {
+            region.joints.clear();
+            region.model_joints.clear();
+        }
+        self
+    }
+
+    /// The same without any joint, and without the sources of joint angles.
+    pub fn without_pose(self) -> Self {
+        FusionConfig { joint_sources: Vec::new(), ..self.without_joints(|_| true) }
+    }
+
+    /// The same with a single region; `None` if it doesn't have that region. Sources and models keep their indices, also
+    /// those that no region uses any more.
+    pub fn only(mut self, region: RegionIdx) -> Option<Self> {
+        let position = region.position();
+        if position >= self.regions.len() {
+            return None;
+        }
+        self.regions.truncate(position + 1);
+        self.regions.drain(..position);
+        Some(self)
+    }
+
     /// Streams of taxels.
-    pub tactile_sources: Vec<TactileSource>,
+    pub fn tactile_sources(&self) -> &[TactileSource] {
+        &self.tactile_sources
+    }
+
     /// Streams of joint angles.
-    pub joint_sources: Vec<JointSource>,
+    pub fn joint_sources(&self) -> &[JointSource] {
+        &self.joint_sources
+    }
+
     /// The patches to estimate.
-    pub regions: Vec<RegionConfig>,
+    pub fn regions(&self) -> &[RegionConfig] {
+        &self.regions
+    }
+
+    /// Indices of the tactile sources, in their order.
+    pub fn tactile_source_idxs(&self) -> impl Iterator<Item = TactileSourceIdx> + Clone + use<> {
+        (0..self.tactile_sources.len()).map(TactileSourceIdx::at)
+    }
+
+    /// Indices of the joint sources, in their order.
+    pub fn joint_source_idxs(&self) -> impl Iterator<Item = JointSourceIdx> + Clone + use<> {
+        (0..self.joint_sources.len()).map(JointSourceIdx::at)
+    }
+
+    /// Indices of the regions, in their order.
+    pub fn region_idxs(&self) -> impl Iterator<Item = RegionIdx> + Clone + use<> {
+        (0..self.regions.len()).map(RegionIdx::at)
+    }
+
+    /// A tactile source; `None` if there is no such one.
+    pub fn tactile_source(&self, source: TactileSourceIdx) -> Option<&TactileSource> {
+        self.tactile_sources.get(source.position())
+    }
+
+    /// A joint source; `None` if there is no such one.
+    pub fn joint_source(&self, source: JointSourceIdx) -> Option<&JointSource> {
+        self.joint_sources.get(source.position())
+    }
+
+    /// A region; `None` if there is no such one.
+    pub fn region(&self, region: RegionIdx) -> Option<&RegionConfig> {
+        self.regions.get(region.position())
+    }
+
+    /// The tactile source of a name.
+    pub fn tactile_source_named(&self, name: &str) -> Option<TactileSourceIdx> {
+        self.tactile_sources.iter().position(|source| source.name == name).map(TactileSourceIdx::at)
+    }
+
+    /// The joint source of a name.
+    pub fn joint_source_named(&self, name: &str) -> Option<JointSourceIdx> {
+        self.joint_sources.iter().position(|source| source.name == name).map(JointSourceIdx::at)
+    }
+
+    /// The region of a name.
+    pub fn region_named(&self, name: &str) -> Option<RegionIdx> {
+        self.regions.iter().position(|region| region.name == name).map(RegionIdx::at)
+    }
+
+    /// Taxels of a source that some region has.
+    pub fn taxels_in_use(&self, source: TactileSourceIdx) -> impl Iterator<Item = usize> {
+        self.regions
+            .iter()
+            .filter(move |region| region.source == source)
+            .flat_map(|region| region.taxels.iter().copied())
+    }
+
     /// Tolerances in time.
-    pub timing: Timing,
+    pub fn timing(&self) -> &Timing {
+        &self.timing
+    }
+
     /// Meaning of the receipt times of events.
-    pub receipts: Receipts,
+    pub fn receipts(&self) -> Receipts {
+        self.receipts
+    }
+
     /// Handling of artifacts after the calibration, for models that have them.
-    pub following: Following,
+    pub fn following(&self) -> Following {
+        self.following
+    }
+
     /// Frames run in one inference call; 1 gives each frame its own, and the same bytes live and offline.
-    pub batch: usize,
+    pub fn batch(&self) -> NonZeroUsize {
+        self.batch
+    }
+
     /// True if ticks also hold the taxels of their frame, for those who look at them.
-    pub keep_taxels: bool,
+    pub fn keeps_taxels(&self) -> bool {
+        self.keeps_taxels
+    }
+}
+
+/// Checks that every source has taxels, and that every region has a source with its taxels.
+fn check_sources(sources: &[TactileSource], regions: &[RegionConfig]) -> Result<(), SetupError> {
+    if let Some(empty) = sources.iter().find(|source| source.n_taxels == 0) {
+        return Err(SetupError::EmptySource { source_name: empty.name.clone() });
+    }
+    for region in regions {
+        let name = || region.name.clone();
+        let (got, n_sources) = (region.source.position(), sources.len());
+        let source = sources.get(got);
+        let n_taxels = source.ok_or_else(|| SetupError::NoTactileSource { region: name(), got, n_sources })?.n_taxels;
+        if let Some(&got) = region.taxels.iter().find(|taxel| **taxel >= n_taxels) {
+            return Err(SetupError::NoTaxel { region: name(), got, n_taxels });
+        }
+    }
+    Ok(())
+}
+
+/// Checks that contact ends below the levels at which it begins.
+fn check_thresholds(region: &str, thresholds: &ContactThresholds) -> Result<(), SetupError> {
+    let name = || region.to_owned();
+    let (on, off) = (thresholds.force_on.0, thresholds.force_off.0);
+    if off.partial_cmp(&on) != Some(Ordering::Less) {
+        return Err(SetupError::ForceThresholds { region: name(), on, off });
+    }
+    match thresholds.touch {
+        Some(TouchLevels { on, off }) if off.partial_cmp(&on) != Some(Ordering::Less) => {
+            Err(SetupError::TouchThresholds { region: name(), on, off })
+        }
+        _ => Ok(()),
+    }
 }

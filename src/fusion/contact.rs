@@ -78,7 +78,7 @@ impl ContactDetector {
             } else {
                 self.run_frames = 0;
             }
-            if self.run_frames >= needed {
+            if self.run_frames >= needed.get() {
                 self.state = !self.state;
                 self.since = Some(self.run_start);
                 self.run_frames = 0;
@@ -115,6 +115,8 @@ impl ContactDetector {
 
 #[cfg(test)]
 mod tests {
+    use std::num::NonZeroU32;
+
     use super::super::config::ContactBy;
     use super::super::regressor::TouchLevels;
     use super::*;
@@ -125,8 +127,8 @@ mod tests {
             touch: None,
             force_on: Newton(0.02),
             force_off: Newton(0.01),
-            on_frames,
-            off_frames,
+            on_frames: NonZeroU32::new(on_frames).unwrap(),
+            off_frames: NonZeroU32::new(off_frames).unwrap(),
         };
         ContactDetector::new(thresholds, None)
     }

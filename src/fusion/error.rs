@@ -1,15 +1,16 @@
 //! Setup errors and runtime errors.
 
 use super::artifact::ArtifactError;
-use super::calibration::Baseline;
-use super::config::{FusionConfig, RegionConfig, TactileSource};
 use super::gain::GainError;
-use super::regressor::{RegressError, Regressor};
+use super::idx::{JointSourceIdx, RegionIdx, TactileSourceIdx};
+use super::regressor::RegressError;
 
-/// Regions, models and baselines that don't fit each other.
+/// Sources, regions, models and baselines that don't fit each other.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the texts say it
 pub enum SetupError {
+    #[error("tactile source {source_name} has no taxels; give the number of taxels in a sample")]
+    EmptySource { source_name: String },
     #[error("region.{region} has model {got} of {n_models}, counted from 0; give the core that model")]
     NoModel { region: String, got: usize, n_models: usize },
     #[error("region.{region} has tactile source {got} of {n_sources}, counted from 0; list that source")]
@@ -38,6 +39,20 @@ pub enum SetupError {
         "region.{region}: its model runs at {got} Hz, other regions of tactile source {source_name} at {expected} Hz; give them models of one rate"
     )]
     Rate { region: String, source_name: String, expected: f64, got: f64 },
+    #[error("region.{region}: its model runs at {got} Hz; give it a rate above 0")]
+    NoRate { region: String, got: f64 },
+    #[error("region.{region}: artifact of its model: {error}; export the model again")]
+    ArtifactModel { region: String, error: ArtifactError },
+    #[error("region.{region}.contact: force_off = {off} N must be below force_on = {on} N")]
+    ForceThresholds { region: String, on: f64, off: f64 },
+    #[error("region.{region}.contact: touch_off = {off} must be below touch_on = {on}")]
+    TouchThresholds { region: String, on: f64, off: f64 },
+    #[error("{got} contact thresholds for {expected} regions; give one for each")]
+    NThresholds { expected: usize, got: usize },
+    #[error("there is no region {}, counted from 0, among {n_regions}; give one of this core", got.position())]
+    UnknownRegion { got: RegionIdx, n_regions: usize },
+    #[error("there is no tactile source {}, counted from 0, among {n_sources}; give one of this core", got.position())]
+    UnknownTactileSource { got: TactileSourceIdx, n_sources: usize },
     #[error(
         "baseline of tactile source {source_name} has {got} taxels, expected {expected}; calibrate this glove again"
     )]
@@ -56,61 +71,20 @@ pub enum FusionError {
     /// A model's runtime gave up.
     #[error(transparent)]
     Model(#[from] RegressError),
-}
-
-pub(super) fn check_region(
-    region: &RegionConfig,
-    cfg: &FusionConfig,
-    regressors: &[Box<dyn Regressor>],
-) -> Result<(), SetupError> {
-    let name = || region.name.clone();
-    let (got, n_models) = (region.model, regressors.len());
-    let regressor = regressors.get(got).ok_or_else(|| SetupError::NoModel { region: name(), got, n_models })?;
-    let contract = regressor.contract();
-    let (got, n_sources) = (region.source.0, cfg.tactile_sources.len());
-    let source = cfg.tactile_sources.get(got);
-    let source = source.ok_or_else(|| SetupError::NoTactileSource { region: name(), got, n_sources })?;
-    let n_taxels = source.n_taxels;
-    if let Some(&got) = region.taxels.iter().find(|taxel| **taxel >= n_taxels) {
-        return Err(SetupError::NoTaxel { region: name(), got, n_taxels });
-    }
-    if contract.n_taxels != region.taxels.len() {
-        return Err(SetupError::Taxels { region: name(), expected: contract.n_taxels, got: region.taxels.len() });
-    }
-    if contract.n_region_joints() == 0 && !region.joints.is_empty() {
-        return Err(SetupError::NoPose { region: name() });
-    }
-    let n_joints = contract.n_region_joints();
-    if n_joints != region.joints.len() {
-        return Err(SetupError::Joints { region: name(), expected: n_joints, got: region.joints.len() });
-    }
-    let known = if region.model_joints.is_empty() { &region.joints } else { &region.model_joints };
-    if contract.joints.as_ref().is_some_and(|joints| joints != known) {
-        let expected = contract.joints.clone().unwrap_or_default();
-        return Err(SetupError::JointNames { region: name(), expected, got: known.clone() });
-    }
-    if !region.joints.is_empty() && cfg.joint_sources.is_empty() {
-        return Err(SetupError::NoJointSource { region: name() });
-    }
-    let first = cfg.regions.iter().find(|other| other.source == region.source);
-    let first = first.and_then(|first| regressors.get(first.model));
-    let expected = first.map_or(contract.rate_hz, |first| first.contract().rate_hz);
-    if expected != contract.rate_hz {
-        let source_name = source.name.clone();
-        return Err(SetupError::Rate { region: name(), source_name, expected, got: contract.rate_hz });
-    }
-    Ok(())
-}
-
-pub(super) fn check_baseline(baseline: &Baseline, source: &TactileSource) -> Result<(), SetupError> {
-    let expected = source.n_taxels;
-    for got in [baseline.median.len(), baseline.noise.len(), baseline.faulty.len()] {
-        if got != expected {
-            return Err(SetupError::Baseline { source_name: source.name.clone(), expected, got });
-        }
-    }
-    match baseline.median.iter().position(|median| !median.is_finite()) {
-        Some(taxel_idx) => Err(SetupError::BaselineNotFinite { source_name: source.name.clone(), taxel_idx }),
-        None => Ok(()),
-    }
+    /// An event of a tactile source that this core doesn't have.
+    #[error("taxels came of tactile source {}, counted from 0, of {n_sources}; give the core that source", got.position())]
+    NoTactileSource {
+        /// The source of the event.
+        got: TactileSourceIdx,
+        /// Tactile sources of the core.
+        n_sources: usize,
+    },
+    /// An event of a joint source that this core doesn't have.
+    #[error("joint angles came of joint source {}, counted from 0, of {n_sources}; give the core that source", got.position())]
+    NoJointSource {
+        /// The source of the event.
+        got: JointSourceIdx,
+        /// Joint sources of the core.
+        n_sources: usize,
+    },
 }

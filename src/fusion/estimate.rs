@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::artifact::Adaptation;
 use super::contact::Contact;
-use super::event::TactileSourceIdx;
+use super::idx::{RegionIdx, TactileSourceIdx};
 use crate::units::{Newton, Stamp};
 
 /// Reasons to trust an estimate less, or not to have one. The bits are those of `ContactState.msg`.
@@ -106,8 +106,8 @@ impl fmt::Display for Flags {
 /// The force on one region at one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
-    /// Index of the region in the configuration.
-    pub region: usize,
+    /// The region, of the configuration of the core.
+    pub region: RegionIdx,
     /// Normal force; `None` where there is no estimate, and the flags say why.
     pub force: Option<Newton>,
     /// Tangential force on the hand by the object: x, y, z in the patch's own frame, perpendicular to its normal. `None`
@@ -158,7 +158,7 @@ pub struct Tick {
     pub age_ns: Option<i64>,
     /// One a region of the source, in the order of the configuration.
     pub estimates: Vec<Estimate>,
-    /// The taxels of the regions, where [`FusionConfig::keep_taxels`](super::FusionConfig::keep_taxels) asks for them.
+    /// The taxels of the regions, where [`FusionConfig::keeps_taxels`](super::FusionConfig::keeps_taxels) asks for them.
     pub taxels: TickTaxels,
 }
 

@@ -1,14 +1,7 @@
 //! Inputs of the fusion core. Samples are borrowed: the core copies what it keeps into buffers it already owns.
 
+use super::idx::{JointSourceIdx, TactileSourceIdx};
 use crate::units::Stamp;
-
-/// Index of a tactile source in [`FusionConfig::tactile_sources`](super::FusionConfig::tactile_sources).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct TactileSourceIdx(pub usize);
-
-/// Index of a joint source in [`FusionConfig::joint_sources`](super::FusionConfig::joint_sources).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct JointSourceIdx(pub usize);
 
 /// One message of a tactile array: a block of consecutive samples, most often just one.
 #[derive(Debug, Clone, Copy)]

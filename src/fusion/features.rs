@@ -1,5 +1,7 @@
 //! The only builder of a model's input: live node, replay and training all go through here.
 
+use std::num::NonZeroUsize;
+
 use super::config::{RegionConfig, TactileSource};
 use super::joints::PoseTrust;
 
@@ -66,7 +68,8 @@ pub struct NewestWindow<'a> {
 
 impl FeatureWindow {
     /// An empty window of `len` frames.
-    pub fn new(len: usize, n_taxels: usize, n_joints: usize) -> Self {
+    pub fn new(len: NonZeroUsize, n_taxels: usize, n_joints: usize) -> Self {
+        let len = len.get();
         FeatureWindow {
             len,
             n_taxels,
@@ -146,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_window_always_holds_the_last_frames_oldest_first() {
-        let mut window = FeatureWindow::new(3, 2, 1);
+        let mut window = FeatureWindow::new(NonZeroUsize::new(3).unwrap(), 2, 1);
         for k in 0..20 {
             let k = k as f32;
             window.push(&[k, -k], &[k / 2.0], PoseTrust::Fresh);
@@ -166,7 +169,7 @@ mod tests {
 
     #[test]
     fn a_window_is_trusted_as_the_worst_pose_in_it() {
-        let mut window = FeatureWindow::new(4, 1, 1);
+        let mut window = FeatureWindow::new(NonZeroUsize::new(4).unwrap(), 1, 1);
         for k in 0..40 {
             let trust = |j: i32| match j {
                 _ if j < 0 => PoseTrust::Fresh,

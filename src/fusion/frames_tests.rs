@@ -25,7 +25,7 @@ struct Cut {
 
 fn send_block(cutter: &mut FrameCutter, at_us: i64, rows: usize, period_us: i64, values: &[f32]) -> Vec<Cut> {
     let block = TactileBlock {
-        source: TactileSourceIdx(0),
+        source: TactileSourceIdx::at(0),
         stamp: Stamp(at_us * 1000),
         rows,
         row_period_ns: period_us * 1000,
@@ -129,7 +129,7 @@ fn the_senders_count_shows_what_was_lost() {
     let mut cutter = cutter(FrameClock::Tactile, 1);
     for (at_ms, sequence) in [(0, u32::MAX - 1), (10, u32::MAX), (30, 1), (40, 2), (50, 0)] {
         let block = TactileBlock {
-            source: TactileSourceIdx(0),
+            source: TactileSourceIdx::at(0),
             stamp: Stamp(at_ms * MS),
             rows: 1,
             row_period_ns: 0,
@@ -191,7 +191,7 @@ fn a_grid_stands_still_at_the_end_of_time() {
     let mut cutter = cutter(FrameClock::Grid, 1);
     let mut n_frames = 0;
     for stamp in [i64::MAX - 15 * MS, i64::MAX - 5 * MS, i64::MAX] {
-        let (source, received) = (TactileSourceIdx(0), Stamp(0));
+        let (source, received) = (TactileSourceIdx::at(0), Stamp(0));
         let (stamp, values) = (Stamp(stamp), &[1.0][..]);
         let block = TactileBlock { source, stamp, rows: 1, row_period_ns: 0, sequence: None, values, received };
         cutter.handle_header(&block);

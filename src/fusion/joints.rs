@@ -132,8 +132,8 @@ impl JointTimelines {
 
     /// Takes the angles of a message that regions use, and counts what became of it.
     pub fn handle(&mut self, sample: &JointSample<'_>) {
-        let source = &self.sources[sample.source.0];
-        let counters = &mut self.counters[sample.source.0];
+        let source = &self.sources[sample.source.position()];
+        let counters = &mut self.counters[sample.source.position()];
         counters.messages += 1;
         if sample.names.len() != sample.positions.len() {
             counters.malformed += 1;
@@ -289,7 +289,7 @@ mod tests {
     fn send(timelines: &mut JointTimelines, at_ms: i64, names: &[&str], positions: &[f64]) {
         let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
         let stamp = Stamp(at_ms * MS);
-        let source = JointSourceIdx(0);
+        let source = JointSourceIdx::at(0);
         timelines.handle(&JointSample { source, stamp, names: &names, positions, received: stamp });
     }
 

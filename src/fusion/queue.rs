@@ -84,7 +84,7 @@ impl ModelQueue {
 
     /// Queues the newest window of a lane's region.
     pub(super) fn push(&mut self, lane: usize, newest: NewestWindow<'_>) {
-        let window = self.regressor.contract().window;
+        let window = self.regressor.contract().window.get();
         self.lanes[lane].push(newest, window);
     }
 
@@ -96,7 +96,7 @@ impl ModelQueue {
     /// Runs what is due and forgets it; [`ModelQueue::pop`] gives the forces one by one.
     pub(super) fn run(&mut self) -> Result<(), RegressError> {
         let ModelQueue { regressor, lanes, starts, ids, tactile, pose, forces } = self;
-        let window = regressor.contract().window;
+        let window = regressor.contract().window.get();
         starts.clear();
         ids.clear();
         tactile.clear();

@@ -11,6 +11,7 @@ use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
 use super::gain::ForceGain;
 use super::geometry::Patch;
+use super::idx::{ModelIdx, RegionIdx};
 use super::joints::{JointTimelines, PoseTrust};
 use super::queue::{Answer, ModelForce};
 use super::regressor::{Contract, PoseRange};
@@ -80,9 +81,9 @@ struct LastGood {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     /// Index in the configuration.
-    pub(super) region: usize,
+    pub(super) region: RegionIdx,
     /// Index of its model.
-    pub(super) model: usize,
+    pub(super) model: ModelIdx,
     /// Its lane among the windows that wait for that model.
     pub(super) lane: usize,
 }

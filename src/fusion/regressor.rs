@@ -1,6 +1,7 @@
 //! Interface of a force model for the fusion core: a contract that is known before the first window, and one batched run.
 
 use std::fmt::Debug;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -101,7 +102,7 @@ impl ForceAxes {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contract {
     /// Frames in a window.
-    pub window: usize,
+    pub window: NonZeroUsize,
     /// Taxels in a frame.
     pub n_taxels: usize,
     /// Joint angles in a frame; 0 for a model without a pose input.

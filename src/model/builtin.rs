@@ -4,6 +4,7 @@
 //! Windows that share no frames, such as the newest windows of several regions, become lanes of the network. Many
 //! overlapping windows are split into stretches, which run on several threads.
 
+use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -18,7 +19,7 @@ use crate::fusion::{Contract, Forces, RegressError, Regressor, SharedWindows};
 const SPAN: usize = 256;
 
 /// Number of windows per call beyond which there is no further gain: one stretch for each of 16 threads.
-pub(super) const WINDOWS_AT_ONCE: usize = 16 * SPAN;
+pub(super) const WINDOWS_AT_ONCE: NonZeroUsize = NonZeroUsize::new(16 * SPAN).expect("a span has windows");
 
 /// Maximum step between windows of a stretch, frames. With a larger step, a new stretch is cheaper.
 const MAX_STEP: usize = 4;
@@ -137,8 +138,8 @@ impl Builtin {
         let Job { windows: SharedWindows { starts, tactile, pose, .. }, force, base, touch } = job;
         let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return };
         let Contract { window, n_taxels, n_joints, .. } = self.contract;
-        let n_frames = last + window - first;
-        let frames = |values: &'_ [f32], width: usize| first * width..((last + window) * width).min(values.len());
+        let n_frames = last + window.get() - first;
+        let frames = |values: &'_ [f32], width: usize| first * width..((last + window.get()) * width).min(values.len());
         let frames = (&tactile[frames(tactile, n_taxels)], &pose[frames(pose, n_joints)]);
         let Worker { known, scratch, forces } = worker;
         self.network.begin(known, 1, n_frames);

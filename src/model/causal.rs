@@ -107,7 +107,7 @@ pub(super) fn find(model: &ModelProto, terms: &Terms) -> Result<Causal, String> 
         return Err("it has tensors for pose".to_owned());
     }
     let walk = Walk::through(graph, terms)?;
-    walk.network(&tensors.force, touch, terms.contract.window)
+    walk.network(&tensors.force, touch, terms.contract.window.get())
         .ok_or_else(|| "it is the causal network in part alone".to_owned())
 }
 
@@ -117,7 +117,7 @@ impl<'g> Walk<'g> {
         if constants.len() != graph.initializer.len() {
             return Err("two of its tensors have the same name".to_owned());
         }
-        let taxels = Value { what: What::Taxels, frames: terms.contract.window };
+        let taxels = Value { what: What::Taxels, frames: terms.contract.window.get() };
         let mut walk = Walk {
             n_taxels: terms.contract.n_taxels,
             constants,

@@ -22,7 +22,7 @@ pub(super) fn compare(own: &mut dyn Regressor, runtime: &mut InferenceSession) -
     let starts: Vec<usize> = (0..N_WINDOWS).collect();
     let (mut expected, mut got) = (Forces::default(), Forces::default());
     for scale in &SCALES {
-        let frames = Frames::new(&contract, scale, N_WINDOWS + contract.window - 1);
+        let frames = Frames::new(&contract, scale, N_WINDOWS + contract.window.get() - 1);
         let ran = runtime.run(frames.windows(&starts), &mut expected);
         ran.and_then(|()| own.run(frames.windows(&starts), &mut got)).map_err(|error| error.to_string())?;
         differ(&contract, scale, &expected, &got)?;

@@ -2,6 +2,7 @@
 //! none.
 
 use std::collections::BTreeSet;
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -111,7 +112,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
         Some(pose) => known(n_joints, pose, "joints", "joints")?,
         None => 0,
     };
-    check_size(path, &tensors, window, n_taxels.max(n_joints))?;
+    let window = checked_window(path, &tensors, window, n_taxels.max(n_joints))?;
     check_artifact(path, metadata, n_taxels)?;
     check_joints(path, metadata, &tensors, n_joints)?;
     check_outputs(path, &spec.names)?;
@@ -262,7 +263,8 @@ fn agree(
     }
 }
 
-fn check_size(path: &Path, tensors: &Tensors, window: usize, width: usize) -> Result<(), ModelError> {
+/// A number of frames in a window, within the limits.
+fn checked_window(path: &Path, tensors: &Tensors, window: usize, width: usize) -> Result<NonZeroUsize, ModelError> {
     let refuse = |got: String, expected: String| {
         let (path, name) = (path.to_path_buf(), one_line(&tensors.tactile));
         Err(ModelError::Shape { path, kind: "input", name, got, expected })
@@ -270,8 +272,9 @@ fn check_size(path: &Path, tensors: &Tensors, window: usize, width: usize) -> Re
     if window > MAX_WINDOW_FRAMES {
         return refuse(format!("{window} frames"), format!("at most {MAX_WINDOW_FRAMES} frames in a window"));
     }
-    match window.checked_mul(width) {
-        Some(numbers) if numbers <= MAX_WINDOW_NUMBERS => Ok(()),
+    match (NonZeroUsize::new(window), window.checked_mul(width)) {
+        (Some(window), Some(numbers)) if numbers <= MAX_WINDOW_NUMBERS => Ok(window),
+        (None, _) => refuse("0 frames".to_owned(), "at least 1 frame in a window".to_owned()),
         _ => refuse(format!("{window} frames of {width}"), format!("at most {MAX_WINDOW_NUMBERS} numbers in a window")),
     }
 }

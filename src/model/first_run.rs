@@ -89,7 +89,7 @@ fn run(spec: &ModelSpec) -> Result<(), String> {
     let mut model = super::load(spec).map_err(|refused| refused.to_string())?;
     let contract = model.info.contract.clone();
     let starts: Vec<usize> = (0..N_WINDOWS).collect();
-    let frames = SCALES.iter().map(|scale| Frames::new(&contract, scale, N_WINDOWS + contract.window - 1));
+    let frames = SCALES.iter().map(|scale| Frames::new(&contract, scale, N_WINDOWS + contract.window.get() - 1));
     for frames in frames {
         // A model may fail on readings that no sensor sends.
         let _ = model.regressor.run(frames.windows(&starts), &mut Forces::default());

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use serde::{Serialize, Serializer};
@@ -46,7 +47,7 @@ pub struct ModelInfo {
     /// Why the built-in code can't run it. Absent if it can.
     pub not_builtin: Option<String>,
     /// Number of windows per call at which it runs fastest.
-    pub batch_hint: usize,
+    pub batch_hint: NonZeroUsize,
     /// Notes for the user: fallbacks, defaults that are used, unused outputs.
     pub notes: Vec<String>,
 }
@@ -241,7 +242,7 @@ fn contract<S: Serializer>(contract: &Contract, serializer: S) -> Result<S::Ok, 
     }
     let ranges = contract.pose_range.as_ref();
     Json {
-        window: contract.window,
+        window: contract.window.get(),
         taxels: contract.n_taxels,
         n_joints: contract.n_joints,
         rate_hz: contract.rate_hz,

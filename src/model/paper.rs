@@ -148,5 +148,5 @@ fn paper(walked: Walk<'_>, outputs: [Option<&String>; 3], terms: &Terms) -> Opti
         Some(_) => Some(pose.whole(n_features)?),
         None => None,
     };
-    fits.then_some(Paper { window: terms.contract.window, convolutions, pose, head })
+    fits.then_some(Paper { window: terms.contract.window.get(), convolutions, pose, head })
 }

@@ -179,8 +179,8 @@ struct Trial {
 
 impl Trial {
     fn new(contract: &Contract, scale: &Scale) -> Self {
-        let mut frames = Frames::new(contract, scale, N * contract.window);
-        let of_one = |width: usize| contract.window * width;
+        let mut frames = Frames::new(contract, scale, N * contract.window.get());
+        let of_one = |width: usize| contract.window.get() * width;
         let other_pose = {
             let mut pose = frames.pose.clone();
             pose.rotate_left(of_one(contract.n_joints));
@@ -191,7 +191,7 @@ impl Trial {
         {
             values[n..2 * n].fill(0.0);
         }
-        Trial { starts: std::array::from_fn(|idx| idx * contract.window), frames, other_pose }
+        Trial { starts: std::array::from_fn(|idx| idx * contract.window.get()), frames, other_pose }
     }
 
     fn batch(&self) -> SharedWindows<'_> {

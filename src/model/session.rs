@@ -77,8 +77,8 @@ impl InferenceSession {
         for starts in windows.starts.chunks(self.max_batch) {
             let part = Windows {
                 n: starts.len(),
-                tactile: one_below_the_other(windows.tactile, starts, window, n_taxels, &mut self.tactile),
-                pose: one_below_the_other(windows.pose, starts, window, n_joints, &mut self.pose),
+                tactile: one_below_the_other(windows.tactile, starts, window.get(), n_taxels, &mut self.tactile),
+                pose: one_below_the_other(windows.pose, starts, window.get(), n_joints, &mut self.pose),
             };
             self.runtime.infer(part, outputs).map_err(|said| one_line(&said))?;
             for (idx, (name, output)) in self.output_names.iter().zip(outputs.iter()).enumerate() {
@@ -118,7 +118,7 @@ pub(super) fn check(windows: SharedWindows<'_>, contract: &Contract) -> Result<(
         return Err(format!("expected the places of {} windows or of none, got {}", starts.len(), ids.len()));
     }
     let rises = starts.is_sorted_by(|earlier, later| earlier < later);
-    if !rises || starts.last().is_some_and(|last| last.saturating_add(contract.window) > n_frames) {
+    if !rises || starts.last().is_some_and(|last| last.saturating_add(contract.window.get()) > n_frames) {
         return Err(format!("expected windows of {} frames that rise, within {n_frames} frames", contract.window));
     }
     Ok(())

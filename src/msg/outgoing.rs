@@ -4,14 +4,16 @@ mod gathering;
 
 use self::gathering::Gathering;
 use super::{ContactArray, ContactState, Header, Time, Vector3, Wrench, WrenchStamped, to_cdr_into};
-use crate::fusion::{Adaptation, ContactEvent, Contract, Estimate, FusionConfig, RegionConfig, Tick};
+use crate::fusion::{
+    Adaptation, ContactEvent, Contract, Estimate, FusionConfig, RegionConfig, RegionIdx, TactileSourceIdx, Tick,
+};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 
 /// Which of a node's topics a message is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Slot {
-    /// The wrench of a region, by its index.
-    Wrench(usize),
+    /// The wrench of a region.
+    Wrench(RegionIdx),
     /// The contacts of all regions.
     Contacts,
 }
@@ -31,7 +33,7 @@ impl EstimateTopics {
     /// `node`: fully qualified, as in `/left/tactile_pose_fusion`.
     pub fn of_node(node: &str, cfg: &FusionConfig) -> Self {
         EstimateTopics {
-            wrenches: cfg.regions.iter().map(|region| format!("{node}/{}/wrench", region.name)).collect(),
+            wrenches: cfg.regions().iter().map(|region| format!("{node}/{}/wrench", region.name)).collect(),
             contacts: format!("{node}/contacts"),
         }
     }
@@ -75,18 +77,18 @@ impl Outgoing {
             let header = Header { stamp: Time::default(), frame_id: region.patch.frame_id.clone() };
             WrenchStamped { header, wrench: Wrench::default() }
         };
-        let period_ns = |source_idx: usize| {
-            let region = cfg.regions.iter().position(|region| region.source.0 == source_idx)?;
-            Some((NANOS_PER_SEC as f64 / contracts[region].rate_hz) as i64)
+        let period_ns = |source: TactileSourceIdx| {
+            let region = cfg.regions().iter().position(|region| region.source == source)?;
+            Some((NANOS_PER_SEC as f64 / contracts.get(region)?.rate_hz) as i64)
         };
-        let periods_ns: Vec<Option<i64>> = (0..cfg.tactile_sources.len()).map(period_ns).collect();
-        let contacts = cfg.regions.iter().zip(contracts).map(contact).collect();
+        let periods_ns: Vec<Option<i64>> = cfg.tactile_source_idxs().map(period_ns).collect();
+        let contacts = cfg.regions().iter().zip(contracts).map(contact).collect();
         let mut outgoing = Outgoing {
             contacts: ContactArray { header: Header::default(), contacts },
             gathering: Gathering::new(&periods_ns),
             received: Stamp(0),
-            wrenches: cfg.regions.iter().map(wrench).collect(),
-            regions: cfg.regions.clone(),
+            wrenches: cfg.regions().iter().map(wrench).collect(),
+            regions: cfg.regions().to_vec(),
         };
         outgoing.contacts.contacts.iter_mut().for_each(silence);
         outgoing
@@ -114,10 +116,10 @@ impl Outgoing {
             return Ok(()); // a source that no region uses
         }
         for estimate in &tick.estimates {
-            let is_told = !self.gathering.is_fresh(tick.source.0);
+            let is_told = !self.gathering.is_fresh(tick.source.position());
             self.handle_estimate(tick, estimate, is_told);
         }
-        if self.gathering.handle_frame(tick.source.0, tick.stamp) { self.tell(cdr, write) } else { Ok(()) }
+        if self.gathering.handle_frame(tick.source.position(), tick.stamp) { self.tell(cdr, write) } else { Ok(()) }
     }
 
     /// Hands over, at the end, the contacts that still wait for a frame of another source.
@@ -144,7 +146,7 @@ impl Outgoing {
     fn tell<E>(&mut self, cdr: &mut Vec<u8>, mut write: impl FnMut(Slot, &[u8]) -> Result<(), E>) -> Result<(), E> {
         self.contacts.header.stamp = time(self.gathering.stamp().unwrap_or_default());
         for (region, state) in self.regions.iter().zip(&mut self.contacts.contacts) {
-            if !self.gathering.is_fresh(region.source.0) {
+            if !self.gathering.is_fresh(region.source.position()) {
                 silence(state);
             }
         }
@@ -156,7 +158,7 @@ impl Outgoing {
     /// Puts an estimate into the contacts that are told next. What began or ended in a frame that is told in no message of
     /// its own (`is_told` says whether the last one was) is told in the next.
     fn handle_estimate(&mut self, tick: &Tick, estimate: &Estimate, is_told: bool) {
-        let state = &mut self.contacts.contacts[estimate.region];
+        let state = &mut self.contacts.contacts[estimate.region.position()];
         let event = match estimate.contact.event {
             ContactEvent::None => ContactState::NONE,
             ContactEvent::Onset => ContactState::ONSET,
@@ -181,8 +183,8 @@ impl Outgoing {
 
     /// The wrench of an estimate at `stamp`; `None` where there is no force, because a wrench has no way to say so.
     pub fn wrench(&mut self, stamp: Stamp, estimate: &Estimate) -> Option<&WrenchStamped> {
-        let wrench = self.regions[estimate.region].patch.wrench(estimate.force?, estimate.tangential);
-        let message = &mut self.wrenches[estimate.region];
+        let wrench = self.regions.get(estimate.region.position())?.patch.wrench(estimate.force?, estimate.tangential);
+        let message = self.wrenches.get_mut(estimate.region.position())?;
         message.header.stamp = time(stamp);
         let vector = |v: nalgebra::Vector3<f64>| Vector3 { x: v.x, y: v.y, z: v.z };
         message.wrench = Wrench { force: vector(wrench.force), torque: vector(wrench.torque) };
@@ -190,7 +192,7 @@ impl Outgoing {
     }
 }
 
-/// What is told of a region of whose source no taxels came in time: its contact as it was last known, and no force.
+/// Takes the force out of the state of a region whose taxels did not come in time. Its contact stays as it was last known.
 fn silence(state: &mut ContactState) {
     (state.contact_raw, state.event) = (false, ContactState::NONE);
     (state.force, state.force_base, state.artifact) = (f64::NAN, f64::NAN, f64::NAN);

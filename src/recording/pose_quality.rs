@@ -108,7 +108,7 @@ impl PoseDegrader {
     /// The degraded sample. `None` if it is lost.
     pub fn handle<'a>(&'a mut self, sample: JointSample<'a>) -> Option<JointSample<'a>> {
         let PoseQuality { noise_deg, bias_deg, delay_ms, dropout, rate_hz } = self.quality;
-        if rate_hz.is_some_and(|rate_hz| !self.is_kept(sample.source.0, sample.stamp, rate_hz)) {
+        if rate_hz.is_some_and(|rate_hz| !self.is_kept(sample.source.position(), sample.stamp, rate_hz)) {
             return None;
         }
         if dropout > 0.0 && self.noise.uniform(0.0, 1.0) < dropout {
@@ -119,7 +119,7 @@ impl PoseDegrader {
         if noise_deg == 0.0 && bias_deg == 0.0 {
             return Some(sample);
         }
-        let per_degree = 1f64.to_radians() / self.scales.get(sample.source.0).copied().unwrap_or(1.0);
+        let per_degree = 1f64.to_radians() / self.scales.get(sample.source.position()).copied().unwrap_or(1.0);
         self.positions.clear();
         for (joint, position) in sample.names.iter().zip(sample.positions) {
             let white = if noise_deg > 0.0 { self.noise.normal(noise_deg) } else { 0.0 };
@@ -151,7 +151,7 @@ mod tests {
         let names = ["dip".to_owned(), "pip".to_owned()];
         let mut degrader = PoseDegrader::new(quality, &sources(), "session");
         let sample = |k| JointSample {
-            source: JointSourceIdx(0),
+            source: JointSourceIdx::at(0),
             stamp: Stamp(k),
             names: &names,
             positions: &[10.0, 20.0],
@@ -193,8 +193,13 @@ mod tests {
             PoseDegrader::new(PoseQuality { rate_hz: Some(30.0), ..PoseQuality::default() }, &sources(), "session");
         let mut sample = |k: i64| {
             let stamp = Stamp(1_000_000_000_000 + k * 1_000_000);
-            let sample =
-                JointSample { source: JointSourceIdx(0), stamp, names: &names, positions: &[10.0], received: stamp };
+            let sample = JointSample {
+                source: JointSourceIdx::at(0),
+                stamp,
+                names: &names,
+                positions: &[10.0],
+                received: stamp,
+            };
             degrader.handle(sample).is_some()
         };
         let kept: Vec<i64> = (0..60_000).filter(|k| sample(*k)).collect();

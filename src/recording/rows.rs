@@ -1,12 +1,13 @@
 //! Model input frame by frame, from the windows that the fusion core passes to a model.
 
 use std::collections::VecDeque;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use crate::fusion::{
-    ArtifactModel, Contract, ForceAxes, ForceUnit, Forces, Fusion, FusionConfig, RegressError, Regressor, SetupError,
-    SharedWindows, Tick,
+    ArtifactModel, Contract, ForceAxes, ForceUnit, Forces, Fusion, FusionConfig, RegionIdx, RegressError, Regressor,
+    SetupError, SharedWindows, Tick,
 };
 use crate::units::Stamp;
 
@@ -54,6 +55,7 @@ impl Regressor for Tap {
 
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         let Contract { window, n_taxels, n_joints, .. } = self.contract;
+        let window = window.get();
         for &start in windows.starts {
             let of_window = |values: &[f32], width: usize| values[start * width..(start + window) * width].to_vec();
             let sent = self.windows.send((of_window(windows.tactile, n_taxels), of_window(windows.pose, n_joints)));
@@ -66,26 +68,22 @@ impl Regressor for Tap {
 }
 
 impl RowCollector {
-    /// A collector for the only region of a configuration, and the core that feeds it. The core still needs its
+    /// A collector for the first region of a configuration, and the core that feeds it. The core still needs its
     /// baseline. With an artifact, the rows have corrected taxels and no pose.
     ///
     /// # Errors
-    /// [`SetupError`] if the region doesn't fit its sources.
+    /// [`SetupError`] if there is no region, or if it doesn't fit its sources.
     pub fn new(
-        mut cfg: FusionConfig,
-        window: usize,
+        cfg: FusionConfig,
+        window: NonZeroUsize,
         rate_hz: f64,
         artifact: Option<Arc<ArtifactModel>>,
     ) -> Result<(Self, Fusion), SetupError> {
-        cfg.batch = 1;
-        cfg.regions.truncate(1);
-        let (n_taxels, n_joints) = match cfg.regions.first_mut() {
-            Some(region) => {
-                region.model = 0;
-                (region.taxels.len(), if artifact.is_some() { 0 } else { region.joints.len() })
-            }
-            None => (0, 0),
-        };
+        let (got, n_regions) = (RegionIdx::at(0), cfg.regions().len());
+        let cfg = cfg.only(got).ok_or(SetupError::UnknownRegion { got, n_regions })?;
+        let cfg = cfg.with_one_model().with_batch(NonZeroUsize::MIN);
+        let region = &cfg.regions()[0];
+        let (n_taxels, n_joints) = (region.taxels.len(), if artifact.is_some() { 0 } else { region.joints.len() });
         let contract = Contract {
             window,
             n_taxels,
@@ -103,7 +101,7 @@ impl RowCollector {
         let (sender, windows) = channel();
         let fusion = Fusion::new(cfg, vec![Box::new(Tap { contract, windows: sender })])?;
         let collector = RowCollector {
-            window,
+            window: window.get(),
             n_taxels,
             n_joints,
             windows,

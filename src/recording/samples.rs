@@ -62,12 +62,12 @@ impl Samples {
     /// No samples yet, for the sources of a configuration.
     pub fn new(cfg: &FusionConfig) -> Self {
         Samples {
-            tactile: vec![TactileTrack::default(); cfg.tactile_sources.len()],
+            tactile: vec![TactileTrack::default(); cfg.tactile_sources().len()],
             joints: BTreeMap::new(),
             joint_names: Vec::new(),
-            tactile_sources: cfg.tactile_sources.clone(),
-            joint_sources: cfg.joint_sources.clone(),
-            time_jump_ns: nanos(cfg.timing.time_jump),
+            tactile_sources: cfg.tactile_sources().to_vec(),
+            joint_sources: cfg.joint_sources().to_vec(),
+            time_jump_ns: nanos(cfg.timing().time_jump),
         }
     }
 
@@ -83,8 +83,8 @@ impl Samples {
     }
 
     fn handle_taxels(&mut self, block: &TactileBlock<'_>) -> Result<(), SampleError> {
-        let source = &self.tactile_sources[block.source.0];
-        let track = &mut self.tactile[block.source.0];
+        let source = &self.tactile_sources[block.source.position()];
+        let track = &mut self.tactile[block.source.position()];
         if block.rows.checked_mul(source.n_taxels) != Some(block.values.len()) {
             track.wrong_length += 1;
             return Ok(());
@@ -109,7 +109,7 @@ impl Samples {
     }
 
     fn handle_joints(&mut self, sample: &JointSample<'_>) -> Result<(), SampleError> {
-        let source = &self.joint_sources[sample.source.0];
+        let source = &self.joint_sources[sample.source.position()];
         let stamp = sample.stamp.offset(source.stamp_offset_ns);
         for (name, position) in sample.names.iter().zip(sample.positions) {
             if !self.joints.contains_key(name) {
@@ -204,7 +204,7 @@ mod tests {
             time_jump_ns: 1000,
         };
         for (at, values) in [(20, [0.0, 1.0]), (24, [2.0, 3.0]), (24, [4.0, 5.0])] {
-            let (source, stamp) = (TactileSourceIdx(0), Stamp(at));
+            let (source, stamp) = (TactileSourceIdx::at(0), Stamp(at));
             let row_period_ns = 10;
             let block = TactileBlock {
                 source,

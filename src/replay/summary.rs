@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::stages::BusySeconds;
 use crate::bag::{TopicCounters, shown};
-use crate::fusion::{Counters, Fusion, TactileSourceIdx};
+use crate::fusion::{Counters, Fusion};
 use crate::model::{BackendInfo, ModelInfo};
 use crate::zero::ZeroFrom;
 
@@ -202,8 +202,8 @@ pub(super) fn warnings(losses: &[String], topics: &BTreeMap<String, TopicCounter
             ));
         }
     }
-    for (source_idx, source) in fusion.counters().tactile.iter().enumerate() {
-        warnings.extend(fusion.rate_fault(TactileSourceIdx(source_idx)).map(|fault| fault.to_string()));
+    for (source_idx, source) in fusion.config().tactile_source_idxs().zip(fusion.counters().tactile) {
+        warnings.extend(fusion.rate_fault(source_idx).map(|fault| fault.to_string()));
         let (name, c) = (source.name, &source.counts);
         for (n, what) in [
             (c.frozen, "while all its taxels stood still for longer than their noise allows: was its driver running?"),

@@ -28,7 +28,7 @@ pub enum SessionError {
 
 impl SessionError {
     /// An error in a file or bag.
-    pub(crate) fn at(path: &Path, reason: &dyn Display) -> Self {
+    pub fn at(path: &Path, reason: &dyn Display) -> Self {
         SessionError::At { path: path.display().to_string(), reason: reason.to_string() }
     }
 

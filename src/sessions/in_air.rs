@@ -113,7 +113,7 @@ pub fn annotated(
             spans.iter().map(|(from, to)| ZeroLoad { from: at(*from), to: at(*to) }).collect()
         }
         InAir::Below(limit) => {
-            let max_gap_ns = nanos(cfg.fusion.timing.max_gap);
+            let max_gap_ns = nanos(cfg.fusion.timing().max_gap);
             let free = force::below(&seen.truth, *limit, max_gap_ns).map_err(&refuse)?;
             let seconds: f64 = free.iter().map(|free| free.to.nanos_since(free.from) as f64 * 1e-9).sum();
             observer.note(&format!(
@@ -173,7 +173,7 @@ impl Seen {
             for part in inputs.parts(message.channel)? {
                 match inputs.decode(&message, part) {
                     Input::Event(Event::Tactile(block)) => {
-                        let source = &cfg.fusion.tactile_sources[block.source.0];
+                        let source = &cfg.fusion.tactile_sources()[block.source.position()];
                         if block.is_of(source.n_taxels) {
                             let last = block.stamp.offset(source.stamp_offset_ns);
                             let rows = block.rows.saturating_sub(1) as i64;

@@ -60,11 +60,11 @@ pub fn force_gains(
     let mut inputs = Inputs::new(InputTopics { truth, ..input_topics(cfg) }, &mut reader)?;
     inputs.read_only_these(&mut reader);
     let mut labels = Labels::new(&cfg.truth_sources);
-    let mut tracks = vec![EstimateTrack::default(); cfg.fusion.regions.len()];
+    let mut tracks = vec![EstimateTrack::default(); cfg.fusion.regions().len()];
     let listener = Listener::<SessionError> {
         on_tick: &mut |_, tick| {
             for estimate in &tick.estimates {
-                tracks[estimate.region].handle_estimate(tick.stamp, estimate);
+                tracks[estimate.region.position()].handle_estimate(tick.stamp, estimate);
             }
         },
         on_other: &mut |_| Ok(()),
@@ -80,7 +80,7 @@ pub fn force_gains(
     let fitted = touches.into_iter().enumerate().filter(|(_, touches)| !touches.is_empty()).map(|(region, touches)| {
         let known: Vec<_> = touches.iter().map(|touch| touch.touch).collect();
         let gain = ForceGain::fit(&known);
-        let gain = gain.map_err(|error| refuse(format!("region {}: {error}", cfg.fusion.regions[region].name)))?;
+        let gain = gain.map_err(|error| refuse(format!("region {}: {error}", cfg.fusion.regions()[region].name)))?;
         Ok(RegionTouches { region, touches, gain })
     });
     let fitted: Vec<RegionTouches> = fitted.collect::<Result<_, SessionError>>()?;
@@ -113,7 +113,7 @@ fn of_sensor(
             cfg.stage_topic
         ));
     }
-    let max_gap = cfg.fusion.timing.max_gap;
+    let max_gap = cfg.fusion.timing().max_gap;
     let of_region = |(track, truth_idx): (&EstimateTrack, &Option<usize>)| {
         let Some(truth) = truth_idx.and_then(|idx| labels.truth.get(idx)) else { return Ok(Vec::new()) };
         let tare = truth.tare(&rest).map_err(|error| format!("truth {}: {error}", truth.name()))?;
@@ -130,9 +130,9 @@ fn of_told(
 ) -> Result<Vec<Vec<TimedTouch>>, String> {
     let mut touches = vec![Vec::new(); tracks.len()];
     for (name, told) in told {
-        let region = cfg.fusion.regions.iter().position(|region| region.name == *name);
+        let region = cfg.fusion.regions().iter().position(|region| region.name == *name);
         let region = region.ok_or_else(|| {
-            let names: Vec<&str> = cfg.fusion.regions.iter().map(|region| region.name.as_str()).collect();
+            let names: Vec<&str> = cfg.fusion.regions().iter().map(|region| region.name.as_str()).collect();
             format!("--touch names region {name}, the parameters have {}", names.join(", "))
         })?;
         let found = told_touch(&tracks[region], told).ok_or_else(|| {

@@ -1,5 +1,7 @@
 //! Calibrates the touch output to a probability, and finds its contact thresholds. Both use only the validation part.
 
+use std::num::NonZeroU32;
+
 use serde::Serialize;
 
 use super::dataset::{Dataset, TOUCH_GF};
@@ -18,6 +20,12 @@ const LEVELS: std::ops::Range<u32> = 1..100;
 
 /// Maximum number of steps of Newton's method; it converges in about five.
 const STEPS: usize = 50;
+
+/// Frames before contact begins, as the node has them by default.
+const ON_FRAMES: NonZeroU32 = NonZeroU32::new(2).expect("it is above 0");
+
+/// Frames before contact ends, as the node has them by default.
+const OFF_FRAMES: NonZeroU32 = NonZeroU32::new(3).expect("it is above 0");
 
 /// A frame of the validation part.
 struct Judged {
@@ -183,8 +191,8 @@ fn false_per_min(frames: &[Judged], levels: TouchLevels, rate_hz: f64) -> Option
         touch: Some(levels),
         force_on: Newton(f64::INFINITY),
         force_off: Newton(f64::INFINITY),
-        on_frames: 2,
-        off_frames: 3,
+        on_frames: ON_FRAMES,
+        off_frames: OFF_FRAMES,
     };
     let detector = || ContactDetector::new(thresholds, Some(TouchOutput::default()));
     let (mut contact, mut n_false, mut n_rest) = (detector(), 0u64, 0u64);

@@ -1,5 +1,6 @@
 //! Sessions, ready to be trained on.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use crate::observer::Observer;
 use crate::train::{ContactAxes, Dataset, Kind, Session, WindowSpec, fit_artifact, pose_range};
 
 /// Frames in a window; the paper's.
-const WINDOW: usize = 64;
+const WINDOW: NonZeroUsize = NonZeroUsize::new(64).expect("it is above 0");
 
 /// Frames from one window to the next where the network is judged: neighbours say nearly the same. `tpf eval` takes all.
 const EVAL_STRIDE: usize = 10;
@@ -76,7 +77,7 @@ impl Data {
         let glove =
             cfg.glove.clone().or_else(|| notes.iter().find_map(|notes| notes.glove.clone())).unwrap_or_default();
         let spec = WindowSpec {
-            window: WINDOW,
+            window: WINDOW.get(),
             stride: request.stride,
             eval_stride: EVAL_STRIDE,
             outputs: 1,

@@ -1,5 +1,6 @@
 //! From bags to sessions that can be trained on: every column by the core that also runs live.
 
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use super::TrainingError;
 use crate::bag::{BagReader, Inputs};
 use crate::config::Config;
 use crate::eval::{Split, TruthError};
-use crate::fusion::{ArtifactModel, Following, ForceAxes, FusionConfig};
+use crate::fusion::{ArtifactModel, Following, ForceAxes};
 use crate::observer::{self, Observer};
 use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, aligned, input_topics, read};
 use crate::sessions::{InAir, SessionError, annotated, session_name};
@@ -26,7 +27,7 @@ pub(super) struct TrainingLoader<'c> {
     cfg: &'c Config,
     region_idx: usize,
     truth_idx: usize,
-    window: usize,
+    window: NonZeroUsize,
     split: Split,
     rate_hz: f64,
     artifact: Option<Arc<ArtifactModel>>,
@@ -47,13 +48,13 @@ impl<'c> TrainingLoader<'c> {
     /// A loader of the only region of a configuration; the network's kind decides whether its joints are read.
     pub(super) fn new(
         cfg: &'c Config,
-        window: usize,
+        window: NonZeroUsize,
         split: Split,
         in_air: Option<&'c InAir>,
         axes: ForceAxes,
     ) -> Result<Self, TrainingError> {
         let region_idx = 0;
-        let region = &cfg.fusion.regions[region_idx];
+        let region = &cfg.fusion.regions()[region_idx];
         let Some(truth_idx) = cfg.truth_of_region[region_idx] else {
             return Err(TrainingError::NoTruth { region: region.name.clone() });
         };
@@ -64,7 +65,7 @@ impl<'c> TrainingLoader<'c> {
             }
             ForceAxes::Patch => Some(ContactAxes::of(&region.patch.normal_in_patch)),
         };
-        let rate_hz = cfg.models[region.model].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
+        let rate_hz = cfg.models[region.model.position()].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
         Ok(TrainingLoader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air, axes })
     }
 
@@ -108,7 +109,7 @@ impl<'c> TrainingLoader<'c> {
         let zero = zero::find(Wanted::Any, &cfg, &bags, &known).map_err(|error| TrainingError::at(bag, &error))?;
         zero.notes.iter().for_each(|note| observer.note(note));
         // What is trained on is followed, whatever the parameters of a node say.
-        let fusion = FusionConfig { following: Following::On, ..self.cfg.fusion.clone() };
+        let fusion = self.cfg.fusion.clone().with_following(Following::On);
         let artifact = self.artifact.clone();
         let (mut rows, fusion) = RowCollector::new(fusion, self.window, self.rate_hz, artifact)?;
         let mut cores = [fusion];
@@ -133,7 +134,7 @@ impl<'c> TrainingLoader<'c> {
         let measured = fusion.counters().tactile.first().and_then(|source| source.measured_rate_hz);
         if let Some(measured) = measured.filter(|hz| (hz / self.rate_hz - 1.0).abs() > RATE_TOLERANCE) {
             let (model, rate_hz) =
-                (&self.cfg.models[self.cfg.fusion.regions[self.region_idx].model].name, self.rate_hz);
+                (&self.cfg.models[self.cfg.fusion.regions()[self.region_idx].model.position()].name, self.rate_hz);
             return Err(TrainingError::at(
                 bag,
                 &format!(
@@ -153,7 +154,7 @@ impl<'c> TrainingLoader<'c> {
         rows: Rows,
         observer: &dyn Observer,
     ) -> Result<LoadedSession, TrainingError> {
-        let region = &self.cfg.fusion.regions[self.region_idx];
+        let region = &self.cfg.fusion.regions()[self.region_idx];
         let n_joints = if self.artifact.is_some() { 0 } else { region.joints.len() };
         let n_taxels = region.taxels.len();
         let track = &labels.truth[0];
@@ -170,13 +171,13 @@ impl<'c> TrainingLoader<'c> {
         };
         track.doubts(&tare).iter().for_each(|doubt| observer.warn(&format!("{name}: {doubt}")));
         let cuts = self.split.cuts(&recording::stage_spans(&labels.annotations, end.offset(1)));
-        let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing.max_gap);
+        let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing().max_gap);
         let mut frames = SessionFrames { name, n_taxels, n_joints, ..SessionFrames::default() };
         let (mut epoch, mut last, mut n_without_truth) = (0, None, 0);
         for (row, truth) in truth.iter().enumerate() {
             let stamp = rows.stamp[row];
             let tangential = axes.as_ref().and_then(|(axes, tares)| {
-                let force = track.tangential_at(tares, stamp, self.cfg.fusion.timing.max_gap)?;
+                let force = track.tangential_at(tares, stamp, self.cfg.fusion.timing().max_gap)?;
                 Some(axes.tangents(force.map(|force| force.0)))
             });
             let Some(truth) = truth else {

@@ -1,18 +1,20 @@
 //! Fits the artifacts of a donning to the frames of its calibration.
 
 use std::collections::BTreeSet;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::{Donning, ZeroError};
 use crate::bag::{Rest, printable};
 use crate::fusion::{
-    ArtifactFit, ArtifactFitter, ArtifactModel, Baseline, Event, Fusion, FusionConfig, FusionError, SetupError,
+    ArtifactFit, ArtifactFitter, ArtifactModel, Baseline, Event, Fusion, FusionConfig, FusionError, RegionIdx,
+    SetupError,
 };
 use crate::recording::{RowCollector, Rows};
 
 /// Number of consecutive frames that are needed. If fewer are missing, they are interpolated.
-const WINDOW: usize = 16;
+const WINDOW: NonZeroUsize = NonZeroUsize::new(16).expect("it is above 0");
 
 /// Most names of joints that are compared. Two hands have 50.
 const MAX_NAMES: usize = 128;
@@ -67,19 +69,21 @@ impl ArtifactCollector {
         times: ArtifactTimes,
     ) -> Result<Self, SetupError> {
         let at_rest = Donning { baselines: baselines.to_vec(), ..Donning::default() };
-        let collecting = |region_idx: usize, (model, rate_hz): &TimedArtifact| {
-            let region = cfg.regions[region_idx].clone();
-            let (name, rest) = (region.name.clone(), rest[region.source.0].clone());
+        let collecting = |region_idx: RegionIdx, (model, rate_hz): &TimedArtifact| {
+            let only = cfg.clone().only(region_idx);
+            let only = only.ok_or(SetupError::UnknownRegion { got: region_idx, n_regions: cfg.regions().len() })?;
+            let region = &only.regions()[0];
+            let (name, rest) = (region.name.clone(), rest[region.source.position()].clone());
             let (missing, seen) = (region.joints.iter().cloned().collect(), BTreeSet::new());
-            let only = FusionConfig { regions: vec![region], ..cfg.clone() };
             let (rows, mut core) = RowCollector::new(only, WINDOW, *rate_hz, None)?;
             at_rest.install(&mut core)?;
             let (model, rate_hz) = (Arc::clone(model), *rate_hz);
             Ok(Collecting { name, model, rate_hz, rest, rows, core, n_at_rest: 0, is_done: false, missing, seen })
         };
         let all = artifacts.iter().enumerate();
-        let regions =
-            all.map(|(idx, artifact)| artifact.as_ref().map(|artifact| collecting(idx, artifact)).transpose());
+        let regions = all.map(|(idx, artifact)| {
+            artifact.as_ref().map(|artifact| collecting(RegionIdx::at(idx), artifact)).transpose()
+        });
         Ok(ArtifactCollector { times, regions: regions.collect::<Result<_, SetupError>>()? })
     }
 
@@ -101,7 +105,7 @@ impl ArtifactCollector {
                     }
                 }
             }
-            region.core.handle(event);
+            region.core.handle(event)?;
             region.poll(self.times)?;
         }
         Ok(())

@@ -43,7 +43,7 @@ pub enum ZeroError {
     #[error("region {region}: {error}")]
     Loaded { region: String, error: CalibrationError },
     #[error(
-        "region {region}: {percent:.0} % of the frames of the zero read more than {limit}, at most {limit_percent:.0} % may (calibration.max_force, calibration.max_loaded_fraction): something touches the glove there, or the model is of another glove; tell when nothing does, by --calibrate-first with fewer seconds, --in-air FROM..TO or --zero-load-below FORCE"
+        "region {region}: calibration looks loaded: {percent:.0} % of its frames read more than {limit}, at most {limit_percent:.0} % may (calibration.max_force, calibration.max_loaded_fraction): something touches the glove there, or the model is of another glove; tell when nothing does, by --calibrate-first with fewer seconds, --in-air FROM..TO or --zero-load-below FORCE"
     )]
     LoadedInBag { region: String, percent: f64, limit: crate::units::Newton, limit_percent: f64 },
     #[error(

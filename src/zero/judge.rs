@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{ZeroError, ZeroFrom, forgiven};
 use crate::bag::Rest;
 use crate::config::{CalibrationConfig, Config};
-use crate::fusion::{CalibrationLimits, Estimate, Flags, Tick, judge_loaded};
+use crate::fusion::{CalibrationLimits, Estimate, Flags, RegionIdx, Tick, judge_loaded};
 
 /// The limits at which a calibration is refused.
 pub fn limits(cfg: &CalibrationConfig) -> CalibrationLimits {
@@ -25,7 +25,7 @@ pub struct LoadCheck {
     /// `[tactile sources]`: true if its last span at rest is over.
     over: Vec<bool>,
     limits: CalibrationLimits,
-    regions: BTreeMap<usize, Tally>,
+    regions: BTreeMap<RegionIdx, Tally>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -48,7 +48,7 @@ impl LoadCheck {
 
     /// Adds the estimates of a frame. True if more frames at rest may follow.
     pub fn takes(&mut self, tick: &Tick) -> bool {
-        let source = tick.source.0;
+        let source = tick.source.position();
         if !self.over[source] {
             let rest = &self.rest[source];
             self.over[source] = rest.last().is_none_or(|last| tick.stamp > last.to);
@@ -83,7 +83,7 @@ impl LoadCheck {
     /// [`ZeroError::Loaded`], [`ZeroError::LoadedHere`], [`ZeroError::Unjudged`].
     pub fn judge(&self, cfg: &Config) -> Result<Option<String>, ZeroError> {
         for (&region, tally) in &self.regions {
-            if let Err(error) = self.judge_region(cfg.fusion.regions[region].name.clone(), tally) {
+            if let Err(error) = self.judge_region(cfg.fusion.regions()[region.position()].name.clone(), tally) {
                 return forgiven(cfg, error);
             }
         }
@@ -114,12 +114,12 @@ impl LoadCheck {
     /// [`ZeroError::WithoutPose`], unless `calibration.insist` is set.
     pub fn check_pose(&self, cfg: &Config) -> Result<Option<String>, ZeroError> {
         for (&region, tally) in &self.regions {
-            let needs_pose = !cfg.fusion.regions[region].joints.is_empty();
+            let needs_pose = !cfg.fusion.regions()[region.position()].joints.is_empty();
             if needs_pose && 2 * tally.n_without_pose > tally.n_frames {
                 let percent = 100.0 * tally.n_without_pose as f64 / tally.n_frames as f64;
                 return forgiven(
                     cfg,
-                    ZeroError::WithoutPose { region: cfg.fusion.regions[region].name.clone(), percent },
+                    ZeroError::WithoutPose { region: cfg.fusion.regions()[region.position()].name.clone(), percent },
                 );
             }
         }

@@ -88,7 +88,7 @@ fn of_file(
         let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
         inputs.read_only_these(&mut reader);
         let rest = annotated_rest(&mut reader, &mut inputs)?;
-        zero.check = Some(check(&zero.from, cfg, vec![rest; cfg.fusion.tactile_sources.len()]));
+        zero.check = Some(check(&zero.from, cfg, vec![rest; cfg.fusion.tactile_sources().len()]));
     }
     Ok(zero)
 }

@@ -15,5 +15,4 @@ mod msg_hostile;
 mod msg_recorded;
 mod msg_type_hash;
 mod msg_wire;
-mod python_readers;
 mod recording;

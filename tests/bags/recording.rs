@@ -2,6 +2,7 @@
 
 use crate::common;
 
+use std::num::NonZeroUsize;
 use std::sync::mpsc::{Sender, channel};
 
 use common::fake::{MS, config, contract, region};
@@ -31,25 +32,25 @@ impl Regressor for Spy {
 /// Taxels and joints at 100 Hz, with a sample missing here and there, a NaN, a gap, and joints that stop for a while.
 fn feed(fusion: &mut Fusion, mut on_tick: impl FnMut(&Tick)) {
     let names = ["dip".to_owned(), "pip".to_owned()];
-    fusion.handle_baseline(TactileSourceIdx(0), Baseline::from_median(vec![10.0, 20.0])).unwrap();
+    fusion.handle_baseline(TactileSourceIdx::at(0), Baseline::from_median(vec![10.0, 20.0])).unwrap();
     for k in 0..600i64 {
         let received = Stamp(k * 10 * MS);
         if !(200..215).contains(&k) {
             let positions = [(k as f64 * 0.05).sin(), (k as f64 * 0.03).cos()];
             let sample = JointSample {
-                source: JointSourceIdx(0),
+                source: JointSourceIdx::at(0),
                 stamp: Stamp(k * 10 * MS - 3 * MS),
                 names: &names,
                 positions: &positions,
                 received,
             };
-            fusion.handle(Event::Joints(sample));
+            fusion.handle(Event::Joints(sample)).unwrap();
         }
         if k % 37 != 5 && !(400..430).contains(&k) {
             let first = if k == 300 { f32::NAN } else { 10.0 + (k % 17) as f32 };
             let values = [first, 20.0 - (k % 5) as f32];
             let block = TactileBlock {
-                source: TactileSourceIdx(0),
+                source: TactileSourceIdx::at(0),
                 stamp: received,
                 rows: 1,
                 row_period_ns: 0,
@@ -57,7 +58,7 @@ fn feed(fusion: &mut Fusion, mut on_tick: impl FnMut(&Tick)) {
                 values: &values,
                 received,
             };
-            fusion.handle(Event::Tactile(block));
+            fusion.handle(Event::Tactile(block)).unwrap();
         }
         while let Some(tick) = fusion.poll().unwrap() {
             on_tick(tick);
@@ -83,7 +84,7 @@ fn rows_are_what_a_model_is_given_frame_by_frame() {
     let windows: Vec<_> = windows.try_iter().collect();
     assert!(ends.len() == windows.len() && ends.len() > 300, "{}", ends.len());
 
-    let (mut collector, mut fusion) = RowCollector::new(cfg, WINDOW, 100.0, None).unwrap();
+    let (mut collector, mut fusion) = RowCollector::new(cfg, NonZeroUsize::new(WINDOW).unwrap(), 100.0, None).unwrap();
     feed(&mut fusion, |tick| collector.handle_tick(tick));
     let rows = collector.finish();
     assert_eq!((rows.tactile.len(), rows.pose.len()), (2 * rows.stamp.len(), 2 * rows.stamp.len()));

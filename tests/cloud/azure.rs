@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::common::ROOT;
 use crate::common::onnx::LinearModel;
 use crate::common::tpf::{Run, write_params};
 use crate::common::{self, bags};
@@ -26,8 +27,7 @@ impl Emulator {
         if !common::skip::isolated() {
             return None;
         }
-        let program =
-            PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/azurite/node_modules/.bin/azurite-blob"));
+        let program = PathBuf::from(format!("{ROOT}/target/azurite/node_modules/.bin/azurite-blob"));
         if !program.exists() {
             common::skipped("target/azurite is not here; scripts/azure-server makes it");
             return None;

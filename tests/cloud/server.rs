@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use crate::common;
 use crate::common::tpf::Run;
 use crate::proxy::Proxy;
+use common::ROOT;
 
 /// The server with an empty bucket `bags`, behind a proxy, and a folder for a test's own files.
 pub struct Cloud {
@@ -28,7 +29,7 @@ impl Cloud {
         if !common::skip::isolated() {
             return None;
         }
-        let program = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/s3-server/bin/s3s-fs"));
+        let program = PathBuf::from(format!("{ROOT}/target/s3-server/bin/s3s-fs"));
         if !program.exists() {
             assert!(
                 std::env::var_os("TPF_REQUIRE_S3").is_none(),

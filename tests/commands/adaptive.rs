@@ -7,11 +7,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use common::ROOT;
 use common::bags::{decoded, messages};
 use common::tpf::{Run, tpf};
 use tactile_pose_fusion::msg::{ContactArray, ContactState};
 
-const PARAMS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
+const PARAMS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../params/glove3.yaml");
 const CONTACTS: &str = "/tactile_pose_fusion/contacts";
 
 /// A folder with three sessions of two users, and a model trained on the first two. Made once for all tests of this program.
@@ -77,7 +78,7 @@ fn a_camera_as_hand_tracker_costs_the_shipped_model_false_touches_and_little_els
     let folder = tempfile::tempdir().unwrap();
     let simulate = ["simulate", "--glove", "3", "--users", "1", "--sessions", "1", "--minutes", "5", "--seed", "11"];
     tpf(folder.path(), &[&simulate[..], &["--tracking", "camera", "-o", "bags"]].concat()).ok();
-    let model = |kind: &str| format!("{}/models/glove3_{kind}.onnx", env!("CARGO_MANIFEST_DIR"));
+    let model = |kind: &str| format!("{ROOT}/models/glove3_{kind}.onnx");
     let (tactile, adaptive) = (model("tactile_only"), model("adaptive"));
     let eval =
         ["eval", "bags", "--params-file", PARAMS, "--whole", "--compare", &tactile, "--model", &adaptive, "--json"];

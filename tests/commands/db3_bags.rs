@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use common::ROOT;
 use common::bags::{Bag, Recorded, messages};
 use common::sqlite::as_sqlite;
 use common::tpf::{Run, tpf};
@@ -73,8 +74,8 @@ fn every_command_gives_the_same_of_a_db3_bag_as_of_the_same_data_in_mcap() {
     let folder = tempfile::tempdir().unwrap();
     let places = workplaces(folder.path());
     let at = |name: &str| places.each_ref().map(|place| fs::read(place.join(name)).unwrap());
-    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove1.yaml");
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
+    let params = &format!("{ROOT}/params/glove1.yaml");
+    let model = &format!("{ROOT}/models/glove1_pose_aware.onnx");
     let with = |args: &[&str]| -> Vec<String> {
         [args, &["--params-file", params, "-p", "model.fingertip.backend:=rten"]]
             .concat()
@@ -141,7 +142,7 @@ fn every_command_gives_the_same_of_a_db3_bag_as_of_the_same_data_in_mcap() {
 fn a_model_that_is_trained_on_a_db3_bag_is_that_of_the_same_data_in_mcap() {
     let folder = tempfile::tempdir().unwrap();
     let places = workplaces(folder.path());
-    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove1.yaml");
+    let params = &format!("{ROOT}/params/glove1.yaml");
     let args = [
         "train",
         "session",

@@ -5,6 +5,7 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
+use common::ROOT;
 use common::bags::{Bag, at, decoded, write_session};
 use common::onnx::LinearModel;
 use common::tpf::{Run, tpf, write_params};
@@ -215,7 +216,7 @@ fn a_comparison_is_written_as_checks_that_a_junit_parser_reads() {
     assert!(other.contains(&("\"index: force_base\"".into(), "\"passed\"".into())), "{other:?}");
 
     let Some(python) = common::skip::python() else { return };
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/read_junit.py");
+    let script = Path::new(ROOT).join("tests/python/read_junit.py");
     let output = std::process::Command::new(python).arg(script).arg(folder.join("other.xml")).output().unwrap();
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(found["tests"], other.len());

@@ -5,6 +5,7 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
+use common::ROOT;
 use common::onnx::LinearModel;
 use common::scored::{PARAMS, folder};
 use common::tpf::tpf;
@@ -186,7 +187,7 @@ fn a_bag_that_fails_is_named_and_the_others_are_scored_the_same_by_any_number_of
 fn gates_pass_on_what_they_were_stored_for_and_fail_on_a_worse_model() {
     let folder = folder();
     let path = folder.path();
-    fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("params/gates.yaml"), path.join("default.yaml")).unwrap();
+    fs::copy(Path::new(ROOT).join("params/gates.yaml"), path.join("default.yaml")).unwrap();
     let gates = "reference: stored.json
 gates:
 - {metric: mae_gf, by: user, worse_by_share: 0.01}
@@ -246,7 +247,7 @@ gates:
 fn the_shipped_model_passes_the_default_gates_and_that_of_another_glove_fails_them() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let source = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let source = Path::new(ROOT);
     let simulate = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes=2", "--seed", "9"];
     tpf(path, &[&simulate[..], &["-o", "bags"]].concat()).ok();
     fs::copy(source.join("params/gates.yaml"), path.join("gates.yaml")).unwrap();

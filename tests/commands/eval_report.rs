@@ -5,6 +5,7 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
+use common::ROOT;
 use common::browser::look;
 use common::scored::{PARAMS, folder};
 use common::tpf::tpf;
@@ -172,7 +173,7 @@ fn the_verdict_comes_first_with_its_numbers_and_ends_the_text() {
     assert_eq!(failed.code, 1, "{failed:?}");
     assert!(failed.stdout.lines().last().unwrap().contains("1 of 1 gates FAILED"), "{failed:?}");
     // A single model without a base has nothing to be better than.
-    let tactile_only = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_tactile_only.onnx");
+    let tactile_only = &format!("{ROOT}/models/glove1_tactile_only.onnx");
     let alone = tpf(path, &["eval", "bags", "--params-file", "params.yaml", "--whole", "--model", tactile_only]).ok();
     assert!(alone.stdout.lines().last().unwrap().contains("nothing to compare it with"), "{alone:?}");
 }

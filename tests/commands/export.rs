@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use common::ROOT;
 use common::bags::{Bag, at, decoded, stamp_of};
 use common::files;
 use common::onnx::LinearModel;
@@ -23,7 +24,7 @@ fn export(folder: &Path, bags: &[&str], more: &[&str]) -> Run {
 
 /// What `script` tells about a file or folder.
 fn read(script: &str, of: &Path) -> Option<Value> {
-    let script = format!("{}/tests/python/{script}", env!("CARGO_MANIFEST_DIR"));
+    let script = format!("{ROOT}/tests/python/{script}");
     let output = Command::new(python()?).arg(script).arg(of).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Some(serde_json::from_slice(&output.stdout).unwrap())

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::Path;
 
+use crate::common::ROOT;
 use crate::common::tpf::{Run, tpf};
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const BAG: &str = "sessions/glove3_user01_session1";
 
 /// A folder with a session of glove 3, and parameters that don't name the glove.

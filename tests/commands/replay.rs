@@ -7,6 +7,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use common::ROOT;
 use common::bags::{Bag, at, decoded, messages, stamp_of, write_session};
 use common::layouts;
 use common::onnx::LinearModel;
@@ -796,7 +797,7 @@ fn a_model_of_another_glove_is_refused_unless_it_is_asked_for_by_name() {
     bag.joints(at(0), &["mcp"], &[0.0]);
     (0..300).for_each(|k| bag.taxels(at(k * 10), &[(k % 2) as f32; 6]));
     bag.finish();
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_tactile_only.onnx");
+    let model = &format!("{ROOT}/models/glove1_tactile_only.onnx");
     write_params(folder, 6, &[], "    glove: synthetic-3\n");
     let run = |more: &[&str]| {
         let args =

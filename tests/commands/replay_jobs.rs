@@ -6,6 +6,7 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
+use common::ROOT;
 use common::bags::{Bag, at};
 use common::onnx::LinearModel;
 use common::tpf::{Run, tpf, write_params};
@@ -44,7 +45,7 @@ fn replay(folder: &Path, jobs: &str, output: &str, more: &[&str]) -> Run {
 fn any_number_of_jobs_writes_the_same_bytes() {
     let folder = session(1400);
     let folder = folder.path();
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
+    let model = &format!("{ROOT}/models/glove1_pose_aware.onnx");
     for merge in [&[][..], &["--merge"]] {
         let written = |jobs: &str| {
             let output = format!("{jobs}{}.mcap", merge.len());
@@ -65,7 +66,7 @@ fn any_number_of_jobs_writes_the_same_bytes() {
 fn with_the_papers_network_any_batch_writes_the_same_bytes() {
     let folder = session(1400);
     let folder = folder.path();
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
+    let model = &format!("{ROOT}/models/glove1_pose_aware.onnx");
     let written = |more: &[&str]| {
         let output = format!("out{}.mcap", more.concat());
         replay(folder, "2", &output, &[&["--model", model], more].concat()).ok();

@@ -5,6 +5,7 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
+use common::ROOT;
 use common::bags::{Bag, Recorded, messages};
 use common::onnx::LinearModel;
 use common::tpf::tpf;
@@ -129,7 +130,7 @@ fn angles_of(params: &Path, bag: &Path) -> Vec<(Stamp, [f64; 20])> {
         taxels: cfg.tactile.clone(),
         joints: cfg.joints.clone(),
         truth: vec![],
-        joint_sources: cfg.fusion.joint_sources.clone(),
+        joint_sources: cfg.fusion.joint_sources().to_vec(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
         told: None,
@@ -266,7 +267,7 @@ fn free_manipulation_is_a_session_too() {
     let rate_hz: f64 = joints.split_whitespace().nth(1).unwrap().parse().unwrap();
     assert!((26.0..30.0).contains(&rate_hz), "{joints}");
     let scored = ["eval", "free/glove3_user01_session1", "--whole", "--by", "substage", "--params-file"];
-    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
+    let params = &format!("{ROOT}/params/glove3.yaml");
     let scored = tpf(folder, &[&scored[..], &[params]].concat()).ok();
     for episode in ["air", "still_air", "light_hold", "still_hold", "grasp", "ramp", "touches"] {
         assert!(scored.stdout.contains(episode), "{scored:?}");
@@ -277,7 +278,7 @@ fn free_manipulation_is_a_session_too() {
 fn a_hand_replays_and_is_scored_finger_by_finger() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/hand1.yaml");
+    let params = &format!("{ROOT}/params/hand1.yaml");
     let asked = ["simulate", "--glove", "hand1", "--users", "1", "--minutes", "2", "--seed", "7", "-o", "hand"];
     tpf(folder, &[&asked[..], &["--sessions", "2"]].concat()).ok();
     // The protocol goes through the fingers in turn, and a finger that the load cell was never under has no topic.
@@ -313,7 +314,7 @@ fn a_hand_replays_and_is_scored_finger_by_finger() {
 fn free_manipulation_of_a_hand_is_scored_on_each_finger_that_touches() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/hand1.yaml");
+    let params = &format!("{ROOT}/params/hand1.yaml");
     let asked = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "1", "--seed", "7", "-o", "free"];
     let free = ["--activity", "manipulation", "--minutes", "10", "--episodes", "touches,light_hold"];
     tpf(folder, &[&asked[..], &free].concat()).ok();

@@ -6,6 +6,7 @@ use std::fs;
 use std::net::TcpListener;
 use std::path::Path;
 
+use common::ROOT;
 use common::tpf::{Run, tpf};
 use common::view::View;
 use serde_json::Value;
@@ -20,7 +21,7 @@ use tactile_pose_fusion::units::Stamp;
 fn hand() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for shown in ["params", "models"] {
-        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join(shown);
+        let from = Path::new(ROOT).join(shown);
         std::os::unix::fs::symlink(from, folder.path().join(shown)).unwrap();
     }
     let simulate = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "1", "--minutes=1.7", "--seed", "5"];
@@ -56,7 +57,7 @@ fn agree(view: &View, cfg: &Config, tracks: &[EstimateTrack], begin: Stamp) {
         let stamp = tracks[0].stamp[idx];
         let t = stamp.nanos_since(begin) as f64 * 1e-9;
         let frames = view.json(&format!("frame?t={t}"));
-        for (region, (frame, track)) in cfg.fusion.regions.iter().zip(frames.as_array().unwrap().iter().zip(tracks)) {
+        for (region, (frame, track)) in cfg.fusion.regions().iter().zip(frames.as_array().unwrap().iter().zip(tracks)) {
             let place = format!("{} at {t} s: {frame}", region.name);
             assert_eq!(frame["t"].as_f64(), Some(t), "{place}");
             assert_eq!(number(&frame["force"]), track.force[idx].map(|force| force.0), "{place}");
@@ -291,7 +292,7 @@ fn a_browser_shows_it_and_scrubs_through_it_and_asks_nobody_else() {
     for at in desktop["at"].as_array().unwrap() {
         let t = at["t"].as_f64().unwrap();
         let idx = tracks[0].stamp.partition_point(|stamp| stamp.nanos_since(begin) as f64 * 1e-9 <= t) - 1;
-        for (region, track) in cfg.fusion.regions.iter().zip(&tracks) {
+        for (region, track) in cfg.fusion.regions().iter().zip(&tracks) {
             let card = &at["cards"][&region.name];
             let force = track.force[idx].unwrap().0;
             assert_eq!(card["force"].as_str().unwrap().parse::<f64>().unwrap(), force, "{} at {t}", region.name);

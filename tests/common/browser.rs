@@ -6,6 +6,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use super::root::ROOT;
 use super::skip::{python, skipped};
 
 /// Width of a sheet of A4 or Letter without its margins, px.
@@ -48,6 +49,6 @@ pub fn chromium(script: &str) -> Option<Command> {
         return None;
     }
     let mut command = Command::new(python);
-    command.arg(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python")).join(script));
+    command.arg(Path::new(ROOT).join("tests/python").join(script));
     Some(command)
 }

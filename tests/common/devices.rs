@@ -20,6 +20,7 @@ use tactile_pose_fusion::units::Stamp;
 
 use super::bags::{Bag, Recorded, at, messages, stamp_of};
 use super::onnx::LinearModel;
+use super::root::ROOT;
 
 pub use hands::{inspire_angle, isaac_angles};
 pub use skins::tactile_frames;
@@ -99,7 +100,7 @@ impl Device {
 
     /// The file that ships, with models that the same runtime runs everywhere.
     pub fn params(&self) -> String {
-        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("params/devices/{}.yaml", self.name));
+        let path = PathBuf::from(ROOT).join(format!("params/devices/{}.yaml", self.name));
         std::fs::read_to_string(path).unwrap().replace(".onnx}", ".onnx, backend: rten}")
     }
 

@@ -1,5 +1,6 @@
 //! A regressor whose answer can be worked out by hand, and a fusion setup around it.
 
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::time::Duration;
 
 use nalgebra::{Isometry3, Vector3};
@@ -22,7 +23,7 @@ impl Sum {
 
 pub fn contract(window: usize, n_taxels: usize, n_joints: usize) -> Contract {
     Contract {
-        window,
+        window: NonZeroUsize::new(window).unwrap(),
         n_taxels,
         n_joints,
         rate_hz: 100.0,
@@ -45,7 +46,7 @@ impl Regressor for Sum {
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         out.force.clear();
         out.base.clear();
-        let (t, p, l) = (self.contract.n_taxels, self.contract.n_joints, self.contract.window);
+        let (t, p, l) = (self.contract.n_taxels, self.contract.n_joints, self.contract.window.get());
         for &start in windows.starts {
             let tactile = &windows.tactile[start * t..(start + l) * t];
             let pose = &windows.pose[start * p..(start + l) * p];
@@ -62,11 +63,11 @@ impl Regressor for Sum {
 pub fn region(name: &str, taxels: &[usize], joints: &[&str]) -> RegionConfig {
     RegionConfig {
         name: name.into(),
-        source: TactileSourceIdx(0),
+        source: TactileSourceIdx::at(0),
         taxels: taxels.to_vec(),
         joints: joints.iter().map(|joint| joint.to_string()).collect(),
         model_joints: Vec::new(),
-        model: 0,
+        model: ModelIdx::at(0),
         patch: Patch {
             frame_id: format!("{name}_tip"),
             normal_in_patch: Vector3::z_axis(),
@@ -77,8 +78,8 @@ pub fn region(name: &str, taxels: &[usize], joints: &[&str]) -> RegionConfig {
             touch: None,
             force_on: Newton(0.5),
             force_off: Newton(0.25),
-            on_frames: 1,
-            off_frames: 1,
+            on_frames: NonZeroU32::MIN,
+            off_frames: NonZeroU32::MIN,
         },
     }
 }
@@ -95,30 +96,31 @@ pub fn timing() -> Timing {
 
 /// One tactile source `glove`, one joint source `hand`.
 pub fn config(n_taxels: usize, regions: Vec<RegionConfig>) -> FusionConfig {
-    FusionConfig {
-        tactile_sources: vec![TactileSource {
-            name: "glove".into(),
-            n_taxels,
-            stamp_offset_ns: 0,
-            inverted: false,
-            frame_clock: FrameClock::Tactile,
-        }],
-        joint_sources: vec![JointSource { name: "hand".into(), stamp_offset_ns: 0, scale: 1.0 }],
-        regions,
-        timing: timing(),
-        receipts: Receipts::Unknown,
-        following: Following::default(),
-        batch: 1,
-        keep_taxels: false,
-    }
+    config_of(glove(n_taxels), regions)
+}
+
+/// A tactile source of frames at their own stamps.
+pub fn glove(n_taxels: usize) -> TactileSource {
+    let (name, frame_clock) = ("glove".into(), FrameClock::Tactile);
+    TactileSource { name, n_taxels, stamp_offset_ns: 0, inverted: false, frame_clock }
+}
+
+/// The same for another tactile source.
+pub fn config_of(source: TactileSource, regions: Vec<RegionConfig>) -> FusionConfig {
+    let hand = JointSource { name: "hand".into(), stamp_offset_ns: 0, scale: 1.0 };
+    FusionConfig::new(vec![source], vec![hand], regions, timing()).unwrap()
+}
+
+/// A number of frames in one inference call.
+pub fn batch_of(n_frames: usize) -> NonZeroUsize {
+    NonZeroUsize::new(n_frames).unwrap()
 }
 
 /// A calibrated core with a zero baseline.
 pub fn fusion(cfg: FusionConfig, regressors: Vec<Box<dyn Regressor>>) -> Fusion {
-    let baselines: Vec<usize> = cfg.tactile_sources.iter().map(|source| source.n_taxels).collect();
-    let mut fusion = Fusion::new(cfg, regressors).unwrap();
-    for (source, n_taxels) in baselines.into_iter().enumerate() {
-        fusion.handle_baseline(TactileSourceIdx(source), Baseline::from_median(vec![0.0; n_taxels])).unwrap();
+    let mut fusion = Fusion::new(cfg.clone(), regressors).unwrap();
+    for (source_idx, source) in cfg.tactile_source_idxs().zip(cfg.tactile_sources()) {
+        fusion.handle_baseline(source_idx, Baseline::from_median(vec![0.0; source.n_taxels])).unwrap();
     }
     fusion
 }
@@ -157,7 +159,7 @@ impl Sample {
 /// One frame of the glove, which comes at once.
 pub fn tactile(stamp: Stamp, values: &[f32]) -> Event<'_> {
     Event::Tactile(TactileBlock {
-        source: TactileSourceIdx(0),
+        source: TactileSourceIdx::at(0),
         stamp,
         rows: 1,
         row_period_ns: 0,
@@ -169,7 +171,7 @@ pub fn tactile(stamp: Stamp, values: &[f32]) -> Event<'_> {
 
 /// One joint state of the hand, which comes at once.
 pub fn joints<'a>(stamp: Stamp, names: &'a [String], positions: &'a [f64]) -> Event<'a> {
-    Event::Joints(JointSample { source: JointSourceIdx(0), stamp, names, positions, received: stamp })
+    Event::Joints(JointSample { source: JointSourceIdx::at(0), stamp, names, positions, received: stamp })
 }
 
 /// Every estimate of a run, each with the stamp of its frame.
@@ -181,7 +183,7 @@ pub fn run(fusion: &mut Fusion, samples: &[Sample]) -> Vec<(Stamp, Estimate)> {
         }
     };
     for sample in samples {
-        fusion.handle(sample.event());
+        fusion.handle(sample.event()).unwrap();
         drain(fusion);
     }
     fusion.handle_end();

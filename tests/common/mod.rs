@@ -5,21 +5,20 @@ pub mod bags;
 pub mod browser;
 pub mod compared;
 pub mod devices;
-pub mod doors;
 pub mod fake;
 pub mod graphs;
 pub mod layouts;
 pub mod onnx;
 pub mod parity;
+pub mod root;
 pub mod scored;
 pub mod skip;
 pub mod sqlite;
-pub mod tpf;
-pub mod view;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+pub use root::ROOT;
 pub use skip::{python, shared, skipped, without_onnx_runtime};
 
 /// Whether the tests of ONNX Runtime can run. Where it is not found, says so on stderr, or fails when
@@ -43,7 +42,7 @@ pub fn run_windows(
     model: &mut tactile_pose_fusion::model::Model,
     windows: tactile_pose_fusion::fusion::Windows<'_>,
 ) -> Result<tactile_pose_fusion::fusion::Forces, tactile_pose_fusion::fusion::RegressError> {
-    let window = model.regressor.contract().window;
+    let window = model.regressor.contract().window.get();
     let starts: Vec<usize> = (0..windows.n).map(|idx| idx * window).collect();
     let shared = tactile_pose_fusion::fusion::SharedWindows {
         starts: &starts,

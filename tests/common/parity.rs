@@ -4,6 +4,7 @@
 
 use std::path::PathBuf;
 
+use super::root::ROOT;
 use safetensors::SafeTensors;
 
 /// Frames in a window.
@@ -30,7 +31,7 @@ pub struct Parity {
 impl Parity {
     /// Reads it.
     pub fn read() -> Self {
-        let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/pytorch"));
+        let folder = PathBuf::from(format!("{ROOT}/tests/data/pytorch"));
         let bytes = std::fs::read(folder.join("parity.safetensors")).unwrap();
         let tensors = SafeTensors::deserialize(&bytes).unwrap();
         let values = |name: &str| -> Vec<f32> {

@@ -1,12 +1,7 @@
-//! Sessions that can be scored.
+//! Parameters of sessions that can be scored.
 #![allow(dead_code, unreachable_pub)]
 
-use std::fs;
-
-use super::onnx::LinearModel;
-use super::tpf::tpf;
-
-/// Parameters of the sessions in [`folder`].
+/// Parameters of a synthetic glove, with a model that only adds up taxels.
 pub const PARAMS: &str = "/**:
   ros__parameters:
     regions: [index]
@@ -20,15 +15,3 @@ pub const PARAMS: &str = "/**:
     calibration.max_force: 1000.0 # the models only add up taxels: a hand that moves in the air reads as force
     region.index: {model: tip, joints: [index_dip, index_pip, index_mcp_flex, index_mcp_abd], frame_id: index_tip}
 ";
-
-/// Two users' short sessions of a synthetic glove, and a model that sums taxels.
-pub fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path();
-    fs::write(path.join("params.yaml"), PARAMS).unwrap();
-    let simulate = ["simulate", "--glove", "1", "--users", "2", "--sessions", "1", "--minutes=1.7", "--seed", "5"];
-    tpf(path, &[&simulate[..], &["-o", "bags"]].concat()).ok();
-    LinearModel::new(64, 6, 4).metadata("unit", "gF").write(path, "model.onnx");
-    LinearModel::new(64, 6, 0).metadata("unit", "gF").write(path, "other.onnx");
-    folder
-}

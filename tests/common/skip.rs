@@ -2,6 +2,7 @@
 //! person sees it.
 #![allow(dead_code, unreachable_pub)]
 
+use super::root::ROOT;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -16,7 +17,7 @@ pub fn skipped(why: &str) {
 ///
 /// Where neither is there the test is skipped.
 pub fn shared() -> Option<PathBuf> {
-    let beside = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared"));
+    let beside = PathBuf::from(format!("{ROOT}/../shared"));
     let folder = std::env::var_os("TPF_SHARED").map_or(beside, PathBuf::from);
     if folder.is_dir() {
         return Some(folder);
@@ -28,7 +29,7 @@ pub fn shared() -> Option<PathBuf> {
 /// The Python of `scripts/python-venv`. Where it is not there the test is skipped, or fails when `TPF_REQUIRE_PYTHON` is
 /// set.
 pub fn python() -> Option<PathBuf> {
-    let python = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/venv/bin/python"));
+    let python = PathBuf::from(format!("{ROOT}/target/venv/bin/python"));
     if python.exists() {
         return Some(python);
     }
@@ -65,7 +66,7 @@ pub fn ros_python() -> Option<PathBuf> {
 
 /// The peer with DDS security of `scripts/fastdds-peer`; skips or fails as [`ros_python`] does.
 pub fn fastdds_peer() -> Option<PathBuf> {
-    let peer = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/fastdds/peer"));
+    let peer = PathBuf::from(format!("{ROOT}/target/fastdds/peer"));
     isolated().then(|| here(peer, "scripts/fastdds-peer")).flatten()
 }
 
@@ -82,7 +83,7 @@ fn here(file: PathBuf, script: &str) -> Option<PathBuf> {
 
 /// Where Zenoh's Python binding is, beside the Python of [`ros_python`]; skips or fails as that does.
 pub fn zenoh_packages() -> Option<PathBuf> {
-    let venv = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/zenoh-venv/lib"));
+    let venv = PathBuf::from(format!("{ROOT}/target/zenoh-venv/lib"));
     let versions = std::fs::read_dir(&venv).into_iter().flatten().filter_map(Result::ok);
     let found = versions.map(|version| version.path().join("site-packages")).find(|packages| packages.is_dir());
     if found.is_none() {
@@ -95,6 +96,6 @@ pub fn zenoh_packages() -> Option<PathBuf> {
 
 /// Where that Python and its ROS 2 are: `TPF_ROS_VENV`, else `target/ros-venv`.
 pub fn ros_venv() -> PathBuf {
-    let default = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/target/ros-venv"));
+    let default = PathBuf::from(format!("{ROOT}/target/ros-venv"));
     std::env::var_os("TPF_ROS_VENV").map_or(default, PathBuf::from)
 }

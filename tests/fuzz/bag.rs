@@ -38,7 +38,7 @@ fn topics() -> InputTopics {
         taxels: cfg.tactile.clone(),
         joints: cfg.joints.clone(),
         truth: cfg.truth.clone(),
-        joint_sources: cfg.fusion.joint_sources.clone(),
+        joint_sources: cfg.fusion.joint_sources().to_vec(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
         told: None,
@@ -158,7 +158,7 @@ fn estimate(path: &std::path::Path) -> Option<String> {
         };
         for part in parts {
             if let Input::Event(event) = inputs.decode(&message, part) {
-                core.handle(event);
+                core.handle(event).unwrap();
             }
         }
         n_estimates += super::core::drain(&mut core);

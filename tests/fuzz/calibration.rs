@@ -59,7 +59,7 @@ fn run(input: &[u8]) -> Answer {
     };
     let mut core =
         fake::fusion(fake::config(2, vec![fake::region("index", &[0, 1], &[])]), vec![fake::Sum::boxed(2, 2, 0)]);
-    core.handle_baseline(TactileSourceIdx(0), found.sources["glove"].clone()).expect("it was checked by load");
+    core.handle_baseline(TactileSourceIdx::at(0), found.sources["glove"].clone()).expect("it was checked by load");
     let samples: Vec<_> = (0..4).map(|k| fake::Sample::tactile(10.0 * f64::from(k), &[1.0, 2.0])).collect();
     for (_, estimate) in fake::run(&mut core, &samples) {
         assert!(estimate.force.is_none_or(|force| force.0.is_finite()));

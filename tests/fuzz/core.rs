@@ -1,5 +1,7 @@
 //! Sequences of events into the core.
 
+use std::num::NonZeroU32;
+
 use arbitrary::{Result, Unstructured};
 use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::units::{Newton, Stamp};
@@ -72,15 +74,14 @@ fn setup(bytes: &mut Unstructured<'_>) -> Result<Fusion> {
         contract.rate_hz = rate_hz;
         contract.pose_range = bytes.ratio(1, 2)?.then(|| vec![PoseRange { min: -1.0, max: 1.0 }; joints.len()]);
         let mut region = fake::region(&format!("r{idx}"), &(0..n_taxels).collect::<Vec<_>>(), joints);
-        region.source = TactileSourceIdx(bytes.int_in_range(0..=n_sources - 1)?);
-        region.model = models.len();
-        region.contact.on_frames = bytes.int_in_range(1..=3)?;
+        region.source = TactileSourceIdx::at(bytes.int_in_range(0..=n_sources - 1)?);
+        region.model = ModelIdx::at(models.len());
+        region.contact.on_frames = NonZeroU32::new(bytes.int_in_range(1..=3)?).unwrap();
         models.push(Box::new(Sum { contract }));
         regions.push(region);
     }
-    let mut cfg = fake::config(n_taxels, regions);
-    cfg.batch = bytes.int_in_range(1..=4)?;
-    cfg.tactile_sources = (0..n_sources)
+    let batch = fake::batch_of(bytes.int_in_range(1..=4)?);
+    let tactile_sources = (0..n_sources)
         .map(|idx| -> Result<TactileSource> {
             Ok(TactileSource {
                 name: format!("t{idx}"),
@@ -91,16 +92,18 @@ fn setup(bytes: &mut Unstructured<'_>) -> Result<Fusion> {
             })
         })
         .collect::<Result<_>>()?;
-    cfg.joint_sources = (0..2)
+    let joint_sources = (0..2)
         .map(|idx| -> Result<JointSource> {
             let scale = *bytes.choose(&[1.0, 1.0, 0.017, 1e300])?;
             Ok(JointSource { name: format!("j{idx}"), stamp_offset_ns: 0, scale })
         })
         .collect::<Result<_>>()?;
-    let mut core = Fusion::new(cfg, models).expect("regions and models fit");
+    let cfg =
+        FusionConfig::new(tactile_sources, joint_sources, regions, fake::timing()).expect("regions have their source");
+    let mut core = Fusion::new(cfg.with_batch(batch), models).expect("regions and models fit");
     for source in 0..n_sources {
         if bytes.ratio(5, 6)? {
-            core.handle_baseline(TactileSourceIdx(source), Baseline::from_median(vec![0.5; n_taxels])).unwrap();
+            core.handle_baseline(TactileSourceIdx::at(source), Baseline::from_median(vec![0.5; n_taxels])).unwrap();
         }
     }
     Ok(core)
@@ -108,7 +111,7 @@ fn setup(bytes: &mut Unstructured<'_>) -> Result<Fusion> {
 
 /// One event, or something else that a shell does to a core.
 fn event(bytes: &mut Unstructured<'_>, core: &mut Fusion, newest: &mut Stamp, n_ticks: &mut u64) -> Result<()> {
-    let (n_sources, n_taxels) = (core.config().tactile_sources.len(), core.config().tactile_sources[0].n_taxels);
+    let (n_sources, n_taxels) = (core.config().tactile_sources().len(), core.config().tactile_sources()[0].n_taxels);
     let kind = bytes.int_in_range(0..=15)?;
     let mut stamp = |bytes: &mut Unstructured<'_>, share: i64| -> Result<Stamp> {
         if bytes.ratio(1, 60)? {
@@ -131,7 +134,7 @@ fn event(bytes: &mut Unstructured<'_>, core: &mut Fusion, newest: &mut Stamp, n_
             let at = stamp(bytes, 1)?;
             let row_period_ns = if rows == 1 { 0 } else { *bytes.choose(&[MS, 5 * MS, 0, -1, i64::MAX, i64::MIN])? };
             let sequence = if bytes.ratio(1, 2)? { Some(bytes.arbitrary()?) } else { None };
-            let source = TactileSourceIdx(source);
+            let source = TactileSourceIdx::at(source);
             core.handle(Event::Tactile(TactileBlock {
                 source,
                 stamp: at,
@@ -140,7 +143,8 @@ fn event(bytes: &mut Unstructured<'_>, core: &mut Fusion, newest: &mut Stamp, n_
                 sequence,
                 values: &values,
                 received: at,
-            }));
+            }))
+            .unwrap();
         }
         8..=13 => {
             let n = bytes.int_in_range(0..=3)?;
@@ -156,21 +160,22 @@ fn event(bytes: &mut Unstructured<'_>, core: &mut Fusion, newest: &mut Stamp, n_
                 });
             }
             let at = stamp(bytes, 3)?;
-            let source = JointSourceIdx(bytes.int_in_range(0..=1)?);
+            let source = JointSourceIdx::at(bytes.int_in_range(0..=1)?);
             let (names, positions) = (&names[..], &positions[..]);
-            core.handle(Event::Joints(JointSample { source, stamp: at, names, positions, received: at }));
+            core.handle(Event::Joints(JointSample { source, stamp: at, names, positions, received: at })).unwrap();
         }
         14 if bytes.ratio(1, 4)? => {
-            let source = TactileSourceIdx(bytes.int_in_range(0..=n_sources - 1)?);
+            let source = TactileSourceIdx::at(bytes.int_in_range(0..=n_sources - 1)?);
             let median = *bytes.choose(&READINGS)?;
             let _ = core.handle_baseline(source, Baseline::from_median(vec![median; n_taxels]));
         }
         15 if bytes.ratio(1, 4)? => {
-            let (force_on, force_off, on_frames, off_frames) = (Newton(2.0), Newton(1.0), 2, 1);
+            let (force_on, force_off) = (Newton(2.0), Newton(1.0));
+            let (on_frames, off_frames) = (NonZeroU32::new(2).unwrap(), NonZeroU32::MIN);
             let by = if bytes.ratio(1, 2)? { ContactBy::Model } else { ContactBy::Force };
             let touch = bytes.ratio(1, 2)?.then(|| TouchLevels::from_on(0.5));
             let thresholds = ContactThresholds { by, touch, force_on, force_off, on_frames, off_frames };
-            core.handle_thresholds(&vec![thresholds; core.config().regions.len()]);
+            core.handle_thresholds(&vec![thresholds; core.config().regions().len()]).unwrap();
         }
         _ => *n_ticks += drain(core),
     }
@@ -180,12 +185,12 @@ fn event(bytes: &mut Unstructured<'_>, core: &mut Fusion, newest: &mut Stamp, n_
 /// Takes out what is finished and checks it; how many ticks it was.
 pub fn drain(core: &mut Fusion) -> u64 {
     let mut n_ticks = 0;
-    let n_of: Vec<usize> = (0..core.config().tactile_sources.len())
-        .map(|source| core.config().regions.iter().filter(|region| region.source.0 == source).count())
-        .collect();
+    let n_of_source =
+        |source| core.config().regions().iter().filter(|region: &&RegionConfig| region.source == source).count();
+    let n_of: Vec<usize> = core.config().tactile_source_idxs().map(n_of_source).collect();
     while let Some(tick) = core.poll().expect("the model can't fail") {
         n_ticks += 1;
-        assert_eq!(tick.estimates.len(), n_of[tick.source.0]);
+        assert_eq!(tick.estimates.len(), n_of[tick.source.position()]);
         for estimate in &tick.estimates {
             let finite = |force: Option<Newton>| force.is_none_or(|force| force.0.is_finite());
             assert!(finite(estimate.force) && finite(estimate.force_base) && finite(estimate.artifact()));
@@ -203,7 +208,7 @@ pub fn drain(core: &mut Fusion) -> u64 {
 pub fn check_counters(core: &Fusion, n_ticks: u64) {
     assert_eq!(core.n_pending(), 0);
     let counters = core.counters();
-    for (source, cfg) in counters.tactile.iter().zip(&core.config().tactile_sources) {
+    for (source, cfg) in counters.tactile.iter().zip(core.config().tactile_sources()) {
         let t = source.counts;
         assert_eq!(t.rows, t.used + t.duplicate + t.out_of_order + t.wrong_length + t.no_row_period);
         assert!(cfg.frame_clock == FrameClock::Grid || t.used == t.frames);
@@ -214,9 +219,9 @@ pub fn check_counters(core: &Fusion, n_ticks: u64) {
         let j = source.counts;
         assert_eq!(j.messages, j.used + j.unknown + j.duplicate + j.out_of_order + j.nothing_finite + j.malformed);
     }
-    for (region, cfg) in counters.regions.iter().zip(&core.config().regions) {
+    for (region, cfg) in counters.regions.iter().zip(core.config().regions()) {
         let r = region.counts;
         assert_eq!(r.frames, r.estimates + r.warmup + r.uncalibrated + r.stale_pose + r.non_finite + r.frozen);
-        assert_eq!(r.frames, counters.tactile[cfg.source.0].counts.frames);
+        assert_eq!(r.frames, counters.tactile[cfg.source.position()].counts.frames);
     }
 }

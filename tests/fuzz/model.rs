@@ -198,10 +198,10 @@ fn run(input: &[u8]) -> Answer {
         super::one_line(note);
     }
     let contract = info.contract;
-    assert!(contract.window * contract.n_taxels.max(contract.n_joints) <= 1 << 22);
+    assert!(contract.window.get() * contract.n_taxels.max(contract.n_joints) <= 1 << 22);
     assert!(contract.mdf.is_none_or(|mdf| mdf.0.is_finite()) && contract.rate_hz > 0.0);
     // Whatever a file says of itself, the core keeps up with it.
-    if contract.window * (contract.n_taxels + contract.n_joints) <= 1 << 12 {
+    if contract.window.get() * (contract.n_taxels + contract.n_joints) <= 1 << 12 {
         let joints: Vec<String> =
             contract.joints.clone().unwrap_or_else(|| (0..contract.n_joints).map(|idx| idx.to_string()).collect());
         let mut region = fake::region("index", &(0..contract.n_taxels).collect::<Vec<_>>(), &[]);
@@ -210,8 +210,8 @@ fn run(input: &[u8]) -> Answer {
         for frame_clock in
             [tactile_pose_fusion::fusion::FrameClock::Tactile, tactile_pose_fusion::fusion::FrameClock::Grid]
         {
-            let mut cfg = fake::config(n_taxels, vec![region.clone()]);
-            cfg.tactile_sources[0].frame_clock = frame_clock;
+            let source = tactile_pose_fusion::fusion::TactileSource { frame_clock, ..fake::glove(n_taxels) };
+            let cfg = fake::config_of(source, vec![region.clone()]);
             match Fusion::new(cfg, vec![Box::new(Sum { contract: contract.clone() })]) {
                 Ok(mut core) => {
                     let samples: Vec<_> =
@@ -228,7 +228,7 @@ fn run(input: &[u8]) -> Answer {
     let unit = contract.unit == ForceUnit::Newton;
     Answer::understood(&(
         own,
-        contract.window.min(8),
+        contract.window.get().min(8),
         contract.n_taxels.min(8),
         contract.n_joints,
         unit,

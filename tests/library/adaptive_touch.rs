@@ -40,7 +40,7 @@ fn setup(glove: u8) -> (Config, Models) {
     let mut cfg = config::load(&root.join(format!("params/glove{glove}.yaml")), DEFAULT_NODE).unwrap();
     replace_model(&mut cfg, root.join(format!("models/glove{glove}_adaptive.onnx"))).unwrap();
     let models = Models::load(&cfg).unwrap();
-    cfg.fusion.batch = models.batch_hint();
+    cfg.fusion = cfg.fusion.with_batch(models.batch_hint());
     (cfg, models)
 }
 
@@ -52,7 +52,7 @@ impl Worn {
         let spec = SessionSpec { glove, user, session: 1, seed: 11, minutes, activity, tracking, conditions };
         let records: Vec<Record> = simulate(&spec).unwrap().collect();
         let artifact = models.infos[0].contract.artifact.clone().unwrap();
-        let sign = if cfg.fusion.tactile_sources[0].inverted { -1.0 } else { 1.0 };
+        let sign = if cfg.fusion.tactile_sources()[0].inverted { -1.0 } else { 1.0 };
         let pattern = artifact.touch.iter().map(|touch| sign * touch).collect();
         let mut worn = Worn { cfg, records, pattern, donning: Donning::default() };
         worn.calibrate((artifact, models.infos[0].contract.rate_hz));
@@ -97,7 +97,7 @@ impl Worn {
                     touched.clear();
                     touched.extend(values.iter().zip(&self.pattern).map(|(value, k)| value + (k * touch) as f32));
                     handle(Event::Tactile(TactileBlock {
-                        source: TactileSourceIdx(0),
+                        source: TactileSourceIdx::at(0),
                         stamp: *stamp,
                         rows: 1,
                         row_period_ns: 0,
@@ -107,7 +107,7 @@ impl Worn {
                     }));
                 }
                 Record::Joints { stamp, received, names, positions } => handle(Event::Joints(JointSample {
-                    source: JointSourceIdx(0),
+                    source: JointSourceIdx::at(0),
                     stamp: *stamp,
                     names,
                     positions,
@@ -133,7 +133,7 @@ impl Worn {
             }
         };
         self.feed((from_s, f64::INFINITY), touch_gf, |event| {
-            core.handle(event);
+            core.handle(event).unwrap();
             poll(&mut core);
         });
         core.handle_end();

@@ -377,7 +377,7 @@ fn the_shortest_file_gives_the_defaults() {
     };
     assert_eq!(config.tactile[0].fields, fields);
     assert_eq!(config.models[0].spec.path.to_str(), Some("params/tip.onnx"));
-    assert_eq!(config.fusion.timing.max_gap.as_millis(), 50);
+    assert_eq!(config.fusion.timing().max_gap.as_millis(), 50);
     assert_eq!(config.calibration.file, None);
     assert_eq!((config.glove, config.user), (None, None));
 }
@@ -403,7 +403,7 @@ fn a_message_without_header_takes_receipt_and_its_own_defaults() {
         only: None,
     };
     assert_eq!(config.tactile[0].fields, fields);
-    let source = &config.fusion.tactile_sources[0];
+    let source = &config.fusion.tactile_sources()[0];
     assert!(source.inverted);
     assert_eq!(source.frame_clock, FrameClock::Grid);
     assert_eq!(source.stamp_offset_ns, -1_500_000);
@@ -444,7 +444,7 @@ fn any_message_type_is_described_by_its_fields() {
         only: None,
     };
     assert_eq!(config.joints[0].fields, fields);
-    assert_eq!(config.fusion.joint_sources[0].scale, 2.0 * std::f64::consts::PI / 180.0);
+    assert_eq!(config.fusion.joint_sources()[0].scale, 2.0 * std::f64::consts::PI / 180.0);
 }
 
 #[test]
@@ -494,8 +494,8 @@ fn regions_share_models_and_override_thresholds() {
     let names: Vec<&str> = config.models.iter().map(|model| model.name.as_str()).collect();
     assert_eq!(names, ["tip", "flat"]);
     assert_eq!(config.models[1].spec.rate_hz, Some(200.0));
-    let [index, palm, thumb] = config.fusion.regions.as_slice() else { panic!() };
-    assert_eq!((index.model, palm.model, thumb.model), (0, 1, 0));
+    let [index, palm, thumb] = config.fusion.regions() else { panic!() };
+    assert_eq!([index, palm, thumb].map(|region| region.model.position()), [0, 1, 0]);
     assert_eq!(thumb.taxels, [3, 1]);
     assert_eq!(thumb.patch.normal_in_patch.z, -1.0);
     assert_eq!(palm.contact.force_on.0, 0.5);

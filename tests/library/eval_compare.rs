@@ -128,20 +128,11 @@ fn glove_scores(error: f64) -> BTreeMap<String, Score> {
 }
 
 #[test]
-fn the_table_marks_the_better_model_and_says_what_has_no_number() {
+fn the_table_tells_what_a_model_gains_over_the_first() {
     let (base, changed) = (glove_scores(20.0), glove_scores(10.0));
     let mut with_second = changed.clone();
     with_second.insert("glove 2".to_owned(), Tally::default().score());
     let table = ResultTable::new([("tactile-only", &base), ("pose-aware", &with_second)]);
-    let expected = "\
-| Glove   | Model        |  BA % (+) |  F1 % (+) | MDF gF (-) | MAE gF (-) |     R2 (+) | Frames |
-|---------|--------------|-----------|-----------|------------|------------|------------|--------|
-| glove 1 | tactile-only |    89.69  |    88.51  |     28.33  |     17.90  |     0.586  |    200 |
-| glove 1 | pose-aware   |    94.85* |    94.57* |     18.33* |      9.45* |     0.889* |    200 |
-| glove 2 | tactile-only |         - |         - |          - |          - |          - |      - |
-| glove 2 | pose-aware   | no touch  | no touch  |  no touch  | no frames  | no frames  |      0 |";
-    assert_eq!(table.text(), expected);
-
     let gains = table.improvements();
     assert_eq!((gains.len(), gains[0].from.as_str(), gains[0].to.as_str()), (2, "tactile-only", "pose-aware"));
     let (from, to) = (base["glove 1"].mae_gf.value().unwrap(), changed["glove 1"].mae_gf.value().unwrap());

@@ -59,8 +59,8 @@ impl Keeper {
     /// Two regions of one source that share this model.
     fn core(&self, batch: usize) -> Fusion {
         let regions = vec![region("index", &[0, 1], &["dip"]), region("thumb", &[2, 0], &["pip"])];
-        let mut cfg = config(3, regions);
-        cfg.batch = batch;
+        let cfg = config(3, regions);
+        let cfg = cfg.with_batch(batch_of(batch));
         fusion(cfg, vec![Box::new(self.clone())])
     }
 }
@@ -74,8 +74,8 @@ fn in_a_steady_stream_every_window_follows_the_one_before_it_of_its_region() {
     let keeper = Keeper::new();
     let mut core = keeper.core(1);
     for k in 0..20 {
-        core.handle(Sample::joints(10.0 * k as f64, &[("dip", 0.1), ("pip", 0.2)]).event());
-        core.handle(Sample::tactile(10.0 * k as f64, &[1.0, 2.0, 3.0]).event());
+        core.handle(Sample::joints(10.0 * k as f64, &[("dip", 0.1), ("pip", 0.2)]).event()).unwrap();
+        core.handle(Sample::tactile(10.0 * k as f64, &[1.0, 2.0, 3.0]).event()).unwrap();
         drain(&mut core);
     }
     let given = keeper.given.lock().unwrap();
@@ -93,8 +93,8 @@ fn no_window_follows_one_of_another_core() {
     for _ in 0..2 {
         let mut core = keeper.core(1);
         for k in 0..WINDOW {
-            core.handle(Sample::joints(10.0 * k as f64, &[("dip", 0.1), ("pip", 0.2)]).event());
-            core.handle(Sample::tactile(10.0 * k as f64, &[1.0, 2.0, 3.0]).event());
+            core.handle(Sample::joints(10.0 * k as f64, &[("dip", 0.1), ("pip", 0.2)]).event()).unwrap();
+            core.handle(Sample::tactile(10.0 * k as f64, &[1.0, 2.0, 3.0]).event()).unwrap();
             drain(&mut core);
         }
     }
@@ -123,13 +123,13 @@ proptest! {
             match kind {
                 4 => {
                     let zero = Baseline::from_median(vec![f32::from(value); 3]);
-                    core.handle_baseline(TactileSourceIdx(0), zero).unwrap();
+                    core.handle_baseline(TactileSourceIdx::at(0), zero).unwrap();
                 }
                 5..14 => {
                     let angles = [("dip", f64::from(value)), ("pip", k as f64)];
-                    core.handle(Sample::joints(at_ms as f64, &angles[..1 + usize::from(value > 0)]).event());
+                    core.handle(Sample::joints(at_ms as f64, &angles[..1 + usize::from(value > 0)]).event()).unwrap();
                 }
-                _ => core.handle(Sample::tactile(at_ms as f64, &[reading, k as f32, 1.0]).event()),
+                _ => core.handle(Sample::tactile(at_ms as f64, &[reading, k as f32, 1.0]).event()).unwrap(),
             }
             drain(&mut core);
         }

@@ -46,11 +46,11 @@ fn a_healthy_synthetic_glove_is_never_called_faulty_and_a_frozen_one_is_within_a
         let n_taxels = rows[0].1.len();
         let all: Vec<usize> = (0..n_taxels).collect();
         let mut core = fusion(config(n_taxels, vec![region("index", &all, &[])]), vec![Sum::boxed(64, n_taxels, 0)]);
-        core.handle_baseline(TactileSourceIdx(0), baseline).unwrap();
+        core.handle_baseline(TactileSourceIdx::at(0), baseline).unwrap();
         let mut flags_of = |rows: &mut dyn Iterator<Item = (Stamp, &Vec<f32>)>| -> Vec<Flags> {
             let mut flags = Vec::new();
             for (stamp, values) in rows {
-                core.handle(tactile(stamp, values));
+                core.handle(tactile(stamp, values)).unwrap();
                 while let Some(tick) = core.poll().unwrap() {
                     flags.push(tick.estimates[0].flags);
                 }

@@ -1,6 +1,6 @@
 //! The live node and its tools. They start participants, so they run inside of `tests/ros/isolated` only.
 
-#[path = "../common/mod.rs"]
+#[path = "../tpf_common/mod.rs"]
 mod common;
 #[cfg(feature = "ros")]
 #[path = "../node_common/mod.rs"]

@@ -196,9 +196,9 @@ fn a_calibration_file_is_put_into_use_while_the_node_runs() {
         ("zeros/bob.yaml", "made for user \"bob\", the parameters say \"ada\"; calibrate again, or correct `user`"),
         ("zeros/model.yaml", "was judged with another model tip than this one; calibrate again"),
         ("zeros/empty.yaml", "not a calibration file"),
-        ("zeros/nowhere.yaml", "from which alone this node takes calibrations"),
-        ("calibration.yaml", "from which alone this node takes calibrations"),
-        ("/etc/hostname", "from which alone this node takes calibrations"),
+        ("zeros/nowhere.yaml", "this node takes calibrations only from the folder"),
+        ("calibration.yaml", "this node takes calibrations only from the folder"),
+        ("/etc/hostname", "this node takes calibrations only from the folder"),
     ] {
         let run = call(path, &["load", file]);
         assert!(run.failure().contains(reason), "{file}: {run:?}");

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use common::ROOT;
 use common::bags::decoded;
 use common::tpf::Run;
 use tactile_pose_fusion::bag::BagReader;
@@ -48,7 +49,7 @@ fn room() -> Option<tempfile::TempDir> {
 }
 
 fn collect(folder: &Path, args: &[&str]) -> Command {
-    let params = Path::new(env!("CARGO_MANIFEST_DIR")).join("params/glove1.yaml");
+    let params = Path::new(ROOT).join("params/glove1.yaml");
     let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
     command.current_dir(folder).args(["collect", "--params-file"]).arg(params).args(["-o", "s", "--user", "anna"]);
     command.args(args);
@@ -145,7 +146,7 @@ fn a_session_that_was_killed_goes_on_with_what_was_recorded() {
     let other = run(Command::new(env!("CARGO_BIN_EXE_tpf")).current_dir(room.path()).args([
         "collect",
         "--params-file",
-        concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove1.yaml"),
+        &format!("{ROOT}/params/glove1.yaml"),
         "-o",
         "s",
         "--user",
@@ -204,7 +205,7 @@ fn the_whole_way_from_a_glove_to_a_dataset_is_walked() {
     }
     let folder = tempfile::tempdir().unwrap();
     let way = folder.path().join("way");
-    let mut script = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros/glove_to_robot"));
+    let mut script = Command::new(format!("{ROOT}/tests/ros/glove_to_robot"));
     let walked = script.arg(&way).arg("short").env("TPF", env!("CARGO_BIN_EXE_tpf")).output().unwrap();
     let walked: Run = walked.into();
     assert_eq!(walked.code, 0, "{walked:?}");
@@ -225,8 +226,8 @@ fn the_whole_way_from_a_glove_to_a_dataset_is_walked() {
 fn a_model_that_follows_pose_is_calibrated_live_and_its_recording_replays_bit_by_bit() {
     let Some(room) = room() else { return };
     let room = room.path();
-    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove3_adaptive.onnx");
+    let params = &format!("{ROOT}/params/glove3.yaml");
+    let model = &format!("{ROOT}/models/glove3_adaptive.onnx");
     let tpf = |args: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
         command.current_dir(room).args(args).args(["--params-file", params, "--model", model]);
@@ -274,7 +275,7 @@ fn a_model_that_follows_pose_is_calibrated_live_and_its_recording_replays_bit_by
 fn touches_of_the_load_cell_give_a_live_donning_its_gain() {
     let Some(room) = room() else { return };
     let room = room.path();
-    let params = concat!(env!("CARGO_MANIFEST_DIR"), "/params/glove3.yaml");
+    let params = &format!("{ROOT}/params/glove3.yaml");
     let simulate = ["simulate", "--glove", "3", "--seed", "9", "--live", "--ignore-prompts", "--minutes", "4"];
     let log = File::create(room.join("glove.log")).unwrap();
     let mut glove = Command::new(env!("CARGO_BIN_EXE_tpf"));

@@ -11,6 +11,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
+use common::ROOT;
 use node_common::scene::Scene;
 use node_common::{Heard, memory_mb, peer, peer_command, signal};
 use tactile_pose_fusion::config::NodeName;
@@ -57,7 +58,8 @@ fn what_a_stalled_link_delivers_late_is_not_published_after_newer_and_a_delay_is
     assert!(aged.clone().all(|heard| heard.flags & LATE != 0), "{:?}", aged.collect::<Vec<_>>());
     drop(feeder);
     std::thread::sleep(Duration::from_millis(200));
-    let last = scene.listener.drain().last().map_or(i64::MIN, |heard| heard.stamp);
+    let since = scene.listener.drain(); // nothing, where all had come before
+    let last = heard.iter().chain(&since).last().map_or(i64::MIN, |heard| heard.stamp);
     // A link that is two seconds behind, for ever: nothing is dropped, and every frame says so. A frame of the link before
     // may still wait for its joint angles; it comes first, and is late by as long as nothing came.
     let _behind = scene.feed(&["both", "60", "100", "moving", "-2"]);
@@ -199,7 +201,7 @@ fn half_a_minute_among_peers_that_hang_and_die_loses_nothing_and_grows_nothing()
     let Some(python) = common::skip::ros_python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let binaries = Path::new(env!("CARGO_BIN_EXE_tpf")).parent().unwrap().to_str().unwrap();
-    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/glove1_pose_aware.onnx");
+    let model = &format!("{ROOT}/models/glove1_pose_aware.onnx");
     // The short form of `just soak`: frames at 100 Hz, because this is no release build and the machine is busy.
     let args = ["run", binaries, model, "--minutes", "0.5", "--clock", "grid", "--backend", "rten", "--reliable"];
     let output = peer_command(&python, "soak.py", &args, folder.path()).output().unwrap();

@@ -11,6 +11,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use common::ROOT;
 use common::bags::{Bag, at, decoded};
 use common::onnx::LinearModel;
 use common::tpf::tpf;
@@ -122,7 +123,7 @@ fn frames_that_another_middleware_told_before_the_node_was_there_place_the_point
     let folder = folder.path();
     let model = LinearModel::new(8, 6, 4).gains(0.001, 0.5).metadata("unit", "N");
     model.write(folder, "model.onnx");
-    let reference = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/hand_reference.json");
+    let reference = &format!("{ROOT}/tests/data/hand_reference.json");
     let hands: Vec<Hand> = serde_json::from_slice(&fs::read(reference).unwrap()).unwrap();
     let of_frames = |hand: &Hand| hand.frames.len() == 25 && hand.side == "right";
     let idx = hands.iter().position(of_frames).unwrap();

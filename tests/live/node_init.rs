@@ -9,6 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+use common::ROOT;
 use common::tpf::tpf;
 use node_common::{Live, peer_command, signal};
 use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE};
@@ -43,7 +44,7 @@ fn init_looks_at_a_live_glove_and_the_node_gives_forces_with_its_file() {
     let args = "simulate --live --glove 1 --seed 7 --ignore-prompts --minutes 4";
     glove.args(args.split(' ')).current_dir(folder);
     let _glove = start(glove);
-    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/glove1_pose_aware.onnx");
+    let model = Path::new(ROOT).join("models/glove1_pose_aware.onnx");
     let init = ["init", "--live", "--seconds", "12", "--yes", "-o", "made.yaml", "--model", model.to_str().unwrap()];
     let run = tpf(folder, &init).ok();
     assert!(run.stdout.contains("next: tpf calibrate --live --params-file made.yaml"), "{run:?}");
@@ -70,7 +71,7 @@ fn init_looks_at_a_strangers_drivers() {
     let (cfg, text) = made(folder);
     let names = [&cfg.tactile[0].name, &cfg.joints[0].name, &cfg.truth[0].name];
     assert_eq!(names, ["/fingertip/pressure", "/mocap/joint_states", "/ft_sensor/wrench"], "{text}");
-    assert_eq!(cfg.fusion.regions[0].taxels.len(), 6);
+    assert_eq!(cfg.fusion.regions()[0].taxels.len(), 6);
     assert_eq!(cfg.needed_joints().len(), 3, "{text}");
     assert!(text.contains("offered best effort, volatile") && text.contains("offered reliable, volatile"), "{text}");
     common::onnx::LinearModel::new(4, 6, 3).gains(0.004, 0.0).metadata("unit", "N").write(folder, "model.onnx");
@@ -78,7 +79,7 @@ fn init_looks_at_a_strangers_drivers() {
     fs::rename(folder.join("model.onnx"), folder.join(path.split(' ').next().unwrap().trim_matches('"'))).unwrap();
     let live = Live::start(folder, &["--params-file", "made.yaml"]);
     let said = tpf(folder, &["monitor", "--plain", "--seconds", "4"]).ok().stdout;
-    let region = &cfg.fusion.regions[0].name;
+    let region = &cfg.fusion.regions()[0].name;
     assert!(said.contains(region.as_str()) && !said.contains("SILENT"), "{said}");
     live.stop();
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use common::ROOT;
 use common::bags::{Bag, at, decoded, messages, write_session};
 use common::layouts;
 use common::sqlite::as_sqlite;
@@ -146,7 +147,7 @@ fn words(line: &[String]) -> Vec<&str> {
 fn workplace() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for shown in ["params", "models"] {
-        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join(shown);
+        let from = Path::new(ROOT).join(shown);
         std::os::unix::fs::symlink(from, folder.path().join(shown)).unwrap();
     }
     folder

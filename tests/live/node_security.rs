@@ -12,6 +12,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use common::ROOT;
 use common::bags::{decoded, messages, write_session};
 use common::skip;
 use common::tpf::Run;
@@ -71,7 +72,7 @@ impl Secured {
     }
 
     fn keystore(&self, keystore: &str, verb: &str, args: &[&str]) {
-        let mut command = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros/keystore"));
+        let mut command = Command::new(format!("{ROOT}/tests/ros/keystore"));
         let made = command.current_dir(self.path()).args([verb, keystore]).args(args).output().unwrap();
         assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     }
@@ -210,7 +211,7 @@ impl Drop for Ear {
 
 /// Counts packets that hold words in the clear.
 fn wire(words: &[&str]) -> Ear {
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros/wire.py");
+    let script = &format!("{ROOT}/tests/ros/wire.py");
     Ear::start(Command::new("python3").arg(script).args(words))
 }
 

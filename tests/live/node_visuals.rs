@@ -8,6 +8,7 @@ use crate::node_common;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+use common::ROOT;
 use node_common::scene::Scene;
 use node_common::{Live, peer};
 use serde_json::Value;
@@ -69,7 +70,7 @@ fn a_node_that_is_told_so_has_no_topics_of_pictures_and_no_frames() {
 fn the_hand_without_a_urdf_has_its_fingertips_in_frames_that_listeners_of_tf_get() {
     let Some(python) = common::skip::ros_python() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = Path::new(ROOT);
     let glove = Command::new(env!("CARGO_BIN_EXE_tpf"))
         .args(["simulate", "--live", "--glove", "hand1", "--hand", "transforms", "--seed", "7", "--ignore-prompts"])
         .current_dir(folder.path())

@@ -52,7 +52,7 @@ fn a_sound_model_gives_its_force_and_its_base() {
     let linear = sound().gains(0.5, 2.0);
     let mut model = load(&linear).unwrap();
     let contract = model.regressor.contract().clone();
-    assert_eq!((contract.window, contract.n_taxels, contract.n_joints), (8, 4, 2));
+    assert_eq!((contract.window.get(), contract.n_taxels, contract.n_joints), (8, 4, 2));
     assert!(contract.has_base);
     let mut tactile = vec![9.0; 2 * 8 * 4];
     let mut pose = vec![9.0; 2 * 8 * 2];
@@ -246,7 +246,7 @@ fn metadata_settle_what_the_shapes_leave_open() {
     let open = sound().flaw(Flaw::DynamicFrames);
     let told = open.metadata("window", "8").metadata("taxels", "4").metadata("joints", "mcp,pip");
     let contract = load(&told).unwrap().info.contract;
-    assert_eq!((contract.window, contract.n_taxels, contract.n_joints), (8, 4, 2));
+    assert_eq!((contract.window.get(), contract.n_taxels, contract.n_joints), (8, 4, 2));
 }
 
 #[test]

@@ -22,7 +22,7 @@ struct Lane {
 }
 
 fn lanes(contract: &Contract, n: usize) -> Vec<Lane> {
-    let n_frames = N + contract.window - 1;
+    let n_frames = N + contract.window.get() - 1;
     let values = |lane: usize, width: usize, scale: f32| -> Vec<f32> {
         let value = |at: usize| ((at / width * 7 + at % width * 13 + lane * 29) as f32 * 0.13).sin().abs() * scale;
         (0..n_frames * width).map(value).collect()
@@ -59,6 +59,7 @@ fn stretch(model: &mut Model, lane: &Lane) -> Vec<Bits> {
 /// One call: of some lanes, the window that begins at some frame, one below the other.
 fn call(model: &mut Model, lanes: &[Lane], windows: &[(usize, usize)], forces: &mut Forces) -> Vec<Bits> {
     let Contract { window, n_taxels, n_joints, .. } = *model.regressor.contract();
+    let window = window.get();
     let (mut tactile, mut pose) = (Vec::new(), Vec::new());
     for &(lane, first) in windows {
         tactile.extend_from_slice(&lanes[lane].tactile[first * n_taxels..(first + window) * n_taxels]);
@@ -161,8 +162,8 @@ fn windows_that_go_on_in_their_taxels_or_in_their_pose_alone_are_others() {
 fn a_frame_that_is_no_number_reaches_every_window_that_holds_it_and_no_other() {
     let mut model = own("glove1_pose_aware.onnx");
     let contract = model.info.contract.clone();
-    for frame in [contract.window - 1, contract.window + 20] {
-        let holds = |first: usize| (first..first + contract.window).contains(&frame);
+    for frame in [contract.window.get() - 1, contract.window.get() + 20] {
+        let holds = |first: usize| (first..first + contract.window.get()).contains(&frame);
         let mut spoiled = lanes(&contract, 2);
         spoiled[0].tactile[frame * contract.n_taxels + 1] = f32::NAN;
         spoiled[1].pose[frame * contract.n_joints + 1] = f32::NAN;

@@ -222,7 +222,7 @@ fn what_changes_no_number_is_recognized_still() {
 fn each_backend_runs_what_it_says() {
     let path = repository("models/glove1_tactile_only.onnx");
     let rten = load(&path, BackendChoice::Rten).unwrap().info;
-    assert_eq!((runs(&rten), rten.batch_hint, rten.not_builtin.as_ref()), (RuntimeName::Rten, 32, None));
+    assert_eq!((runs(&rten), rten.batch_hint.get(), rten.not_builtin.as_ref()), (RuntimeName::Rten, 32, None));
     let own = load(&path, BackendChoice::Builtin).unwrap().info.backend.unwrap();
     let checked = own.checked_against.clone().unwrap();
     assert!(own.to_string().starts_with("built-in code 0.1.0, checked against "), "{own}");

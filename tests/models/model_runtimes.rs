@@ -120,7 +120,7 @@ fn our_own_code_gives_what_pytorch_gave() {
 fn a_model_of_a_foreign_exporter_keeps_the_contract() {
     let fixture = fixture();
     let info = model::inspect(&fixture.path).unwrap();
-    assert_eq!((info.contract.window, info.contract.n_taxels, info.contract.n_joints), (64, 16, 4));
+    assert_eq!((info.contract.window.get(), info.contract.n_taxels, info.contract.n_joints), (64, 16, 4));
     assert_eq!(info.opset, 17);
     assert!(info.producer.starts_with("pytorch 2."), "{}", info.producer);
     assert!(info.contract.has_base);

@@ -43,11 +43,11 @@ impl Input {
     /// Overlapping windows with some left out among them, then windows that share nothing, then overlapping ones again.
     fn new(contract: &Contract) -> Self {
         let overlapping = |from: usize| (from..from + N_OVERLAPPING).filter(|start| start % 37 != 0);
-        let apart = N_OVERLAPPING + contract.window;
-        let again = apart + (N_APART + 1) * contract.window;
-        let between = (0..N_APART).map(|idx| apart + idx * contract.window);
+        let apart = N_OVERLAPPING + contract.window.get();
+        let again = apart + (N_APART + 1) * contract.window.get();
+        let between = (0..N_APART).map(|idx| apart + idx * contract.window.get());
         let starts = overlapping(0).chain(between).chain(overlapping(again)).collect();
-        let n_frames = again + N_OVERLAPPING + contract.window;
+        let n_frames = again + N_OVERLAPPING + contract.window.get();
         let frames = |width: usize, scale: &dyn Fn(usize) -> f32| -> Vec<f32> {
             let value = |at: usize| ((at / width * 7 + at % width * 13) as f32 * 0.13).sin().abs() * scale(at / width);
             (0..n_frames * width).map(value).collect()
@@ -73,7 +73,7 @@ fn holds(path: &Path) {
         let (mut alone, mut together) = (load_in_runtime(path, backend), load_own(path, 1));
         let name = path.display();
         assert_eq!(
-            (alone.info.batch_hint, together.info.batch_hint),
+            (alone.info.batch_hint.get(), together.info.batch_hint.get()),
             (32, 16 * 256),
             "{name} {:?}",
             together.info.notes
@@ -201,7 +201,7 @@ fn any_other_model_runs_as_it_is_and_says_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = LinearModel::new(64, 6, 4).metadata("unit", "gF").write(folder.path(), "linear.onnx");
     let model = load(&ModelSpec::new(path)).unwrap();
-    assert_eq!(model.info.batch_hint, 32);
+    assert_eq!(model.info.batch_hint.get(), 32);
     assert_ne!(model.info.backend.unwrap().runtime, RuntimeName::Builtin);
     assert!(!model.info.notes.iter().any(|note| note.contains("runs it")), "{:?}", model.info.notes);
 }

@@ -188,7 +188,7 @@ fn the_model_tells_its_contract() {
     std::fs::write(&path, onnx_model(&network, &card(Kind::PoseAware), GraphForm::Fast).unwrap()).unwrap();
     let info = model::inspect(&path).unwrap();
     let contract = &info.contract;
-    assert_eq!((contract.window, contract.n_taxels, contract.n_joints), (8, 3, 2));
+    assert_eq!((contract.window.get(), contract.n_taxels, contract.n_joints), (8, 3, 2));
     assert_eq!((contract.unit, contract.rate_hz), (ForceUnit::GramForce, 100.0));
     assert_eq!(contract.joints.as_deref(), Some(&["index_pip".to_string(), "index_dip".to_string()][..]));
     assert_eq!(contract.pose_range.as_ref().unwrap()[1], PoseRange { min: -0.5, max: 1.5 });

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use tactile_pose_fusion::ros::system_now;
 
+use crate::common::ROOT;
 use crate::common::onnx::LinearModel;
 use crate::common::skip;
 use crate::common::tpf::tpf;
@@ -192,7 +193,7 @@ pub fn stop_for(pid: u32, pause: Duration) {
 /// A peer: a script of tests/ros with a real ROS 2.
 pub fn peer_command(python: &Path, script: &str, args: &[&str], folder: &Path) -> Command {
     let mut command = Command::new(python);
-    command.arg(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros")).join(script));
+    command.arg(Path::new(ROOT).join("tests/ros").join(script));
     command.args(args).current_dir(folder).env("AMENT_PREFIX_PATH", skip::ros_venv()).env("ROS_LOG_DIR", folder);
     command
 }

@@ -6,7 +6,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Module -> the modules of ours that it may use. A module not named here may use nothing of ours.
+use crate::common::ROOT;
+
+/// The packages of the workspace, by their folders: the library, and the programs, which use it.
+const PACKAGES: [&str; 2] = [".", "crates/commands"];
+
+/// Module -> the modules of ours, of either package, that it may use. A module not named here may use nothing of ours.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("histogram", &[]),
@@ -222,7 +227,13 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
 ];
 
-fn sources() -> Vec<PathBuf> {
+/// The folder of a package's code.
+fn src_of(package: &str) -> PathBuf {
+    Path::new(ROOT).join(package).join("src")
+}
+
+/// The files of a package, each with its path below `src`.
+fn sources_of(package: &str) -> Vec<(PathBuf, PathBuf)> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
@@ -233,15 +244,24 @@ fn sources() -> Vec<PathBuf> {
             }
         }
     }
+    let src = src_of(package);
     let mut found = Vec::new();
-    walk(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut found);
+    walk(&src, &mut found);
     found.sort();
-    found
+    let with_relative = |path: PathBuf| {
+        let relative = path.strip_prefix(&src).unwrap().to_path_buf();
+        (path, relative)
+    };
+    found.into_iter().map(with_relative).collect()
 }
 
-/// The top module that a file belongs to; `None` for the crate's roots.
-fn module_of(path: &Path) -> Option<String> {
-    let relative = path.strip_prefix(Path::new(env!("CARGO_MANIFEST_DIR")).join("src")).unwrap();
+/// The files of all packages.
+fn sources() -> Vec<(PathBuf, PathBuf)> {
+    PACKAGES.into_iter().flat_map(sources_of).collect()
+}
+
+/// The top module that a file below `src` belongs to; `None` for the roots of crates.
+fn module_of(relative: &Path) -> Option<String> {
     let first = relative.components().next().unwrap().as_os_str().to_str().unwrap();
     let name = first.trim_end_matches(".rs").to_owned();
     (!["lib", "main", "bin"].contains(&name.as_str())).then_some(name)
@@ -259,16 +279,16 @@ fn code_of(path: &Path) -> String {
 fn modules_use_only_what_they_may() {
     let may_use: BTreeMap<&str, &[&str]> = MAY_USE.iter().copied().collect();
     let mut wrong = BTreeSet::new();
-    for path in sources() {
-        let Some(module) = module_of(&path) else { continue };
+    for (path, relative) in sources() {
+        let Some(module) = module_of(&relative) else { continue };
         if path.file_name().unwrap().to_str().unwrap().contains("tests") {
             continue;
         }
         let allowed = may_use.get(module.as_str()).copied().unwrap_or_else(|| panic!("{module} is not in the table"));
         let paths = circles::paths_of(&code_of(&path));
-        for used in
-            paths.iter().filter(|path| path.first().is_some_and(|root| root == "crate")).filter_map(|path| path.get(1))
-        {
+        let is_ours =
+            |path: &&Vec<String>| path.first().is_some_and(|root| root == "crate" || root == "tactile_pose_fusion");
+        for used in paths.iter().filter(is_ours).filter_map(|path| path.get(1)) {
             if *used != module && !allowed.contains(&used.as_str()) {
                 wrong.insert(format!("{} uses {used}", path.display()));
             }
@@ -280,18 +300,24 @@ fn modules_use_only_what_they_may() {
 #[test]
 fn no_two_modules_use_each_other() {
     let is_test = |path: &Path| path.file_stem().is_some_and(|stem| stem.to_string_lossy().ends_with("tests"));
-    let of_file = |path: PathBuf| {
-        let relative = path.strip_prefix(Path::new(env!("CARGO_MANIFEST_DIR")).join("src")).unwrap().with_extension("");
-        let module: circles::Module = relative.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    let of_file = |(path, relative): (PathBuf, PathBuf)| {
+        let module: circles::Module =
+            relative.with_extension("").iter().map(|part| part.to_string_lossy().into_owned()).collect();
         let is_root = module == ["lib"];
         (if is_root { circles::Module::new() } else { module }, code_of(&path))
     };
-    let is_program = |path: &Path| path.ends_with("src/main.rs") || path.iter().any(|part| part == "bin");
-    let files = sources().into_iter().filter(|path| !is_test(path) && !is_program(path));
-    let sources: circles::Sources = files.map(of_file).collect();
-    assert!(sources.len() > 300, "the sources were not found");
-    let circles = circles::between_siblings(&sources);
-    assert!(circles.is_empty(), "{circles:#?}");
+    let is_program = |relative: &Path| relative == Path::new("main.rs") || relative.starts_with("bin");
+    let mut n_files = 0;
+    for package in PACKAGES {
+        let files = sources_of(package).into_iter();
+        let files = files.filter(|(path, relative)| !is_test(path) && !is_program(relative));
+        let sources: circles::Sources = files.map(of_file).collect();
+        assert!(sources.len() > 80, "the sources of {package} were not found");
+        n_files += sources.len();
+        let circles = circles::between_siblings(&sources);
+        assert!(circles.is_empty(), "{package}: {circles:#?}");
+    }
+    assert!(n_files > 300, "the sources were not found");
 }
 
 /// Modules, and files of others, that know no clock, file, thread or environment.
@@ -342,10 +368,9 @@ fn the_core_is_pure() {
         "rand",
     ];
     let words = ["async ", "println!", "eprintln!", "unsafe", "thread_local!", "static mut"];
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut n_files = [0; PURE.len()];
-    for path in sources() {
-        let relative = path.strip_prefix(&src).unwrap().with_extension("");
+    for (path, relative) in sources() {
+        let relative = relative.with_extension("");
         let Some(module) = PURE.iter().position(|module| relative.starts_with(module)) else { continue };
         if relative == Path::new("protocol/file") {
             continue; // reads a protocol that a person wrote
@@ -378,12 +403,13 @@ fn the_core_is_pure() {
 /// What ARCHITECTURE.md calls pure is what the test above looks at.
 #[test]
 fn what_architecture_md_calls_pure_is_checked() {
-    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("ARCHITECTURE.md")).unwrap();
-    let rows = text.lines().filter(|line| line.starts_with("| `src/") && line.to_lowercase().contains("pure"));
+    let text = fs::read_to_string(Path::new(ROOT).join("ARCHITECTURE.md")).unwrap();
+    let is_of_code = |line: &&str| line.starts_with("| `src/") || line.starts_with("| `crates/");
+    let rows = text.lines().filter(is_of_code).filter(|line| line.to_lowercase().contains("pure"));
     let mut n_rows = 0;
     for row in rows {
         n_rows += 1;
-        let module = row.trim_start_matches("| `src/").split(".rs`").next().unwrap();
+        let module = row.split("src/").nth(1).unwrap().split(".rs`").next().unwrap();
         if module == "ros" {
             for file in row.split("Pure:").nth(1).unwrap().split(" | ").next().unwrap().split('`').skip(1).step_by(2) {
                 assert!(PURE.iter().any(|pure| pure.ends_with(&format!("/{file}"))), "{file} of ros");
@@ -397,9 +423,12 @@ fn what_architecture_md_calls_pure_is_checked() {
 
 #[test]
 fn the_table_is_that_of_architecture_md() {
-    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("ARCHITECTURE.md")).unwrap();
+    let text = fs::read_to_string(Path::new(ROOT).join("ARCHITECTURE.md")).unwrap();
     for (module, allowed) in MAY_USE {
-        let row = text.lines().find(|line| line.starts_with(&format!("| `src/{module}.rs`")));
+        let is_in = |package: &&&str| src_of(package).join(format!("{module}.rs")).exists();
+        let package = PACKAGES.iter().find(is_in).unwrap_or_else(|| panic!("no package has {module}"));
+        let begins = format!("| `{}src/{module}.rs`", if *package == "." { "" } else { "crates/commands/" });
+        let row = text.lines().find(|line| line.starts_with(&begins));
         let row = row.unwrap_or_else(|| panic!("ARCHITECTURE.md has no row for {module}"));
         let cell = row.trim_end_matches(" |").rsplit(" | ").next().unwrap().trim();
         let expected = match *module {
@@ -413,7 +442,7 @@ fn the_table_is_that_of_architecture_md() {
 
 #[test]
 fn every_test_that_architecture_md_names_is_there() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = Path::new(ROOT);
     let text = fs::read_to_string(root.join("ARCHITECTURE.md")).unwrap();
     let invariants = text.split("## Invariants").nth(1).unwrap().split("\n## ").next().unwrap();
     let mut n_named = 0;
@@ -433,13 +462,22 @@ fn every_test_that_architecture_md_names_is_there() {
     assert!(n_named > 8, "the table of invariants was not found");
 }
 
-/// `forbid` can't be taken back by any attribute, so what is left to escape is to be no target of this package.
+/// `forbid` can't be taken back by any attribute, so what is left to escape is to be no target of these packages.
 #[test]
 fn no_target_may_hold_unsafe_code() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let manifest = fs::read_to_string(root.join("Cargo.toml")).unwrap();
-    let lints = manifest.split("[lints.rust]").nth(1).unwrap().split("\n[").next().unwrap();
+    let root = Path::new(ROOT);
+    let workspace = fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let lints = workspace.split("[workspace.lints.rust]").nth(1).unwrap().split("\n[").next().unwrap();
     assert!(lints.lines().any(|line| line == "unsafe_code = \"forbid\""), "{lints}");
-    assert!(!manifest.contains("[workspace"), "a member needs the lints too");
-    assert!(!root.join("build.rs").exists() && !manifest.contains("build ="), "a build script is code too");
+    for (key, packages) in [("members", &PACKAGES[1..]), ("default-members", &PACKAGES)] {
+        let line = workspace.lines().find(|line| line.starts_with(&format!("{key} = ")));
+        assert!(line.is_some_and(|line| line.starts_with(&format!("{key} = {packages:?}"))), "{key}: {line:?}");
+    }
+    for package in PACKAGES {
+        let folder = root.join(package);
+        let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        let lints: Vec<&str> = manifest.split("\n[lints").skip(1).collect();
+        assert!(lints.len() == 1 && lints[0].starts_with("]\nworkspace = true\n"), "{package} has other lints");
+        assert!(!folder.join("build.rs").exists() && !manifest.contains("build ="), "a build script is code too");
+    }
 }

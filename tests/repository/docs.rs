@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use clap::Parser;
-use tactile_pose_fusion::commands::Cli;
+use common::ROOT;
 use tactile_pose_fusion::config::{self, keys};
+use tactile_pose_fusion_commands::Cli;
 
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(ROOT)
 }
 
 fn book() -> PathBuf {

@@ -6,6 +6,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use common::ROOT;
 use common::tpf::tpf;
 
 /// Runs an example, which `cargo test` has built beside this test; what it printed.
@@ -22,7 +23,7 @@ fn example(name: &str, args: &[&Path], stdin: &str) -> String {
 }
 
 fn shipped(file: &str) -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(file)
+    Path::new(ROOT).join(file)
 }
 
 #[test]

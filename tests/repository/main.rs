@@ -1,6 +1,6 @@
 //! The repository itself: its rules, documentation and examples.
 
-#[path = "../common/mod.rs"]
+#[path = "../tpf_common/mod.rs"]
 mod common;
 
 mod architecture;

@@ -48,7 +48,7 @@ impl BagSchema {
     ///
     /// In `.msg` an empty text defines a message without fields.
     pub fn is_undefined(&self) -> bool {
-        self.data.is_empty() && (self.encoding != "ros2msg" || !self.name.ends_with("/Empty"))
+        self.data.is_empty() && self.encoding != "ros2msg"
     }
 
     /// The type with everything that it is made of; one that the recorder didn't define is looked for among `installed`.
@@ -59,6 +59,12 @@ impl BagSchema {
         let name = canonical_type_name(&self.name);
         if self.is_undefined() {
             return Ok(installed.tree(&one_line(&name))?);
+        }
+        // An empty text may also be of a recorder that knew the name alone. Then a definition that is known says more.
+        if self.data.is_empty()
+            && let Ok(tree) = installed.tree(&one_line(&name))
+        {
+            return Ok(tree);
         }
         Ok(TypeTree::from_encoded(&name, &self.encoding, &String::from_utf8_lossy(&self.data))?)
     }

@@ -1,6 +1,7 @@
 //! Regions: their taxels, joints, geometry and contact thresholds.
 
 use std::collections::BTreeSet;
+use std::num::NonZeroU32;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -9,7 +10,9 @@ use super::super::scalar::ParamValue;
 use super::super::text::{list, one_line};
 use super::TruthSource;
 use super::reader::Reader;
-use crate::fusion::{ContactBy, ContactThresholds, Patch, RegionConfig, TactileSource, TactileSourceIdx, TouchLevels};
+use crate::fusion::{
+    ContactBy, ContactThresholds, ModelIdx, Patch, RegionConfig, TactileSource, TactileSourceIdx, TouchLevels,
+};
 use crate::msg::binding::{JointFields, NamesFrom, Topic};
 use crate::units::Newton;
 
@@ -40,6 +43,7 @@ pub(super) fn all(
     let one = |name: &String| {
         let key = |tail: &str| format!("region.{name}.{tail}");
         let model = reader.text(&key("model"))?;
+        let model_idx = models.iter().position(|known| *known == model);
         let source_idx = tactile_source(reader, &key("tactile_source"), sources)?;
         let frame_id = reader.required_text(&key("frame_id"))?;
         let patch = Patch {
@@ -49,11 +53,11 @@ pub(super) fn all(
         };
         Ok(RegionConfig {
             name: name.clone(),
-            source: TactileSourceIdx(source_idx),
+            source: TactileSourceIdx::at(source_idx),
             taxels: taxels(reader, &key("taxels"), &sources[source_idx])?,
             joints: region_joints(reader, &key("joints"), joints)?,
             model_joints: model_joints(reader, &key("model_joints"), &key("joints"))?,
-            model: models.iter().position(|known| *known == model).ok_or_else(|| reader.missing(&key("model")))?,
+            model: model_idx.map(ModelIdx::at).ok_or_else(|| reader.missing(&key("model")))?,
             patch,
             contact: contact(reader, Some(name))?,
         })
@@ -232,8 +236,9 @@ fn contact(reader: &Reader<'_>, region: Option<&str>) -> Result<ContactThreshold
             Some(TouchLevels { on, off })
         }
     };
-    let frames = |key: &str| -> Result<u32, ConfigError> {
-        u32::try_from(reader.int(key)?).map_err(|_| reader.refused(key, "must not be negative"))
+    let frames = |key: &str| -> Result<NonZeroU32, ConfigError> {
+        let frames = u32::try_from(reader.int(key)?).ok().and_then(NonZeroU32::new);
+        frames.ok_or_else(|| reader.refused(key, "must be at least 1"))
     };
     Ok(ContactThresholds {
         by,

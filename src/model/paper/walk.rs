@@ -73,7 +73,7 @@ impl<'g> Walk<'g> {
     /// The first node that is not understood, or another reason why this is not the network.
     pub(super) fn through(graph: &'g GraphProto, terms: &'g Terms) -> Result<Self, String> {
         let contract = &terms.contract;
-        let window = contract.window;
+        let window = contract.window.get();
         let constants: BTreeMap<_, _> = graph.initializer.iter().map(|tensor| (tensor.name.as_str(), tensor)).collect();
         let mut walk = Walk { window, constants, values: BTreeMap::new(), found: Found::default() };
         let twice = "two of its tensors have the same name";

@@ -15,7 +15,7 @@ pub enum ForceFields {
     Axes([String; 3]),
 }
 
-/// What a message says of the force, in the unit and with the signs of the source.
+/// The force that a message gives, in the unit and with the signs of the source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ForceReading {
     /// The normal force.

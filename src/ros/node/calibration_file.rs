@@ -74,7 +74,7 @@ fn admitted(folder: Option<&Path>, asked: &str) -> Result<PathBuf, String> {
     };
     let refused = || {
         format!(
-            "{KEY}: no file {} in {}, from which alone this node takes calibrations, because the file of its start is there",
+            "{KEY}: no file {} in {}: this node takes calibrations only from the folder of the file that it was started with",
             shown(asked),
             folder.display()
         )

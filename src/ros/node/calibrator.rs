@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::config::Config;
 use crate::fusion::{
-    ArtifactFit, Baseline, BaselineBuilder, CalibrationLimits, Event, Fusion, JointSample, JointSourceIdx,
+    ArtifactFit, Baseline, BaselineBuilder, CalibrationLimits, Contract, Event, Fusion, JointSample, JointSourceIdx,
     TactileBlock, TactileSource, TactileSourceIdx,
 };
 use crate::msg::{CalibrateFeedback, CalibrateResult, Duration as WireDuration};
@@ -96,11 +96,11 @@ pub struct Calibrator {
 impl Calibrator {
     /// A calibration that collects for `duration`.
     pub fn new(cfg: &Config, purpose: Purpose, duration: Duration) -> Self {
-        let hole_ns = nanos(cfg.fusion.timing.max_gap).max(NANOS_PER_SEC / 2);
-        let builder = |(idx, source): (usize, &TactileSource)| {
-            BaselineBuilder::new(source.n_taxels, hole_ns).needing(cfg.fusion.taxels_in_use(TactileSourceIdx(idx)))
+        let hole_ns = nanos(cfg.fusion.timing().max_gap).max(NANOS_PER_SEC / 2);
+        let builder = |(source_idx, source): (TactileSourceIdx, &TactileSource)| {
+            BaselineBuilder::new(source.n_taxels, hole_ns).needing(cfg.fusion.taxels_in_use(source_idx))
         };
-        let builders = cfg.fusion.tactile_sources.iter().enumerate().map(builder).collect();
+        let builders = cfg.fusion.tactile_source_idxs().zip(cfg.fusion.tactile_sources()).map(builder).collect();
         Calibrator {
             cfg: cfg.clone(),
             purpose,
@@ -116,19 +116,19 @@ impl Calibrator {
     pub fn handle(&mut self, sample: Sample) {
         match &sample {
             Sample::Tactile { source, stamp, rows, row_period_ns, values, .. } => {
-                let cfg = &self.cfg.fusion.tactile_sources[source.0];
+                let cfg = &self.cfg.fusion.tactile_sources()[source.position()];
                 if rows.checked_mul(cfg.n_taxels) != Some(values.len()) {
                     return; // the core counts it
                 }
                 for (row_idx, row) in values.chunks_exact(cfg.n_taxels).enumerate() {
                     let before_last = (rows - 1 - row_idx) as i64;
                     let stamp = stamp.offset(cfg.stamp_offset_ns - row_period_ns.saturating_mul(before_last));
-                    self.builders[source.0].handle_sample(stamp, row);
+                    self.builders[source.position()].handle_sample(stamp, row);
                     self.frames = self.frames.saturating_add(1);
                 }
             }
             Sample::Joints { source, names, positions, .. } => {
-                self.movement.handle(names, positions, self.cfg.fusion.joint_sources[source.0].scale);
+                self.movement.handle(names, positions, self.cfg.fusion.joint_sources()[source.position()].scale);
             }
         }
         self.samples.push(sample);
@@ -189,7 +189,7 @@ impl Calibrator {
         let of_source = |(builder, source): (&BaselineBuilder, &TactileSource)| {
             builder.finish(&limits).map_err(|error| format!("tactile source {}: {error}", source.name))
         };
-        let sources = &self.cfg.fusion.tactile_sources;
+        let sources = self.cfg.fusion.tactile_sources();
         let baselines: Vec<Baseline> = self.builders.iter().zip(sources).map(of_source).collect::<Result<_, _>>()?;
         let artifacts =
             self.artifacts(&judge, &baselines, limits, &before.artifacts).map_err(|error| error.to_string())?;
@@ -206,11 +206,8 @@ impl Calibrator {
         limits: CalibrationLimits,
         before: &[Option<ArtifactFit>],
     ) -> Result<Vec<Option<ArtifactFit>>, ZeroError> {
-        let of_region = |idx: usize| {
-            let contract = judge.contract(idx);
-            contract.artifact.clone().map(|artifact| (artifact, contract.rate_hz))
-        };
-        let artifacts: Vec<_> = (0..self.cfg.fusion.regions.len()).map(of_region).collect();
+        let of_region = |contract: &Contract| contract.artifact.clone().map(|artifact| (artifact, contract.rate_hz));
+        let artifacts: Vec<_> = judge.contracts().map(of_region).collect();
         let rest = vec![vec![EVER]; baselines.len()];
         let times = ArtifactTimes { most: self.duration, least_s: limits.min_s };
         let mut collector = ArtifactCollector::new(&self.cfg.fusion, &artifacts, baselines, &rest, times)?;
@@ -231,7 +228,7 @@ impl Calibrator {
         let mut check =
             LoadCheck::new(ZeroFrom::Live { frames: self.frames }, vec![vec![EVER]; donning.baselines.len()], limits);
         for sample in &self.samples {
-            judge.handle(sample.event());
+            judge.handle(sample.event())?;
             while let Some(tick) = judge.poll()? {
                 check.takes(tick);
             }
@@ -244,11 +241,11 @@ impl Calibrator {
     }
 
     fn source_names(&self) -> Vec<String> {
-        self.cfg.fusion.tactile_sources.iter().map(|source| source.name.clone()).collect()
+        self.cfg.fusion.tactile_sources().iter().map(|source| source.name.clone()).collect()
     }
 
     fn source_taxels(&self) -> Vec<u32> {
-        self.cfg.fusion.tactile_sources.iter().map(|source| source.n_taxels as u32).collect()
+        self.cfg.fusion.tactile_sources().iter().map(|source| source.n_taxels as u32).collect()
     }
 
     /// Noise of each taxel so far; NaN if there is none yet.
@@ -257,6 +254,6 @@ impl Calibrator {
         let of_source = |(builder, source): (&BaselineBuilder, &TactileSource)| {
             builder.finish(&limits).map_or_else(|_| vec![f32::NAN; source.n_taxels], |baseline| baseline.noise)
         };
-        self.builders.iter().zip(&self.cfg.fusion.tactile_sources).flat_map(of_source).collect()
+        self.builders.iter().zip(self.cfg.fusion.tactile_sources()).flat_map(of_source).collect()
     }
 }

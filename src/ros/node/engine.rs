@@ -19,7 +19,7 @@ use super::visuals::Selection;
 use super::watchdog::{Silence, Watchdog};
 use super::watched::Watched;
 use crate::config::Config;
-use crate::fusion::{ContactThresholds, Contract, Event, Fusion, Tick};
+use crate::fusion::{ContactThresholds, Contract, Event, Fusion, FusionError, SetupError, Tick};
 use crate::msg::binding::SampleBinding;
 use crate::msg::{Outgoing, Slot, to_cdr};
 use crate::ros::wire::args::Severity;
@@ -145,13 +145,13 @@ impl Engine {
     pub(super) async fn run(self, inputs: Vec<InputTopic>, mut commands: mpsc::UnboundedReceiver<Command>) {
         let mut running = Running {
             watchdog: Watchdog::new(
-                self.cfg.fusion.tactile_sources.len(),
+                self.cfg.fusion.tactile_sources().len(),
                 self.cfg.live.tactile_timeout,
-                self.cfg.fusion.timing.joint_slack,
+                self.cfg.fusion.timing().joint_slack,
             ),
             order: Order::new(
-                self.cfg.fusion.tactile_sources.len(),
-                nanos(self.cfg.fusion.timing.max_age.unwrap_or(self.cfg.live.tactile_timeout)),
+                self.cfg.fusion.tactile_sources().len(),
+                nanos(self.cfg.fusion.timing().max_age.unwrap_or(self.cfg.live.tactile_timeout)),
             ),
             watched: Watched::new(&self.cfg, inputs.iter().flat_map(|input| input.wanted.clone())),
             bindings: inputs.iter().map(|input| input.bindings.clone()).collect(),
@@ -221,12 +221,10 @@ impl Running {
             }
             Command::Active(active) => self.active = active,
             Command::Thresholds(thresholds) => {
-                if let Some(core) = &mut self.core {
-                    core.fusion.handle_thresholds(&thresholds);
-                    self.outgoing = Some(outgoing(&core.fusion));
-                }
-                for (region, thresholds) in self.engine.cfg.fusion.regions.iter_mut().zip(thresholds) {
-                    region.contact = thresholds;
+                if let Err(error) = self.take_thresholds(&thresholds) {
+                    self.engine
+                        .outbox
+                        .log(Severity::Error, format!("{error}; the contact thresholds stay as they were"));
                 }
             }
             Command::Calibrated(donning, from, reply) => {
@@ -239,6 +237,15 @@ impl Running {
             Command::Tap(tap) => self.tap = Some(tap),
             Command::Stop => {}
         }
+    }
+
+    fn take_thresholds(&mut self, thresholds: &[ContactThresholds]) -> Result<(), SetupError> {
+        self.engine.cfg.fusion = self.engine.cfg.fusion.clone().with_thresholds(thresholds)?;
+        if let Some(core) = &mut self.core {
+            core.fusion.handle_thresholds(thresholds)?;
+            self.outgoing = Some(outgoing(&core.fusion));
+        }
+        Ok(())
     }
 
     fn install(&mut self, donning: &Donning, from: String) -> Result<(), String> {
@@ -328,11 +335,13 @@ impl Running {
         }
         self.watched.handle(&event);
         if let Event::Tactile(block) = &event {
-            self.watchdog.handle_message(block.source.0, now);
+            self.watchdog.handle_message(block.source.position(), now);
         }
         let Some(core) = &mut self.core else { return };
-        core.fusion.handle(event);
-        self.drain(arrived);
+        match core.fusion.handle(event) {
+            Ok(()) => self.drain(arrived),
+            Err(failure) => self.give_up(&failure),
+        }
     }
 
     /// Queues the core's outputs for publishing.
@@ -342,9 +351,9 @@ impl Running {
             match core.fusion.poll() {
                 Ok(None) => return,
                 Ok(Some(tick)) => {
-                    let was_stale = self.watchdog.handle_frame(tick.source.0, self.engine.clock.running());
-                    if was_stale && self.said_stale.remove(&tick.source.0) {
-                        let name = &self.engine.cfg.fusion.tactile_sources[tick.source.0].name;
+                    let was_stale = self.watchdog.handle_frame(tick.source.position(), self.engine.clock.running());
+                    if was_stale && self.said_stale.remove(&tick.source.position()) {
+                        let name = &self.engine.cfg.fusion.tactile_sources()[tick.source.position()].name;
                         self.engine.outbox.log(Severity::Info, format!("tactile source {name} is back"));
                     }
                     for estimate in &tick.estimates {
@@ -352,7 +361,7 @@ impl Running {
                     }
                     let of = Some(Origin { stamp: tick.stamp, received: arrived });
                     let recorder = self.engine.recorder.as_ref();
-                    let newest = self.order.admits(tick.source.0, tick.stamp, self.engine.clock.now());
+                    let newest = self.order.admits(tick.source.position(), tick.stamp, self.engine.clock.now());
                     send(&self.engine, recorder, outgoing, tick, of, self.active && newest, &mut self.cdr);
                     let selection = self.engine.selection.as_mut().filter(|_| self.active && newest);
                     if let Some(mut shown) = selection.and_then(|selection| selection.handle(tick)) {
@@ -363,6 +372,11 @@ impl Running {
                 Err(error) => break error,
             }
         };
+        self.give_up(&failure);
+    }
+
+    /// Lets go of a core that can't go on.
+    fn give_up(&mut self, failure: &FusionError) {
         self.engine.outbox.log(Severity::Error, format!("{failure}; clean up and configure the node again"));
         self.core = None;
         self.outgoing = None;
@@ -376,7 +390,7 @@ impl Running {
         }
         let mut barked = false;
         while let Some((source_idx, silence, first)) = self.watchdog.poll(now) {
-            let source = &self.engine.cfg.fusion.tactile_sources[source_idx];
+            let source = &self.engine.cfg.fusion.tactile_sources()[source_idx];
             // A source that never sent anything is reported with the other inputs, after time for discovery.
             if first && self.watched.inputs[source_idx].meter().n_total() > 0 {
                 self.said_stale.insert(source_idx);
@@ -391,15 +405,15 @@ impl Running {
             barked = true;
         }
         // If another source still sends, the contacts of its frames report which sources are missing.
-        let regions = &self.engine.cfg.fusion.regions;
-        if !barked || !regions.iter().all(|region| self.watchdog.is_stale(region.source.0)) {
+        let regions = self.engine.cfg.fusion.regions();
+        if !barked || !regions.iter().all(|region| self.watchdog.is_stale(region.source.position())) {
             return;
         }
         let is_due = |said: Duration| now.saturating_sub(said) * 2 >= self.engine.cfg.live.tactile_timeout;
         if let Some(outgoing) = self.outgoing.as_ref().filter(|_| self.active && self.silent_said.is_none_or(is_due)) {
             self.silent_said = Some(now);
             let time = self.engine.clock.now();
-            let stamps = regions.iter().map(|region| self.order.silent(region.source.0, time));
+            let stamps = regions.iter().map(|region| self.order.silent(region.source.position(), time));
             let contacts = outgoing.silent(stamps.max().unwrap_or(time));
             // Not recorded: elapsed time is not an event, so replay could not reproduce it.
             self.engine.outbox.send(self.engine.outputs.contacts, to_cdr(&contacts), None);
@@ -447,7 +461,7 @@ impl Running {
 
 /// Messages of the regions of a core.
 fn outgoing(fusion: &Fusion) -> Outgoing {
-    let contracts: Vec<&Contract> = (0..fusion.config().regions.len()).map(|idx| fusion.contract(idx)).collect();
+    let contracts: Vec<&Contract> = fusion.contracts().collect();
     Outgoing::new(fusion.config(), &contracts)
 }
 
@@ -468,7 +482,7 @@ fn send(
         }
         if active {
             let to = match slot {
-                Slot::Wrench(region) => engine.outputs.wrenches[region],
+                Slot::Wrench(region) => engine.outputs.wrenches[region.position()],
                 Slot::Contacts => engine.outputs.contacts,
             };
             engine.outbox.send(to, cdr.to_vec(), of);

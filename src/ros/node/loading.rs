@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::engine::Configured;
 use crate::config::Config;
-use crate::fusion::{Fusion, FusionConfig, Receipts};
+use crate::fusion::{Fusion, Receipts};
 use crate::location;
 use crate::model::{self, ModelInfo};
 use crate::ros::wire::args::Severity;
@@ -42,7 +42,7 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
         "until then no force is published: calibrate (tpf call calibrate), or start with --calibration FILE";
     match (calibration, &cfg.calibration.file) {
         (Some(path), _) => installed = Some(install(&mut fusion, cfg, path, &known)?),
-        (None, None) => notes.push((Severity::Warn, format!("calibration.file is not set; {uncalibrated}"))),
+        (None, None) => notes.push((Severity::Warn, "calibration.file is not set; no force is published until you calibrate (tpf call calibrate), or start with --calibration FILE".to_owned())),
         (None, Some(path)) if !path.exists() => {
             notes.push((Severity::Warn, format!("{}: no calibration there yet; {uncalibrated}", path.display())));
         }
@@ -98,7 +98,7 @@ pub(super) fn fusion(cfg: &Config) -> Result<(Fusion, Vec<ModelInfo>), String> {
         infos.push(loaded.info);
         regressors.push(loaded.regressor);
     }
-    let fusion_cfg = FusionConfig { receipts: Receipts::Live, ..cfg.fusion.clone() };
+    let fusion_cfg = cfg.fusion.clone().with_receipts(Receipts::Live);
     let fusion = Fusion::new(fusion_cfg, regressors).map_err(|error| error.to_string())?;
     Ok((fusion, infos))
 }

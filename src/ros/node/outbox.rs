@@ -251,7 +251,7 @@ impl Publishing {
             publish(markers, to_cdr(&drawing.markers(shown)));
         }
         for region in &shown.regions {
-            let image = &images[region.estimate.region];
+            let image = &images[region.estimate.region.position()];
             if is_wanted(image) {
                 publish(image, to_cdr(&drawing.image(region, shown.stamp)));
             }

@@ -52,14 +52,14 @@ impl Selection {
         let period_ns = NANOS_PER_SEC as f64 / cfg.live.visuals.rate_hz;
         Selection {
             period_ns: period_ns as i64,
-            last: vec![None; cfg.fusion.tactile_sources.len()],
-            n_taxels: cfg.fusion.regions.iter().map(|region| region.taxels.len()).collect(),
+            last: vec![None; cfg.fusion.tactile_sources().len()],
+            n_taxels: cfg.fusion.regions().iter().map(|region| region.taxels.len()).collect(),
         }
     }
 
     /// The frame to draw, if it is time for one. Its readings are still as sent.
     pub(super) fn handle(&mut self, tick: &Tick) -> Option<Shown> {
-        let last = &mut self.last[tick.source.0];
+        let last = &mut self.last[tick.source.position()];
         // After a jump of time in either direction, too.
         if last.is_some_and(|last| tick.stamp.nanos_since(last).abs() < self.period_ns) || tick.estimates.is_empty() {
             return None;
@@ -67,7 +67,7 @@ impl Selection {
         *last = Some(tick.stamp);
         let mut begin = 0;
         let region = |estimate: &Estimate| {
-            let taxels = begin..begin + self.n_taxels[estimate.region];
+            let taxels = begin..begin + self.n_taxels[estimate.region.position()];
             begin = taxels.end;
             let (raw, corrected) = (tick.taxels.reading[taxels.clone()].to_vec(), tick.taxels.feature[taxels].to_vec());
             ShownRegion { estimate: *estimate, raw, corrected }
@@ -80,9 +80,9 @@ impl Shown {
     /// Takes the zero out of the readings.
     pub(super) fn subtract_zero(&mut self, fusion: &Fusion) {
         let (cfg, baseline) = (fusion.config(), fusion.baseline(self.source));
-        let sign = if cfg.tactile_sources[self.source.0].inverted { -1.0 } else { 1.0 };
+        let sign = if cfg.tactile_sources()[self.source.position()].inverted { -1.0 } else { 1.0 };
         for ShownRegion { estimate, raw, .. } in &mut self.regions {
-            for (reading, &taxel_idx) in raw.iter_mut().zip(&cfg.regions[estimate.region].taxels) {
+            for (reading, &taxel_idx) in raw.iter_mut().zip(&cfg.regions()[estimate.region.position()].taxels) {
                 *reading = baseline.map_or(f32::NAN, |baseline| sign * (*reading - baseline.median[taxel_idx]));
             }
         }
@@ -117,7 +117,7 @@ impl Drawing {
             range,
             drawn: None,
         };
-        Drawing { regions: cfg.fusion.regions.iter().zip(&cfg.layouts).map(scene).collect(), cfg: visuals }
+        Drawing { regions: cfg.fusion.regions().iter().zip(&cfg.layouts).map(scene).collect(), cfg: visuals }
     }
 
     /// Takes note of a frame before it is drawn: its largest reading.
@@ -126,7 +126,7 @@ impl Drawing {
             return;
         }
         for ShownRegion { estimate, raw, corrected } in &shown.regions {
-            let scene = &mut self.regions[estimate.region];
+            let scene = &mut self.regions[estimate.region.position()];
             let passed_s = scene.drawn.map_or(0.0, |drawn| shown.stamp.nanos_since(drawn) as f64 * 1e-9);
             scene.drawn = Some(shown.stamp);
             scene.range *= (-passed_s.max(0.0) / MEMORY_S).exp() as f32;
@@ -139,7 +139,7 @@ impl Drawing {
     pub(super) fn markers(&self, shown: &Shown) -> MarkerArray {
         let lifetime = Duration::from_secs_f64((3.0 / self.cfg.rate_hz).max(0.5)); // a source that stops vanishes
         let of_region = |region: &ShownRegion| {
-            let scene = &self.regions[region.estimate.region];
+            let scene = &self.regions[region.estimate.region.position()];
             markers(scene, region, shown.stamp, self.cfg.arrow_m_per_n, nanos(lifetime))
         };
         MarkerArray { markers: shown.regions.iter().flat_map(of_region).collect() }
@@ -147,13 +147,13 @@ impl Drawing {
 
     /// The taxels of a region: as sent on the left, and where an artifact is removed from them, without it on the right.
     pub(super) fn image(&self, region: &ShownRegion, stamp: Stamp) -> Image {
-        image(&self.regions[region.estimate.region], region, stamp)
+        image(&self.regions[region.estimate.region.position()], region, stamp)
     }
 }
 
 /// The pose of each patch in the frame of its region.
 pub(super) fn patch_frames(cfg: &Config, stamp: Stamp) -> TFMessage {
-    let regions = cfg.fusion.regions.iter().zip(&cfg.layouts);
+    let regions = cfg.fusion.regions().iter().zip(&cfg.layouts);
     TFMessage { transforms: regions.map(|(region, layout)| frame(region, layout, stamp)).collect() }
 }
 

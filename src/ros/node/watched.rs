@@ -48,26 +48,26 @@ pub struct Watched {
 
 /// How long an input may be silent: after that its frames lack an estimate.
 pub(super) fn timeout(cfg: &Config, input_idx: usize) -> Duration {
-    let is_tactile = input_idx < cfg.fusion.tactile_sources.len();
-    if is_tactile { cfg.live.tactile_timeout } else { cfg.fusion.timing.shortest_hold() }
+    let is_tactile = input_idx < cfg.fusion.tactile_sources().len();
+    if is_tactile { cfg.live.tactile_timeout } else { cfg.fusion.timing().shortest_hold() }
 }
 
 impl Watched {
     /// The inputs of a configuration with the requirements of their sources, in any order.
-    pub(crate) fn new(cfg: &Config, wanted: impl IntoIterator<Item = Wanted>) -> Self {
-        let tactile = cfg.fusion.tactile_sources.iter().map(|source| format!("tactile.{}", source.name));
+    pub fn new(cfg: &Config, wanted: impl IntoIterator<Item = Wanted>) -> Self {
+        let tactile = cfg.fusion.tactile_sources().iter().map(|source| format!("tactile.{}", source.name));
         let keys: Vec<String> =
-            tactile.chain(cfg.fusion.joint_sources.iter().map(|source| format!("joint.{}", source.name))).collect();
+            tactile.chain(cfg.fusion.joint_sources().iter().map(|source| format!("joint.{}", source.name))).collect();
         let mut wanted: Vec<Wanted> = wanted.into_iter().collect();
         wanted.sort_by_key(|wanted| keys.iter().position(|key| *key == wanted.key));
         Watched {
             inputs: wanted.iter().map(|wanted| InputHealth::new(&wanted.key, &wanted.topic)).collect(),
-            angles: cfg.fusion.joint_sources.iter().map(|source| AngleWatch::new(source.scale)).collect(),
+            angles: cfg.fusion.joint_sources().iter().map(|source| AngleWatch::new(source.scale)).collect(),
             outcomes: Outcomes::default(),
             announcer: Announcer::default(),
             wanted,
-            tactile: cfg.fusion.tactile_sources.clone(),
-            joints: cfg.fusion.joint_sources.clone(),
+            tactile: cfg.fusion.tactile_sources().to_vec(),
+            joints: cfg.fusion.joint_sources().to_vec(),
             needed: cfg.needed_joints(),
             publishers: None,
             subscriptions: Vec::new(),
@@ -75,7 +75,7 @@ impl Watched {
             begun: Duration::ZERO,
             reported: Duration::ZERO,
             capped_since: None,
-            lost: vec![0; cfg.fusion.tactile_sources.len()],
+            lost: vec![0; cfg.fusion.tactile_sources().len()],
             clock: None,
         }
     }
@@ -97,8 +97,10 @@ impl Watched {
     /// The index of the input of a binding's source: tactile sources first, then joint sources.
     pub(crate) fn source_of(&self, binding: &SampleBinding) -> usize {
         match binding {
-            SampleBinding::Taxels(source, _) => source.0,
-            SampleBinding::Joints(source, _) | SampleBinding::Frames(source, _) => self.tactile.len() + source.0,
+            SampleBinding::Taxels(source, _) => source.position(),
+            SampleBinding::Joints(source, _) | SampleBinding::Frames(source, _) => {
+                self.tactile.len() + source.position()
+            }
         }
     }
 
@@ -106,16 +108,20 @@ impl Watched {
     pub(crate) fn handle(&mut self, event: &Event<'_>) {
         match event {
             Event::Tactile(block) => {
-                let source = &self.tactile[block.source.0];
-                self.inputs[block.source.0].handle_taxels(block, source.stamp_offset_ns, source.n_taxels);
+                let source = &self.tactile[block.source.position()];
+                self.inputs[block.source.position()].handle_taxels(block, source.stamp_offset_ns, source.n_taxels);
             }
             Event::Joints(sample) => {
-                let source = &self.joints[sample.source.0];
+                let source = &self.joints[sample.source.position()];
                 let needed = &self.needed;
                 let angles = sample.names.iter().map(String::as_str).zip(sample.positions.iter().copied());
                 let angles = angles.filter(|(name, _)| needed.contains(*name));
-                self.angles[sample.source.0].handle(angles.clone());
-                self.inputs[self.tactile.len() + sample.source.0].handle_joints(sample, source.stamp_offset_ns, angles);
+                self.angles[sample.source.position()].handle(angles.clone());
+                self.inputs[self.tactile.len() + sample.source.position()].handle_joints(
+                    sample,
+                    source.stamp_offset_ns,
+                    angles,
+                );
             }
         }
     }
@@ -124,8 +130,7 @@ impl Watched {
     pub(crate) fn take_outcomes(&mut self, now: Duration, core: &Fusion) -> (Outcomes, f64) {
         let elapsed_s = now.saturating_sub(self.reported).as_secs_f64();
         self.reported = now;
-        let n_regions = core.config().regions.len();
-        let n_expected = (0..n_regions).map(|region_idx| elapsed_s * core.contract(region_idx).rate_hz).sum();
+        let n_expected = core.contracts().map(|contract| elapsed_s * contract.rate_hz).sum();
         (std::mem::take(&mut self.outcomes), n_expected)
     }
 
@@ -154,7 +159,7 @@ impl Watched {
                     self.lost[input_idx] = lost;
                     let faults: Vec<(&'static str, String)> =
                         core.map_or_else(Vec::new, |core| faults(core, &source.name));
-                    let zero = core.and_then(|core| core.baseline(TactileSourceIdx(input_idx)));
+                    let zero = core.and_then(|core| core.baseline(TactileSourceIdx::at(input_idx)));
                     input.judge_taxels(
                         now,
                         &TactileChange {
@@ -171,7 +176,7 @@ impl Watched {
                     let angles = &mut self.angles[input_idx - self.tactile.len()];
                     let unit = angles.doubt(input.key());
                     angles.begin_count();
-                    let max_behind_ns = max_latency_ns.max(nanos(cfg.fusion.timing.shortest_hold()));
+                    let max_behind_ns = max_latency_ns.max(nanos(cfg.fusion.timing().shortest_hold()));
                     input.judge_joints(now, &JointChange { missing: &missing, unit, max_behind_ns })
                 }
             };

@@ -48,7 +48,7 @@ pub struct VisualTopics {
 impl VisualTopics {
     fn new(cfg: &Config, topic: impl Fn(&str) -> Result<String, NameError>) -> Result<Self, NameError> {
         let node = cfg.node.to_string();
-        let images = cfg.fusion.regions.iter().map(|region| format!("{node}/{}/taxels_image", region.name));
+        let images = cfg.fusion.regions().iter().map(|region| format!("{node}/{}/taxels_image", region.name));
         let pictures = [format!("{node}/markers")].into_iter().chain(images);
         let is_wanted = cfg.live.visuals.publishing != Publishing::Never;
         Ok(VisualTopics {

@@ -14,7 +14,7 @@ pub struct SessionFrames {
     pub n_taxels: usize,
     /// Joint angles per frame; 0 for a recording without pose.
     pub n_joints: usize,
-    /// `[n, T]` row-major: features as [`TaxelFeatures`](crate::fusion) writes them, baseline subtracted.
+    /// `[n, T]` row-major: features as the core ([`fusion`](crate::fusion)) writes them, baseline subtracted.
     pub tactile: Vec<f32>,
     /// `[n, P]` row-major, rad; empty without pose.
     pub pose: Vec<f32>,

@@ -209,7 +209,7 @@ impl Running {
         let missing: Vec<&str> = core.fusion.missing_joints().collect();
         values.push(("joints_never_seen".to_owned(), missing.join(", ")));
         values.push(("unrecorded".to_owned(), self.unrecorded.to_string()));
-        for (source_idx, source) in self.engine.cfg.fusion.tactile_sources.iter().enumerate() {
+        for (source_idx, source) in self.engine.cfg.fusion.tactile_sources().iter().enumerate() {
             let n_outdated = self.order.n_outdated(source_idx);
             values.push((format!("tactile.{}.not_published_outdated", source.name), n_outdated.to_string()));
         }

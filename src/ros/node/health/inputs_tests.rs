@@ -15,7 +15,7 @@ fn taxels(stamp: impl Fn(i64) -> i64, values: &[f32], limits: &TactileChange<'_>
         let received = Stamp(NOW + k * 10 * MS);
         health.handle_arrival(Duration::from_millis(k as u64 * 10), Some([1; 16]));
         let block = TactileBlock {
-            source: TactileSourceIdx(0),
+            source: TactileSourceIdx::at(0),
             stamp: Stamp(stamp(k)),
             rows: 1,
             row_period_ns: 0,
@@ -91,7 +91,8 @@ fn joints_that_are_not_those_of_the_parameters_are_told() {
         for k in 0..10 {
             let stamp = Stamp(NOW + k * MS);
             health.handle_arrival(Duration::from_millis(k as u64), None);
-            let sample = JointSample { source: JointSourceIdx(0), stamp, names: &names, positions, received: stamp };
+            let sample =
+                JointSample { source: JointSourceIdx::at(0), stamp, names: &names, positions, received: stamp };
             let needed = names.iter().map(String::as_str).zip(positions.iter().copied());
             health.handle_joints(&sample, 0, needed);
         }

@@ -93,7 +93,9 @@ pub fn advice(flag: &str) -> &'static str {
         "HELD_POSE" => "joint angles come late or with gaps: look at their driver and timing.max_pose_age_ms",
         "FROZEN" => "taxels repeat: look at their driver",
         "INTERLEAVED" => "taxels of two senders come in turn: stop one of them",
-        "WRONG_RATE" => "taxels come at another rate than the model's: set tactile.<source>.frame_clock to grid",
+        "WRONG_RATE" => {
+            "taxels come at another rate than the model's: if it lasts, set frame_clock of their source to grid"
+        }
         _ => "~/contacts has the flags",
     }
 }

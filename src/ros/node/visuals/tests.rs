@@ -1,6 +1,6 @@
 use super::*;
 use crate::config::parse_param_file;
-use crate::fusion::{Adaptation, Contact, Flags, TactileSourceIdx, TickTaxels};
+use crate::fusion::{Adaptation, Contact, Flags, RegionIdx, TactileSourceIdx, TickTaxels};
 use crate::msg::Marker;
 use crate::units::Newton;
 
@@ -28,12 +28,12 @@ fn refusal(extra: &str) -> String {
 }
 
 fn estimate(region: usize, force: Option<f64>) -> Estimate {
-    Estimate { region, force: force.map(Newton), ..Estimate::default() }
+    Estimate { region: RegionIdx::at(region), force: force.map(Newton), ..Estimate::default() }
 }
 
 fn tick(stamp_ms: i64) -> Tick {
     Tick {
-        source: TactileSourceIdx(0),
+        source: TactileSourceIdx::at(0),
         stamp: Stamp(stamp_ms * 1_000_000),
         epoch: 0,
         number: 0,

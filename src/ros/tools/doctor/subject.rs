@@ -9,7 +9,7 @@ use super::super::inputs::Inputs;
 use super::super::listener::{Delivery, Incoming, Listener, Listening};
 use super::{Finding, Level};
 use crate::config::{Config, ParamTree};
-use crate::fusion::{Event, Fusion, TactileSourceIdx};
+use crate::fusion::{Event, Fusion};
 use crate::msg::definition::{Definitions, TypeTree};
 use crate::msg::{ContactArray, WireType, WrenchStamped};
 use crate::ros::node::health::{InputHealth, advice};
@@ -121,8 +121,9 @@ impl Subject {
         let mut estimates = Vec::new();
         inputs.handle(incoming, &mut |event| {
             seen.handle(event, cfg);
-            if let Some(fusion) = core {
-                fusion.handle(*event);
+            if let Some(fusion) = core
+                && fusion.handle(*event).is_ok()
+            {
                 while let Ok(Some(tick)) = fusion.poll() {
                     estimates.extend(tick.estimates.iter().copied());
                 }
@@ -305,8 +306,7 @@ impl Subject {
             let text = "no frame could be made of what came, so no estimate was tried; see the inputs";
             return (!input_fails).then(|| Finding::new("estimates", Level::Problem, text));
         }
-        let sources = 0..self.cfg.fusion.tactile_sources.len();
-        if sources.clone().all(|idx| core.baseline(TactileSourceIdx(idx)).is_none()) {
+        if core.config().tactile_source_idxs().all(|source| core.baseline(source).is_none()) {
             let text = format!(
                 "not tried on the {} frames that came: without a calibration no node gives a force; name that of the node by --calibration",
                 outcomes.n
@@ -337,7 +337,7 @@ impl Seen {
     fn handle(&mut self, event: &Event<'_>, cfg: &Config) {
         let (key, age_ns) = match event {
             Event::Tactile(block) => {
-                let source = &cfg.fusion.tactile_sources[block.source.0];
+                let source = &cfg.fusion.tactile_sources()[block.source.position()];
                 let key = format!("tactile.{}", source.name);
                 if let Some(n_taxels) = block.values.len().checked_div(block.rows) {
                     self.taxels.insert(key.clone(), n_taxels);
@@ -345,7 +345,7 @@ impl Seen {
                 (key, block.received.nanos_since(block.stamp.offset(source.stamp_offset_ns)))
             }
             Event::Joints(sample) => {
-                let source = &cfg.fusion.joint_sources[sample.source.0];
+                let source = &cfg.fusion.joint_sources()[sample.source.position()];
                 let needed = cfg.needed_joints();
                 let known = self.joints.len();
                 if known < needed.len() + 256 {

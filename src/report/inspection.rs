@@ -1,8 +1,0 @@
-//! Reports on a bag or a model, as [`inspect`](crate::inspect) found it.
-
-mod bag;
-mod format;
-mod model;
-
-pub use bag::text as bag;
-pub use model::text as model;
