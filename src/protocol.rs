@@ -10,6 +10,8 @@ mod plan;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::units::GramForce;
+
 pub use annotations::{Annotation, Annotations};
 pub use file::{MAX_BYTES, ProtocolError};
 pub use plan::{Action, Plan, Setting, Step, Trial};
@@ -32,6 +34,8 @@ pub struct Protocol {
     pub levels: ForceLevels,
     /// Checks before the session begins.
     pub checks: Checks,
+    /// Presses of the load cell at the start of a donning, if it asks for them.
+    pub known_touches: Option<KnownTouches>,
     substages: Vec<Substage>,
     wording: BTreeMap<Name, String>,
     source: Arc<str>,
@@ -44,6 +48,32 @@ pub struct ForceLevels {
     pub taps: [(f64, f64); 3],
     /// Maximum force, which must never be exceeded.
     pub most: f64,
+}
+
+/// Presses of the load cell at the start of a donning, from which the gain of its forces is fitted later.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownTouches {
+    /// Number of presses.
+    pub presses: u16,
+    /// Longest time for a press, s.
+    pub seconds: f64,
+    /// Time for which the force must be held, s.
+    pub hold_s: f64,
+    /// Smallest force that counts, N.
+    pub at_least: f64,
+    /// Text that the person sees.
+    pub ask: String,
+}
+
+impl KnownTouches {
+    /// Forces below this are too small for a gain, because noise and artifact are not small compared with them.
+    pub const LIGHTEST: GramForce = GramForce(30.0);
+
+    /// Substage in the annotations of these presses. They are outside of the stages of the protocol.
+    pub const SUBSTAGE: &str = "known_touches";
+
+    /// The pose in the annotation of a press.
+    pub const PRESS: &str = "press";
 }
 
 /// Checks before a session begins.

@@ -20,7 +20,7 @@ pub use in_air::{InAir, MARGIN, annotated, without_annotations};
 pub use labelled::{Labelled, NeedsTruth};
 pub use modelled::{ModelRun, Modelled, hold_estimates, read_estimates, recorded, run_models};
 pub use shard::{Shard, ShardError};
-pub use touches::{KnownForces, RegionTouches, force_gains};
+pub use touches::{KnownForces, RegionTouches, TruthReading, force_gains, live_force_gains};
 
 use crate::bag::{BagError, BagReader, Recordings, recordings_at, shown};
 use crate::location;

@@ -75,7 +75,7 @@ pub enum BagError {
         path: PathBuf,
     },
     /// A topic that is needed was not recorded.
-    #[error("topic {topic} is not in the bag; there are: {}", list(.there))]
+    #[error("topic {topic} is not in the bag; there are: {}{}", list(.there), only_estimates(.there))]
     MissingTopic {
         /// The topic that is needed.
         topic: String,
@@ -201,6 +201,15 @@ pub(super) fn one_line(text: &str) -> String {
         }
     }
     line
+}
+
+/// What to do with a bag of estimates from which the inputs were left out.
+fn only_estimates(there: &[String]) -> &'static str {
+    let is_estimate = |topic: &String| topic.ends_with("ContactArray]") || topic.ends_with("WrenchStamped]");
+    match there.iter().any(|topic| topic.ends_with("ContactArray]")) && there.iter().all(is_estimate) {
+        true => "; these are estimates without their inputs: take the bag that was replayed, or replay it with --merge",
+        false => "",
+    }
 }
 
 fn list(there: &[String]) -> String {

@@ -102,6 +102,8 @@ pub struct CalibrationConfig {
     pub worn_file: Option<PathBuf>,
     /// Duration of a live calibration.
     pub duration: Duration,
+    /// After a live calibration: how long to look for touches of the force sensors. Zero: not at all.
+    pub touch_duration: Duration,
     /// Shortest unloaded data that is enough; at most `duration`.
     pub min_duration: Duration,
     /// An estimate above this means that the hand touches something.
@@ -204,6 +206,11 @@ impl Config {
         region::turn_truths(&reader, &regions, &truth_of_region, &mut truth_sources)?;
         let layouts = visuals::layouts(&reader, &regions)?;
         let calibration = calibration(&reader)?;
+        if truth.is_empty() && !calibration.touch_duration.is_zero() {
+            let problem =
+                "s needs a force sensor that is touched: set truth_sources and truth.*.topic, or leave it out";
+            return Err(reader.refused("calibration.touch_s", problem));
+        }
         let following = match reader.text("adaptation")?.as_str() {
             "none" => Following::Off,
             "frozen" => Following::Frozen,
@@ -285,6 +292,7 @@ fn calibration(reader: &Reader<'_>) -> Result<CalibrationConfig, ConfigError> {
         file,
         worn_file,
         duration: Duration::from_secs_f64(duration_s),
+        touch_duration: Duration::from_secs_f64(reader.double("calibration.touch_s")?),
         min_duration: Duration::from_secs_f64(min_s),
         max_force: Newton(reader.double("calibration.max_force")?),
         max_loaded_fraction: reader.double("calibration.max_loaded_fraction")?,

@@ -39,7 +39,9 @@ pub struct CalibrateResult {
 /// Progress of a calibration.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct CalibrateFeedback {
-    /// Time left of the goal's duration.
+    /// What the wearer should do now.
+    pub instruction: String,
+    /// Time until the instruction ends.
     pub time_left: Duration,
     /// `[joints]`, names of the joints that had angles so far.
     pub joints: Vec<String>,

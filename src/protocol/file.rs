@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::{CheckMovement, Checks, ForceLevels, Name, Protocol, Settings, Substage, Task};
+use super::{CheckMovement, Checks, ForceLevels, KnownTouches, Name, Protocol, Settings, Substage, Task};
+use crate::units::Newton;
 
 /// Size limit of the file; the paper's protocol takes a fiftieth of it.
 pub const MAX_BYTES: u64 = 512 << 10;
@@ -44,6 +45,17 @@ struct ProtocolFile {
     movements: BTreeMap<String, String>,
     substages: Vec<SubstageFile>,
     checks: ChecksFile,
+    known_touches: Option<KnownTouchesFile>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KnownTouchesFile {
+    presses: u16,
+    seconds: f64,
+    hold_seconds: f64,
+    at_least: f64,
+    ask: String,
 }
 
 #[derive(Debug, Deserialize)]
@@ -184,13 +196,16 @@ impl Protocol {
         if !(1..=MAX_ITEMS).contains(&n_items) {
             return Err(refused("substages", format!("expected 1 to {MAX_ITEMS} items in all, got {n_items}")));
         }
+        let levels = levels(&file.force_levels)?;
+        let known_touches = file.known_touches.as_ref().map(|file| known_touches(file, levels.most)).transpose()?;
         Ok(Protocol {
             name: file.name.clone(),
             pose_s,
             lead_s: seconds("lead_seconds", file.lead_seconds)?,
             let_go_s: seconds("let_go_seconds", file.let_go_seconds)?,
-            levels: levels(&file.force_levels)?,
+            levels,
             checks: checks(&file.checks)?,
+            known_touches,
             substages,
             wording,
             source: text.into(),
@@ -279,6 +294,28 @@ fn checks(file: &ChecksFile) -> Result<Checks, ProtocolError> {
         min_movement: file.min_movement,
         movements,
     })
+}
+
+fn known_touches(file: &KnownTouchesFile, most: f64) -> Result<KnownTouches, ProtocolError> {
+    let seconds_of = |key: &str, value: f64| seconds(&format!("known_touches.{key}"), value);
+    let (seconds, hold_s) = (seconds_of("seconds", file.seconds)?, seconds_of("hold_seconds", file.hold_seconds)?);
+    if hold_s >= seconds {
+        let reason = format!("expected hold_seconds below seconds, got {hold_s} and {seconds}");
+        return Err(refused("known_touches", reason));
+    }
+    if !(3..=100).contains(&file.presses) {
+        let reason = format!("expected 3 to 100 presses, because a gain needs three, got {}", file.presses);
+        return Err(refused("known_touches", reason));
+    }
+    let Newton(least) = KnownTouches::LIGHTEST.into();
+    if !(file.at_least >= least && file.at_least <= most) {
+        let reason = format!(
+            "expected at_least from {least:.2} N, the smallest force that a gain is fitted to, to force_levels.most = {most} N, got {}",
+            file.at_least
+        );
+        return Err(refused("known_touches", reason));
+    }
+    Ok(KnownTouches { presses: file.presses, seconds, hold_s, at_least: file.at_least, ask: file.ask.clone() })
 }
 
 fn substage(read: &SubstageFile, file: &ProtocolFile, pose_s: f64) -> Result<Substage, ProtocolError> {
@@ -376,6 +413,9 @@ mod tests {
                 "terminal_poses: expected a text as `ask`",
             ),
             ("load_cell_zero: 0.25", "load_cell_zero: .nan", "checks.load_cell_zero: expected a force above 0 N"),
+            ("presses: 5", "presses: 2", "known_touches: expected 3 to 100 presses, because a gain needs three, got 2"),
+            ("at_least: 0.5", "at_least: 0.1", "known_touches: expected at_least from 0.29 N"),
+            ("hold_seconds: 0.7", "hold_seconds: 9", "known_touches: expected hold_seconds below seconds, got 9 and 6"),
         ];
         for (from, to, expected) in cases {
             let error = changed(from, to);

@@ -4,10 +4,8 @@ use std::ops::Range;
 
 use super::EstimateTrack;
 use crate::fusion::KnownTouch;
+use crate::protocol::KnownTouches;
 use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
-
-/// Forces below this are too small for a gain, gF, because noise and artifact are not small compared with them.
-const LIGHTEST_GF: f64 = 30.0;
 
 /// A touch is measured while its force is at least this share of its peak. On the rise and fall, one of the two forces
 /// may lag.
@@ -67,7 +65,7 @@ fn held_touches(stamps: &[Stamp], force: &impl Fn(usize) -> f64) -> impl Iterato
     std::iter::from_fn(move || {
         while at < stamps.len() {
             let from = at;
-            while at < stamps.len() && force(at) >= LIGHTEST_GF {
+            while at < stamps.len() && force(at) >= KnownTouches::LIGHTEST.0 {
                 at += 1;
             }
             let frames = from..at;

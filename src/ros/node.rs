@@ -10,6 +10,7 @@ mod calibration_file;
 mod calibrator;
 mod engine;
 pub(in crate::ros) mod interfaces;
+mod known_touches;
 pub(in crate::ros) mod loading;
 mod managed;
 mod order;
@@ -100,6 +101,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
 
     let mut graph = Graph::join(&cfg.node, &environment, &args.remaps)?;
     let inputs = inputs(&mut graph, &cfg, &tree, &names, bindings)?;
+    let truth = known_touches::subscribe(&mut graph, &cfg, &tree, &names, &definitions)?;
     let (mut publishers, outputs, transition_event, parameter_events) = publishers(&mut graph, &tree, &names)?;
     let (pictures, no_pictures) = pictures(&mut graph, &cfg, &tree, &names)?;
     let frames = match &names.visuals.frames {
@@ -110,7 +112,8 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
         }
         None => None,
     };
-    let entities = names.inputs.iter().map(|input| (input.topic.clone(), Side::Subscription));
+    let subscribed = names.inputs.iter().map(|input| &input.topic).chain(names.truth.iter().take(truth.len()));
+    let entities = subscribed.map(|topic| (topic.clone(), Side::Subscription));
     let published = names.estimates.names().chain(names.visuals.names());
     let entities = entities.chain(published.map(|name| (name.to_owned(), Side::Publisher)));
     let of_others = qos::check_all_used(&tree, &entities.collect::<Vec<_>>())?;
@@ -166,6 +169,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
         parameter_events,
         node_name: cfg.node.to_string(),
         sim_clock,
+        truth,
     };
     let (serving, news) = serving::start(graph, duties)?;
     let (graph, outcome) = watch(&news);

@@ -70,8 +70,11 @@ impl Labelled {
         let in_bag = |error: &dyn std::fmt::Display| SessionError::at(bag, error);
         let mut reader = BagReader::open(&[bag.to_path_buf()])?;
         let names: Vec<&str> = cfg.truth.iter().map(|topic| topic.name.as_str()).collect();
-        reader.scan(&names)?;
+        let taxels = cfg.tactile.iter().map(|topic| topic.name.as_str());
+        let inputs: Vec<&str> = names.iter().copied().chain(taxels).collect();
+        reader.scan(&inputs)?;
         let has = |name: &str| reader.channels().iter().any(|channel| channel.topic == name);
+        let is_estimates_alone = !inputs.iter().any(|name| has(name));
         let there: Vec<usize> = (0..names.len()).filter(|idx| needs == NeedsTruth::All || has(names[*idx])).collect();
         let absent: Vec<&str> = (0..names.len()).filter(|idx| !there.contains(idx)).map(|idx| names[idx]).collect();
         let topics = InputTopics {
@@ -110,11 +113,15 @@ impl Labelled {
             (false, absent) if absent.len() < names.len() => {
                 missing.push(format!("no true force of some regions: the bag has no topic {}", absent.join(", ")));
             }
+            (false, _) if is_estimates_alone => missing.push(
+                "no true force, so no scores: the bag holds estimates without their inputs; score the bag that was replayed (with --model), or replay it with --merge"
+                    .to_owned(),
+            ),
             (false, absent) => {
                 missing.push(format!("no true force, so no scores: the bag has no topic {}", absent.join(", ")));
             }
         }
-        if annotations.is_empty() {
+        if annotations.is_empty() && !is_estimates_alone {
             let lack = format!("no stage annotations on {}", cfg.stage_topic);
             if needs == NeedsTruth::Tared {
                 tracks.clear();

@@ -6,7 +6,8 @@ use super::SessionError;
 use crate::bag::{BagReader, InputTopics, Inputs, shown};
 use crate::config::Config;
 use crate::eval::ZeroLoad;
-use crate::fusion::{ForceGain, Fusion};
+use crate::fusion::{Event, ForceGain, Fusion, FusionError};
+use crate::msg::binding::ForceReading;
 use crate::observer::{Observer, check};
 use crate::recording::{
     EstimateTrack, Labels, Listener, TimedTouch, ToldTouch, aligned, input_topics, known_touches, read, told_touch,
@@ -24,6 +25,17 @@ pub enum KnownForces {
     Told(Vec<(String, ToldTouch)>),
 }
 
+/// A reading of a force sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TruthReading {
+    /// Index of the sensor, in the order of the parameters.
+    pub sensor: usize,
+    /// Stamp of the message.
+    pub stamp: Stamp,
+    /// As sent.
+    pub force: ForceReading,
+}
+
 /// Known touches of one region, and the gain from them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionTouches {
@@ -33,6 +45,15 @@ pub struct RegionTouches {
     pub touches: Vec<TimedTouch>,
     /// The fitted gain.
     pub gain: ForceGain,
+}
+
+impl RegionTouches {
+    /// The gain in words, on one line.
+    pub fn text(&self, cfg: &Config) -> String {
+        let ForceGain { gain, low, high, touches } = self.gain;
+        let name = &cfg.fusion.regions()[self.region].name;
+        format!("region {name}: forces times {gain:.3} ({low:.3} to {high:.3}), from {touches} known touches")
+    }
 }
 
 /// Fits the force gain of each region that was touched with known force.
@@ -73,24 +94,72 @@ pub fn force_gains(
         between: &mut |_| Ok(check(observer)?),
     };
     read(&mut reader, &mut inputs, &mut labels, &mut [core], listener).map_err(|error| error.of_bag(bag))?;
+    fit(cfg, zero, &labels, &tracks, known).map_err(refuse)
+}
+
+/// The same while the glove is worn: `events` and the readings of the force sensors as they came, from the begin of the
+/// calibration on. `zero` must be [`ZeroFrom::First`], with the time in which nothing was touched.
+///
+/// # Errors
+/// Why there is no gain, on one line.
+pub fn live_force_gains<'a>(
+    cfg: &Config,
+    zero: &Zero,
+    mut core: Fusion,
+    events: impl Iterator<Item = Event<'a>>,
+    readings: &[TruthReading],
+    known: &KnownForces,
+) -> Result<Vec<RegionTouches>, String> {
+    let mut labels = Labels::new(&cfg.truth_sources);
+    for TruthReading { sensor, stamp, force } in readings {
+        if let Some(track) = labels.truth.get_mut(*sensor) {
+            track.handle_reading(*stamp, *force);
+        }
+    }
+    let mut tracks = vec![EstimateTrack::default(); cfg.fusion.regions().len()];
+    let mut drain = |core: &mut Fusion| -> Result<(), FusionError> {
+        while let Some(tick) = core.poll()? {
+            for estimate in &tick.estimates {
+                tracks[estimate.region.position()].handle_estimate(tick.stamp, estimate);
+            }
+        }
+        Ok(())
+    };
+    for event in events {
+        core.handle(event).map_err(|error| error.to_string())?;
+        drain(&mut core).map_err(|error| error.to_string())?;
+    }
+    core.handle_end();
+    drain(&mut core).map_err(|error| error.to_string())?;
+    fit(cfg, zero, &labels, &tracks, known)
+}
+
+/// The gain of each region that was touched.
+fn fit(
+    cfg: &Config,
+    zero: &Zero,
+    labels: &Labels,
+    tracks: &[EstimateTrack],
+    known: &KnownForces,
+) -> Result<Vec<RegionTouches>, String> {
     let touches = match known {
-        KnownForces::Sensor => of_sensor(cfg, zero, &labels, &tracks).map_err(refuse)?,
-        KnownForces::Told(told) => of_told(cfg, told, &tracks).map_err(refuse)?,
+        KnownForces::Sensor => of_sensor(cfg, zero, labels, tracks)?,
+        KnownForces::Told(told) => of_told(cfg, told, tracks)?,
     };
     let fitted = touches.into_iter().enumerate().filter(|(_, touches)| !touches.is_empty()).map(|(region, touches)| {
         let known: Vec<_> = touches.iter().map(|touch| touch.touch).collect();
         let gain = ForceGain::fit(&known);
-        let gain = gain.map_err(|error| refuse(format!("region {}: {error}", cfg.fusion.regions()[region].name)))?;
+        let gain = gain.map_err(|error| format!("region {}: {error}", cfg.fusion.regions()[region].name))?;
         Ok(RegionTouches { region, touches, gain })
     });
-    let fitted: Vec<RegionTouches> = fitted.collect::<Result<_, SessionError>>()?;
-    if fitted.is_empty() {
-        return Err(refuse(
-            "holds no touch of a known force: at least three of 30 gF or more, each held for 0.1 s, are needed"
-                .to_owned(),
-        ));
+    let fitted: Vec<RegionTouches> = fitted.collect::<Result<_, String>>()?;
+    match fitted.is_empty() {
+        true => {
+            Err("no touch of a known force: at least three of 30 gF or more, each held for 0.1 s, are needed"
+                .to_owned())
+        }
+        false => Ok(fitted),
     }
-    Ok(fitted)
 }
 
 /// `[regions]`: touches measured by force sensors.

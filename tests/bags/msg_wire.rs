@@ -156,6 +156,7 @@ fn action_structs_mirror_the_action() {
     };
     assert_mirrors(&result, &tree(parts[1]));
     let feedback = CalibrateFeedback {
+        instruction: "in the air".to_owned(),
         time_left: Duration { sec: 4, nanosec: 5 },
         joints: result.joints,
         joint_span: result.joint_span,

@@ -161,6 +161,22 @@ fn without_a_true_force_there_are_still_touches_in_the_air_and_timing() {
 }
 
 #[test]
+fn estimates_without_their_inputs_are_told_as_such() {
+    let folder = folder();
+    let folder = folder.path();
+    let bag = fs::read_dir(folder.join("bags")).unwrap().next().unwrap().unwrap().path();
+    let replay = |bag: &str, output: &str| {
+        tpf(folder, &["replay", bag, "-o", output, "--params-file", "params.yaml", "--model", "model.onnx"])
+    };
+    replay(bag.to_str().unwrap(), "estimates.mcap").ok();
+    let text = tpf(folder, &["eval", "estimates.mcap", "--params-file", "params.yaml"]).ok().stdout;
+    assert!(text.contains("the bag holds estimates without their inputs; score the bag that was replayed"), "{text}");
+    assert!(!text.contains("/load_cell/wrench") && !text.contains("--in-air"), "{text}");
+    let again = replay("estimates.mcap", "again.mcap");
+    assert!(again.failure().contains("estimates without their inputs: take the bag that was replayed"), "{again:?}");
+}
+
+#[test]
 fn a_bag_that_fails_is_named_and_the_others_are_scored_the_same_by_any_number_of_workers() {
     let folder = folder();
     let path = folder.path();

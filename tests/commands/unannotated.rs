@@ -228,7 +228,7 @@ fn the_page_on_bags_with_a_load_cell_runs_as_it_is_written() {
         assert!(said[0].stdout.contains(topic) && made.contains(topic), "{made}");
     }
     let eval = said.last().unwrap();
-    assert!(eval.stdout.contains("In the air, by the annotations"), "{eval:?}");
+    assert!(eval.stdout.contains("In the air: nothing touches"), "{eval:?}");
     let scored = tpf(
         folder,
         &["eval", "another.mcap", "--params-file", "glove.yaml", "--zero-load-below", "0.1N", "--whole", "--json"],

@@ -123,6 +123,48 @@ fn a_session_is_led_through_and_recorded_with_what_was_asked_for() {
     assert!(resumed.failure().contains("this collection is complete"), "{resumed:?}");
 }
 
+/// Known touches of the quarter-minute protocol.
+const KNOWN_TOUCHES: &str =
+    "known_touches: {presses: 3, seconds: 5, hold_seconds: 0.7, at_least: 0.3, ask: press and hold}\n";
+
+#[test]
+fn known_touches_at_the_start_of_a_donning_give_the_gain_of_its_forces() {
+    let Some(room) = room() else { return };
+    std::fs::write(room.path().join("t.yaml"), format!("{PROTOCOL}{KNOWN_TOUCHES}")).unwrap();
+    let _glove = Glove::start(room.path(), &[]);
+    std::thread::sleep(Duration::from_secs(1));
+    let log = room.path().join("first.log");
+    let mut command = collect(room.path(), &["--protocol", "t.yaml", "--plain"]);
+    let mut first = command.stdout(Stdio::null()).stderr(File::create(&log).unwrap()).spawn().unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while !std::fs::read_to_string(&log).unwrap().contains("stage 1  poses  2 of 4") {
+        assert!(Instant::now() < deadline, "{}", std::fs::read_to_string(&log).unwrap());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    first.kill().unwrap();
+    first.wait().unwrap();
+    let log = std::fs::read_to_string(&log).unwrap();
+    for line in
+        ["known touches  1 of 3: Let go of the load cell", "known touches  3 of 3: press and hold", "3 known touches: "]
+    {
+        assert!(log.contains(line), "{line}: {log}");
+    }
+    // They are of this donning, so who goes on with the session is not asked again.
+    let resumed = run(&mut collect(room.path(), &["--resume", "--plain"])).ok();
+    assert!(!resumed.stderr.contains("known touches"), "{resumed:?}");
+    let bag = room.path().join("s/s.mcap");
+    let presses = |stage: &&Stage| stage.substage == "known_touches" && stage.pose == "press" && stage.stage == 0;
+    assert_eq!(stages(&bag).iter().filter(presses).count(), 3);
+    assert_eq!(counts(&stages(&bag)), expected());
+    let params = Path::new(ROOT).join("params/glove1.yaml");
+    let mut calibrate = Command::new(env!("CARGO_BIN_EXE_tpf"));
+    calibrate.current_dir(room.path()).args(["calibrate", "s/s.mcap", "-o", "donning.yaml", "--touches"]);
+    let model = Path::new(ROOT).join("models/glove1_pose_aware.onnx");
+    calibrate.arg("--params-file").arg(params).arg("--model").arg(model);
+    let calibrated = run(&mut calibrate).ok();
+    assert!(calibrated.stdout.contains("region index: forces times "), "{calibrated:?}");
+}
+
 #[test]
 fn a_session_that_was_killed_goes_on_with_what_was_recorded() {
     let Some(room) = room() else { return };

@@ -164,7 +164,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "units",
         ],
     ),
-    ("ros", &["config", "fusion", "leave", "location", "model", "msg", "units", "zero"]),
+    ("ros", &["config", "fusion", "leave", "location", "model", "msg", "sessions", "units", "zero"]),
     (
         "view",
         &[

@@ -161,6 +161,7 @@ class CancelResponse(IdlStruct, typename="action_msgs.srv.dds_.CancelGoal_Respon
 @dataclass
 class FeedbackMessage(IdlStruct, typename="tactile_pose_fusion.action.dds_.Calibrate_FeedbackMessage_"):
     goal_id: array[uint8, 16]
+    instruction: str
     time_left: Duration
     joints: sequence[str]
     joint_span: sequence[float64]

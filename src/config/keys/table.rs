@@ -571,6 +571,14 @@ pub static KEYS: &[ParamKey] = &[
     .unit("s")
     .at_run_time(),
     ParamKey::new(
+        "calibration.touch_s",
+        Kind::Double,
+        Double(0.0),
+        "How long ~/calibrate waits for touches of the force sensors in truth_sources, after the zero, to fit the factor of the forces of this donning; 0: no touches, and the node does not subscribe to the force sensors",
+    )
+    .range(Closed { min: 0.0, max: 600.0 })
+    .unit("s"),
+    ParamKey::new(
         "calibration.max_force",
         Kind::Double,
         Double(0.5),

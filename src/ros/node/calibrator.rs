@@ -55,7 +55,8 @@ impl From<&Event<'_>> for Sample {
 }
 
 impl Sample {
-    fn event(&self) -> Event<'_> {
+    /// The sample as the core takes it; its receipt is its stamp.
+    pub fn event(&self) -> Event<'_> {
         match self {
             Sample::Tactile { source, stamp, rows, row_period_ns, sequence, values } => Event::Tactile(TactileBlock {
                 source: *source,
@@ -134,11 +135,17 @@ impl Calibrator {
         self.samples.push(sample);
     }
 
-    /// Progress of the calibration.
-    pub fn feedback(&self, elapsed: Duration) -> CalibrateFeedback {
+    /// The samples so far.
+    pub fn samples(&self) -> &[Sample] {
+        &self.samples
+    }
+
+    /// Progress of the calibration, of which this much is left.
+    pub fn feedback(&self, left: Duration) -> CalibrateFeedback {
         let (joints, joint_span) = self.movement.spans();
         CalibrateFeedback {
-            time_left: WireDuration::from_nanos(nanos(self.duration.saturating_sub(elapsed))),
+            instruction: String::new(),
+            time_left: WireDuration::from_nanos(nanos(left)),
             joints,
             joint_span,
             sources: self.source_names(),
@@ -151,7 +158,7 @@ impl Calibrator {
     ///
     /// `judge` is a core of the same configuration that has received no input yet. `before`: the facts about the
     /// donning that were known before and are still true.
-    pub fn finish(self, judge: Fusion, before: &Donning) -> (Option<Donning>, CalibrateResult) {
+    pub fn finish(&self, judge: Fusion, before: &Donning) -> (Option<Donning>, CalibrateResult) {
         let (joints, joint_span) = self.movement.spans();
         let mut result = CalibrateResult {
             frames: self.frames,

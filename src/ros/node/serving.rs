@@ -13,6 +13,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::calibrate_action;
 use super::engine::Command;
+use super::known_touches::{self, TruthInput};
 use super::managed;
 use super::outbox::{OutIdx, Outbox};
 use super::parameters::Parameters;
@@ -38,6 +39,8 @@ pub(super) struct Duties {
     /// The folder from which calibrations may be loaded while the node runs.
     pub(super) calibration_folder: Option<PathBuf>,
     pub(super) sim_clock: Option<Subscription>,
+    /// Force sensors, if calibrations look for touches of them.
+    pub(super) truth: Vec<TruthInput>,
 }
 
 /// Reports from the thread.
@@ -102,6 +105,7 @@ async fn serve(
         node_name,
         calibration_folder,
         sim_clock,
+        truth,
     } = duties;
     let shared = Rc::new(Shared {
         managed,
@@ -112,12 +116,14 @@ async fn serve(
         parameter_events,
         known: RefCell::default(),
         calibrating: Cell::new(false),
+        truth_tap: RefCell::new(None),
         worn_failed: Cell::new(false),
         node_name,
         calibration_folder,
     });
     services::start(&mut graph, &shared)?;
     calibrate_action::start(&mut graph, &shared)?;
+    truth.into_iter().for_each(|input| known_touches::follow(input, Rc::clone(&shared)));
     let _ = news.send(News::Serving(graph)); // a node that is leaving already drops it
     if let Some(subscription) = sim_clock {
         tokio::task::spawn_local(follow(subscription, clock));

@@ -11,6 +11,7 @@ use super::lifecycle::{Lifecycle, State};
 use super::outbox::{OutIdx, Outbox};
 use super::parameters::Parameters;
 use crate::ros::wire::clock::Clock;
+use crate::sessions::TruthReading;
 use crate::zero::KnownModels;
 
 /// Data shared by the services.
@@ -25,6 +26,8 @@ pub(super) struct Shared {
     pub(super) known: RefCell<KnownModels>,
     /// True while a calibration is in progress.
     pub(super) calibrating: Cell<bool>,
+    /// Takes the readings of the force sensors while a calibration collects them.
+    pub(super) truth_tap: RefCell<Option<mpsc::UnboundedSender<TruthReading>>>,
     /// True if `calibration.worn_file` could not be written.
     pub(super) worn_failed: Cell<bool>,
     pub(super) node_name: String,

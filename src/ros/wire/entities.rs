@@ -30,6 +30,8 @@ const LOOK: Duration = Duration::from_millis(250);
 pub struct Names {
     /// Each topic once, in the order in which tactile sources, then joint sources, first name it.
     pub inputs: Vec<InputName>,
+    /// Topics of the force sensors, in the order of the parameters.
+    pub truth: Vec<String>,
     /// Topics of the estimates.
     pub estimates: EstimateTopics,
     /// Topics of pictures.
@@ -98,6 +100,7 @@ impl Names {
         let estimates = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
         Ok(Names {
             inputs,
+            truth: cfg.truth.iter().map(|truth| topic(&truth.name)).collect::<Result<_, _>>()?,
             estimates: EstimateTopics {
                 wrenches: estimates.wrenches.iter().map(|name| topic(name)).collect::<Result<_, _>>()?,
                 contacts: topic(&estimates.contacts)?,

@@ -5,7 +5,7 @@ use super::super::manipulation::MAX_MANIPULATION_MINUTES;
 use super::super::performance::Performance;
 use super::super::touch::ForceStyle;
 use super::{Activity, Record, SessionSpec, SimError, SimulatedSession, User, design};
-use crate::protocol::{Action, Plan, Protocol, Trial};
+use crate::protocol::{Action, KnownTouches, Plan, Protocol, Trial};
 use crate::random::Noise;
 use crate::units::{Newton, Stamp};
 
@@ -129,6 +129,10 @@ impl LiveSession {
                 actor.performance.stop(t_s);
                 actor.perform(&trial, t_s);
             }
+            None if prompt.substage == KnownTouches::SUBSTAGE && prompt.pose == KnownTouches::PRESS => {
+                actor.performance.stop(t_s);
+                actor.hold_press(t_s + PRESS_DELAY_S, t_s + LONGEST_PRESS_S);
+            }
             None => {
                 actor.performance.stop(t_s);
                 for k in 0..CHECK_MOVEMENTS {
@@ -230,6 +234,15 @@ mod tests {
             let forces = forces(&mut live, at_s + 2.0);
             assert!(forces.iter().filter(|(t_s, _)| *t_s > 1.5).all(|(_, force)| *force > 15.0), "{pose}");
         }
+    }
+
+    #[test]
+    fn a_known_touch_is_held_until_it_is_let_go() {
+        let mut live = LiveSession::new(&spec(), Protocol::paper(), Stamp(0), true, &[]).unwrap();
+        live.handle_prompt(&prompt(0, KnownTouches::SUBSTAGE, KnownTouches::PRESS), 1.0);
+        assert!(forces(&mut live, 5.0).iter().filter(|(t_s, _)| *t_s > 3.0).all(|(_, force)| *force > 30.0));
+        live.handle_prompt(&prompt(0, "", ""), 5.0);
+        assert!(forces(&mut live, 9.0).iter().filter(|(t_s, _)| *t_s > 5.5).all(|(_, force)| force.abs() < 15.0));
     }
 
     #[test]

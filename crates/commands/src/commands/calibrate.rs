@@ -10,7 +10,6 @@ use std::path::PathBuf;
 use tactile_pose_fusion::calibrate::{self, Calibrated, Request};
 use tactile_pose_fusion::calibration::Calibration;
 use tactile_pose_fusion::config::Config;
-use tactile_pose_fusion::fusion::ForceGain;
 use tactile_pose_fusion::recording::ToldTouch;
 use tactile_pose_fusion::sessions::{KnownForces, RegionTouches};
 
@@ -118,12 +117,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// The force gains from known touches, a line a region.
 fn gains_text(touches: &[RegionTouches], cfg: &Config) -> String {
-    let of_region = |found: &RegionTouches| {
-        let ForceGain { gain, low, high, touches } = found.gain;
-        let name = &cfg.fusion.regions()[found.region].name;
-        format!("  region {name}: forces times {gain:.3} ({low:.3} to {high:.3}), from {touches} known touches\n")
-    };
-    touches.iter().map(of_region).collect()
+    touches.iter().map(|found| format!("  {}\n", found.text(cfg))).collect()
 }
 
 /// A verdict on a calibration, for a person.

@@ -114,8 +114,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 fn calibrate(caller: &mut Caller, seconds: Option<f64>) -> Result<String, CallError> {
     say("in the air: open and close the hand, spread the fingers, go through the poses that you use; touch nothing");
     let (mut progress, mut total_ns) = (None, 0);
+    let mut instruction = None::<String>;
     let result = caller.calibrate(Duration::from_secs_f64(seconds.unwrap_or(0.0)), &mut |feedback| {
         let left_ns = feedback.time_left.nanos();
+        let is_new = instruction.as_ref() != Some(&feedback.instruction);
+        if is_new && instruction.replace(feedback.instruction.clone()).is_some() {
+            progress = None; // before a line is said
+            say(&format!("now {}", feedback.instruction));
+        }
         let progress = progress.get_or_insert_with(|| {
             total_ns = left_ns + NANOS_PER_SEC / 2; // the first feedback comes after half a second
             Progress::steps("calibrate", total_ns.unsigned_abs() / 1_000_000)

@@ -58,8 +58,8 @@ pub fn text(found: &Diff, names: [&str; 2], tolerance_n: f64) -> String {
         // Each field has lines of its own: a table of all this is wider than a terminal.
         for field in differing {
             let name = field.field.name();
-            let apart = field.largest.as_ref().and_then(|largest| largest.distance);
-            let apart = apart.map_or(String::new(), |distance| format!(", by up to {distance:.3e}"));
+            let apart = field.largest.as_ref().and_then(|largest| Some((largest.distance?, &largest.a)));
+            let apart = apart.map_or(String::new(), |(distance, of)| format!(", by up to {}", apart_by(distance, of)));
             let _ = writeln!(text, "  {name}: {} of {} differ{apart}", field.n_different, field.n_compared);
             let largest = field.largest.as_ref().filter(|largest| Some(*largest) != field.first.as_ref());
             for (which, found) in [("first", field.first.as_ref()), ("largest", largest)] {
@@ -78,6 +78,15 @@ fn agreement(diff: &RegionDiff, tolerance_n: f64) -> String {
     match tolerance_n {
         0.0 => "every field equal, bit by bit".to_owned(),
         _ => format!("every field equal within {tolerance_n} N, the largest difference {largest:.3e} N"),
+    }
+}
+
+/// A distance between two values of a field, in the field's unit.
+fn apart_by(distance: f64, of: &FieldValue) -> String {
+    match of {
+        FieldValue::Force(_) => format!("{distance:.3e} N"),
+        FieldValue::Nanos(_) => format!("{:.3} ms", distance * 1e-6),
+        _ => format!("{distance:.3e}"),
     }
 }
 

@@ -112,9 +112,13 @@ impl Running {
         let no_picture = stats.pictures_failed.load(Ordering::Relaxed);
         let (published, waited) = (stats.published.load(Ordering::Relaxed), stats.waited.load(Ordering::Relaxed));
         let limit_ms = self.engine.cfg.live.max_latency.as_secs_f64() * 1e3;
-        let level = self.budget("latency", stamp.is_none_or(|stamp| stamp.p99 <= limit_ms && stamp.p50 >= -limit_ms));
+        let within = |stamp: Percentiles| stamp.p99 <= limit_ms && stamp.p50 >= -limit_ms;
+        let level = match stamp {
+            Some(stamp) => self.budget("latency", within(stamp)),
+            None => Level::Stale, // nothing was measured
+        };
         let message = match stamp {
-            None => "nothing was published in the last second".to_owned(),
+            None => "not measured: nothing was published in the last second".to_owned(),
             Some(stamp) if stamp.p50 < 0.0 => {
                 format!("stamps lie {:.1} ms ahead of this node's clock (median): synchronize the clocks", -stamp.p50)
             }

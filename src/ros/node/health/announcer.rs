@@ -18,7 +18,7 @@ const PAUSE: Duration = Duration::from_secs(30);
 pub enum Announcement {
     /// A problem, in the words of its report.
     Began(String),
-    /// A reported problem is over.
+    /// A reported problem is over: the words of its report, without the remedy.
     Ended(String),
 }
 
@@ -36,6 +36,8 @@ struct Entry {
     said: Option<Duration>,
     /// True if it was reported since it began.
     is_told: bool,
+    /// The words in which it was reported last.
+    text: String,
 }
 
 impl Announcer {
@@ -50,7 +52,7 @@ impl Announcer {
     pub fn handle(&mut self, now: Duration, problems: &[(String, String)]) -> Vec<Announcement> {
         let mut said = Vec::new();
         for (name, text) in problems {
-            let new = Entry { since: now, seen: now, said: None, is_told: false };
+            let new = Entry { since: now, seen: now, said: None, is_told: false, text: String::new() };
             let entry = self.entries.entry(name.clone()).or_insert(new);
             if now.saturating_sub(entry.seen) > GONE {
                 (entry.since, entry.is_told) = (now, false);
@@ -59,17 +61,23 @@ impl Announcer {
             let paused = entry.said.is_some_and(|said| now.saturating_sub(said) < PAUSE);
             if !entry.is_told && !paused && now.saturating_sub(entry.since) >= LASTING {
                 (entry.said, entry.is_told) = (Some(now), true);
+                entry.text.clone_from(text);
                 said.push(Announcement::Began(text.clone()));
             }
         }
-        for (name, entry) in &mut self.entries {
+        for entry in self.entries.values_mut() {
             if entry.is_told && now.saturating_sub(entry.seen) > GONE {
                 entry.is_told = false;
-                said.push(Announcement::Ended(name.clone()));
+                said.push(Announcement::Ended(without_remedy(&entry.text).to_owned()));
             }
         }
         said
     }
+}
+
+/// A problem and its remedy stand on one line: `problem; remedy`.
+fn without_remedy(text: &str) -> &str {
+    text.split_once("; ").map_or(text, |(problem, _)| problem)
 }
 
 #[cfg(test)]
@@ -79,7 +87,7 @@ mod tests {
     /// The messages at each half second, for a problem that is there or not at that time.
     fn said(there: &[bool]) -> Vec<(usize, Announcement)> {
         let mut announcer = Announcer::default();
-        let problem = [("taxels".to_owned(), "taxels: nothing".to_owned())];
+        let problem = [("taxels".to_owned(), "taxels: nothing; start the driver".to_owned())];
         let at = |(idx, &there): (usize, &bool)| {
             let problems = if there { &problem[..] } else { &[] };
             let said = announcer.handle(Duration::from_millis(500 * idx as u64), problems);
@@ -92,7 +100,7 @@ mod tests {
     fn a_problem_is_said_once_when_it_lasts_and_once_when_it_is_over() {
         let mut there = vec![true; 20];
         there.extend([false; 10]);
-        let (began, ended) = ("taxels: nothing".to_owned(), "taxels".to_owned());
+        let (began, ended) = ("taxels: nothing; start the driver".to_owned(), "taxels: nothing".to_owned());
         assert_eq!(said(&there), [(3, Announcement::Began(began)), (26, Announcement::Ended(ended))]);
     }
 
@@ -118,6 +126,6 @@ mod tests {
             assert_eq!(announcer.handle(at(time), &[]), [], "its cause is reported instead");
         }
         let said: Vec<_> = (40..60).flat_map(|time| announcer.handle(at(time), &[])).collect();
-        assert_eq!(said, [Announcement::Ended("estimates".to_owned())]);
+        assert_eq!(said, [Announcement::Ended("0 %".to_owned())]);
     }
 }

@@ -142,7 +142,7 @@ impl Hand {
         press::check_interrupt()?;
         let Some(incoming) = self.listener.next(NAP) else { return Ok(()) };
         if let Some(recorder) = &mut recorder {
-            recorder.handle(&incoming)?;
+            recorder.handle(&incoming);
         }
         self.inputs.handle(&incoming, &mut |event| {
             if let Some(recorder) = &mut recorder {

@@ -1,18 +1,16 @@
-//! Touches of a known force while the glove is worn: recorded, and read as those in a bag are.
+//! Touches of a known force while the glove is worn.
 
 use std::io::BufRead;
-use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagWriter, NewChannel, OutChannel, WriteOptions, shown};
 use tactile_pose_fusion::config::Config;
 use tactile_pose_fusion::fusion::{Event, Fusion};
+use tactile_pose_fusion::msg::binding::TruthBinding;
 use tactile_pose_fusion::msg::definition::Definitions;
-use tactile_pose_fusion::msg::type_hash;
 use tactile_pose_fusion::recording::ToldTouch;
-use tactile_pose_fusion::ros::{Delivery, Incoming, Listening, Names, SubscribedTopic, TopicType};
-use tactile_pose_fusion::sessions::{KnownForces, RegionTouches, force_gains};
+use tactile_pose_fusion::ros::{Delivery, Incoming, Listening, Names, Sample, SubscribedTopic, TopicType};
+use tactile_pose_fusion::sessions::{KnownForces, RegionTouches, TruthReading, live_force_gains};
 use tactile_pose_fusion::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
 use tactile_pose_fusion::zero::{Donning, Zero, ZeroFrom};
 
@@ -90,59 +88,58 @@ fn region_of(press: &Press, cfg: &Config) -> Result<String, Failure> {
     }
 }
 
-/// The inputs of a live calibration as a bag of its own, which is gone afterwards.
+/// What came in a live calibration: samples, and readings of the force sensors.
 pub(super) struct Recorder {
-    folder: tempfile::TempDir,
-    bag: BagWriter,
-    channels: Vec<OutChannel>,
+    samples: Vec<Sample>,
+    readings: Vec<TruthReading>,
+    /// Topic, sensor, and how its messages are read.
+    sensors: Vec<(usize, usize, TruthBinding)>,
     /// Stamps of the first and of the newest tactile sample.
     span: Option<(Stamp, Stamp)>,
 }
 
 impl Recorder {
-    /// Records the inputs of the core, and subscribes to the force sensors besides.
+    /// Subscribes to the force sensors, beside the inputs of the core that were subscribed to before.
     pub(super) fn start(
         cfg: &Config,
         names: &Names,
         definitions: &Definitions,
         listening: &mut Listening,
     ) -> Result<Self, Failure> {
-        let folder = tempfile::tempdir()?;
-        let mut bag = BagWriter::create(&folder.path().join("touches.mcap"), WriteOptions::default())?;
-        let inputs = names.inputs.iter().map(|input| (&input.topic, &input.type_name));
-        let truths = cfg.truth.iter().map(|truth| (&truth.name, &truth.type_name));
-        let mut known: Vec<&String> = Vec::new();
-        let mut channels = Vec::new();
-        for (idx, (topic, type_name)) in inputs.chain(truths).enumerate() {
-            if known.contains(&topic) {
-                continue; // a force sensor on a topic that feeds the core, too
+        let mut topics: Vec<&String> = names.inputs.iter().map(|input| &input.topic).collect();
+        let mut sensors = Vec::new();
+        for (sensor, truth) in cfg.truth.iter().enumerate() {
+            let tree = definitions.tree(&truth.type_name)?;
+            let binding = TruthBinding::compile(&truth.fields, &tree)
+                .map_err(|error| Failure(format!("topic {}: {error}", truth.name)))?;
+            // A force sensor may be on a topic that feeds the core, too.
+            let known = topics.iter().position(|topic| **topic == truth.name);
+            if known.is_none() {
+                listening.subscribe(&truth.name, TopicType::Defined(&tree), Delivery::Data)?;
+                topics.push(&truth.name);
             }
-            known.push(topic);
-            let tree = definitions.tree(type_name)?;
-            if idx >= names.inputs.len() {
-                listening.subscribe(topic, TopicType::Defined(&tree), Delivery::Data)?;
-            }
-            let schema_text = definitions.schema_text(type_name)?;
-            let type_hash = type_hash(&tree);
-            let (schema_text, type_hash) = (schema_text.as_str(), type_hash.as_str());
-            let channel = NewChannel { topic, type_name, schema_text, qos_yaml: BEST_EFFORT_QOS, type_hash };
-            channels.push(bag.add_live_input(channel)?);
+            sensors.push((known.unwrap_or(topics.len() - 1), sensor, binding));
         }
-        Ok(Recorder { folder, bag, channels, span: None })
+        Ok(Recorder { samples: Vec::new(), readings: Vec::new(), sensors, span: None })
     }
 
-    /// Keeps a message.
-    pub(super) fn handle(&mut self, incoming: &Incoming) -> Result<(), Failure> {
-        let (SubscribedTopic(idx), Ok(cdr)) = (incoming.topic, &incoming.cdr) else { return Ok(()) };
-        Ok(self.bag.write(self.channels[idx], 0, incoming.received, incoming.received, cdr)?)
+    /// Keeps the readings of a message.
+    pub(super) fn handle(&mut self, incoming: &Incoming) {
+        let (SubscribedTopic(topic), Ok(cdr)) = (incoming.topic, &incoming.cdr) else { return };
+        for (_, sensor, binding) in self.sensors.iter_mut().filter(|(of, ..)| *of == topic) {
+            if let Ok((stamp, force)) = binding.decode(cdr, incoming.received) {
+                self.readings.push(TruthReading { sensor: *sensor, stamp, force });
+            }
+        }
     }
 
-    /// Notes the time of a sample.
+    /// Keeps a sample.
     pub(super) fn handle_event(&mut self, event: &Event<'_>) {
         if let Event::Tactile(block) = event {
             let first = self.span.map_or(block.stamp, |(first, _)| first);
             self.span = Some((first, block.stamp));
         }
+        self.samples.push(Sample::from(event));
     }
 
     fn elapsed_s(&self) -> f64 {
@@ -157,19 +154,13 @@ impl Recorder {
         rest: Duration,
         known: &KnownForces,
     ) -> Result<Vec<RegionTouches>, Failure> {
-        self.bag.finish()?;
-        let bags: [PathBuf; 1] = [self.folder.path().join("touches.mcap")];
         // The force sensor was free of load while the zero was taken.
         let seconds = vec![rest.as_secs_f64(); cfg.fusion.tactile_sources().len()];
         let zero = Zero::new(ZeroFrom::First { seconds }, donning.clone());
         let mut core = Fusion::new(cfg.fusion.clone(), load_models(cfg)?.regressors)?;
         zero.install(&mut core)?;
-        let found = force_gains(&bags, cfg, &zero, core, known, &super::Said);
-        found.map_err(|error| {
-            let text = error.to_string();
-            let file = format!("{}: ", shown(&bags[0]));
-            Failure(format!("no gain of the touches: {}", text.strip_prefix(&file).unwrap_or(&text)))
-        })
+        live_force_gains(cfg, &zero, core, self.samples.iter().map(Sample::event), &self.readings, known)
+            .map_err(|reason| Failure(format!("no gain of the touches: {reason}")))
     }
 }
 

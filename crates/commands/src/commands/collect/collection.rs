@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use tactile_pose_fusion::collect::{Command, Happened, LedSession, Preflight, StageQuality, State, done};
+use tactile_pose_fusion::collect::{Command, Happened, LedSession, Preflight, StageQuality, State, TouchGuide, done};
 use tactile_pose_fusion::config::Config;
 use tactile_pose_fusion::protocol::Annotation;
 use tactile_pose_fusion::ros::system_now;
@@ -35,6 +35,8 @@ enum Phase {
     Checking(Box<Preflight>),
     /// The checks found something.
     Found(Vec<String>),
+    /// The load cell is pressed with known forces.
+    Touching,
     Going,
 }
 
@@ -47,6 +49,8 @@ pub(super) struct Collection {
     quality: StageQuality,
     /// Annotations of items that an earlier run began and did not end.
     broken: Vec<Stamp>,
+    /// Known touches, until they are over.
+    touches: Option<TouchGuide>,
     accept_checks: bool,
     automatic: bool,
     /// A stage was ended, and what was flagged in it can be done again until the next one begins.
@@ -74,6 +78,7 @@ impl Collection {
             quality: StageQuality::new(&begun.protocol.levels),
             begun,
             broken,
+            touches: None,
             accept_checks: args.accept_checks,
             automatic: args.plain,
             stage_over: false,
@@ -108,6 +113,9 @@ impl Collection {
                 }
                 other => other,
             };
+            if matches!(phase, Phase::Touching) {
+                phase = self.go_on_touching(desk, now)?;
+            }
             if matches!(phase, Phase::Going) {
                 self.session.handle_time(now);
                 self.drain(desk, now)?;
@@ -127,10 +135,12 @@ impl Collection {
             let key = if interrupt::happened() { Some(Key::Quit) } else { screen.key()? };
             let Some(key) = key else { continue };
             if key == Key::Quit {
+                self.touches.iter_mut().for_each(|guide| guide.skip(now));
+                self.go_on_touching(desk, now)?;
                 self.session.handle_command(Command::Pause, now);
                 self.drain(desk, now)?;
                 return Ok(match phase {
-                    Phase::Going => End::Quit,
+                    Phase::Touching | Phase::Going => End::Quit,
                     Phase::Checking(_) => End::NotBegun(vec!["the checks were not ended".to_owned()]),
                     Phase::Found(problems) => End::NotBegun(problems),
                 });
@@ -140,6 +150,10 @@ impl Collection {
                 (Phase::Found(problems), Key::Anyway) => {
                     self.messages = problems;
                     self.begin(desk, now)?
+                }
+                (Phase::Touching, Key::Skip) => {
+                    self.touches.iter_mut().for_each(|guide| guide.skip(now));
+                    self.go_on_touching(desk, now)?
                 }
                 (Phase::Going, Key::Go) if *self.session.state() == State::Over => return Ok(End::Complete),
                 (Phase::Going, key) => {
@@ -161,6 +175,39 @@ impl Collection {
         for stamp in self.broken.drain(..) {
             desk.tell(Annotation::outside(stamp), now)?;
         }
+        let n_sensors = desk.senses.layout().force.len();
+        let protocol = self.session.protocol();
+        let asked = protocol.known_touches.as_ref();
+        let asked = asked.filter(|asked| n_sensors > 0 && !TouchGuide::were_done(asked, &self.begun.annotations));
+        self.touches = asked.map(|asked| TouchGuide::new(asked, protocol.let_go_s + protocol.lead_s, n_sensors));
+        Ok(if self.touches.is_some() { Phase::Touching } else { Phase::Going })
+    }
+
+    /// Goes on with the known touches; once they are over, with the session.
+    fn go_on_touching(&mut self, desk: &mut Desk, now: Stamp) -> Result<Phase, Failure> {
+        let Some(guide) = &mut self.touches else { return Ok(Phase::Going) };
+        let is_more = guide.handle_time(now);
+        while let Some(annotation) = guide.poll() {
+            desk.tell(annotation, now)?;
+        }
+        if is_more {
+            return Ok(Phase::Touching);
+        }
+        let (held, asked) = guide.progress();
+        let note = match guide.is_enough() {
+            true => {
+                format!("{held} known touches: tpf calibrate --touches corrects the forces of this donning by them")
+            }
+            false => format!(
+                "{held} of {asked} known touches were held; at least three are needed to correct the forces of this donning"
+            ),
+        };
+        if self.automatic {
+            say(&note);
+        }
+        self.messages.push(note);
+        self.touches = None;
+        desk.flush()?;
         Ok(Phase::Going)
     }
 
@@ -188,9 +235,11 @@ impl Collection {
     }
 
     fn listen(&mut self, desk: &mut Desk) -> Result<(), Failure> {
-        let (session, quality) = (&self.session, &mut self.quality);
-        desk.listen(FRAME, &mut |sensor, force| {
-            if sensor == 0
+        let (session, quality, touches) = (&self.session, &mut self.quality, &mut self.touches);
+        desk.listen(FRAME, &mut |sensor, force, received| {
+            if let Some(guide) = touches {
+                guide.handle_force(sensor, force, received);
+            } else if sensor == 0
                 && let State::Doing { item, step, .. } = *session.state()
             {
                 quality.handle_force(force, session.step(item, step).zero_load);
@@ -267,6 +316,10 @@ impl Collection {
         view.notes.clone_from(&self.messages);
         match phase {
             Phase::Checking(checks) => view.of_checks(checks, now),
+            Phase::Touching => match &self.touches {
+                Some(guide) => view.of_known_touches(guide, now),
+                None => view,
+            },
             Phase::Going => view.of_session(&self.session, now),
             Phase::Found(problems) => {
                 view.mood = Mood::Wrong;

@@ -147,7 +147,11 @@ impl Desk {
     }
 
     /// Takes what comes until there is nothing left, and waits for it at most so long. Force sensors count from 0.
-    pub(super) fn listen(&mut self, wait: Duration, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
+    pub(super) fn listen(
+        &mut self,
+        wait: Duration,
+        on_force: &mut dyn FnMut(usize, Newton, Stamp),
+    ) -> Result<(), Failure> {
         let mut next = self.listener.next(wait);
         while let Some(incoming) = next {
             self.handle(incoming, on_force)?;
@@ -171,7 +175,7 @@ impl Desk {
         Ok(finished?)
     }
 
-    fn handle(&mut self, incoming: Incoming, on_force: &mut dyn FnMut(usize, Newton)) -> Result<(), Failure> {
+    fn handle(&mut self, incoming: Incoming, on_force: &mut dyn FnMut(usize, Newton, Stamp)) -> Result<(), Failure> {
         let Incoming { topic, cdr, received, .. } = incoming;
         let input = &mut self.inputs[topic.0];
         let mut unreadable = |text: String| {
@@ -208,7 +212,7 @@ impl Desk {
                     Ok((_, reading)) => {
                         let force = Newton::from(self.cfg.truth_sources[*sensor].force(reading).0);
                         self.senses.handle_force(*sensor, force, received);
-                        on_force(*sensor, force);
+                        on_force(*sensor, force, received);
                     }
                     Err(error) if error.is_for_another() => {}
                     Err(error) => unreadable(error.to_string()),

@@ -119,7 +119,8 @@ fn draw_sensors(frame: &mut Frame<'_>, area: Rect, view: &View) {
             Span::from(format!(" {}", joint.value)),
         ]));
     }
-    frame.render_widget(Paragraph::new(lines).block(Block::new().title("sensors")), area);
+    let title = if view.force.is_some() { "sensors   l light  m medium  h heavy" } else { "sensors" };
+    frame.render_widget(Paragraph::new(lines).block(Block::new().title(title)), area);
 }
 
 /// A block that is this full.
@@ -216,6 +217,7 @@ mod tests {
                 "load_cell 0  Hz",
                 "SYNTHETIC",
                 "1.50 N",
+                "l light  m medium  h heavy",
                 "glove",
                 "index_mcp_abd",
                 "(0 to 57)",

@@ -1,6 +1,6 @@
 //! View of a collection at one moment, whatever shows it.
 
-use tactile_pose_fusion::collect::{Layout, LedSession, Preflight, Senses, State, Stream};
+use tactile_pose_fusion::collect::{Layout, LedSession, Preflight, Senses, State, Stream, TouchGuide};
 use tactile_pose_fusion::protocol::{Action, ForceLevels};
 use tactile_pose_fusion::units::{NANOS_PER_SEC, Newton, Stamp};
 
@@ -138,6 +138,17 @@ impl View {
             let (done, items) = self.rows.iter().find(of).map_or((0, 0), |row| (row.done, row.items));
             self.place = format!("stage {}  {}  {} of {items}", trial.stage, trial.substage, (done + 1).min(items));
         }
+        self
+    }
+
+    /// Adds the prompts of the known touches.
+    pub(crate) fn of_known_touches(mut self, guide: &TouchGuide, now: Stamp) -> Self {
+        let (held, asked) = guide.progress();
+        self.mood = if guide.is_pressing() { Mood::Touch } else { Mood::Ready };
+        self.place = format!("known touches  {} of {asked}", (held + 1).min(asked));
+        self.prompt = guide.prompt().to_owned();
+        self.countdown = guide.span().map(|span| countdown(span, now));
+        self.keys = "s skip the known touches   q quit";
         self
     }
 

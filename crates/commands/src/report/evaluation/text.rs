@@ -17,7 +17,7 @@ use crate::report::terminal::{self, shown};
 
 /// The meaning of the names of measures.
 pub(super) const MEASURES_IN_WORDS: &str = "BA: balanced accuracy of touch. F1: harmonic mean of precision and recall of touch. \
-     MDF: minimal detectable force. MAE: mean absolute error of the force. R2: coefficient of determination. gF: gram-force.";
+     MDF: minimal detectable force. MAE: mean absolute error of the force. R2: coefficient of determination. gF: gram-force, 9.81 mN.";
 
 /// The meaning of the signs in the table.
 const SIGNS_IN_WORDS: &str = "(+): higher is better. (-): lower is better. *: best of the glove.";
@@ -360,11 +360,8 @@ fn in_air(text: &mut String, result: &Evaluated) {
         }
     }
     if table.row_count() > 0 {
-        let _ = writeln!(
-            text,
-            "\nIn the air, by the annotations: nothing touches, so no force and no touch is true\n\n{}",
-            shown(&table, 2)
-        );
+        let _ =
+            writeln!(text, "\nIn the air: nothing touches, so no force and no touch is true\n\n{}", shown(&table, 2));
     }
 }
 

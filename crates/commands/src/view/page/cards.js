@@ -94,7 +94,8 @@ export class Hand {
     const guessed = this.setup.regions.some(region => region.n_taxels > 1 && !region.is_layout_told)
       ? ' The parameters do not say where taxels are on the skin (layout.shape): such a grid is in the order of the region\u2019s taxels, row by row.'
       : '';
-    return `${this.kind.hint}${taken}${guessed}`;
+    const signs = this.kind.name === 'sent' ? '' : ' Blue is above the zero, orange below it.';
+    return `${this.kind.hint}${signs}${taken}${guessed}`;
   }
 
   card(region) {

@@ -38,7 +38,7 @@ const HASHES: [(&str, &str); 21] = [
     ("std_srvs/srv/Trigger", "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"),
     (
         "tactile_pose_fusion/action/Calibrate_FeedbackMessage",
-        "RIHS01_2c9cb2cf670a413c174ddba9230a466b5d5bcfdcd79fec7a341b623e3c7ad660",
+        "RIHS01_18e88e555d21580a49e8901dfaebcc773724da7dc21275966451529bcefc0ca4",
     ),
     (
         "tactile_pose_fusion/action/Calibrate_GetResult",
