@@ -34,7 +34,7 @@ pub trait Ask {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum InitError {
     /// No array can be taxels.
-    #[error("{bags}: no taxels found: {why}; `tpf inspect` tells what is there")]
+    #[error("{bags}: no taxels found: {why}")]
     NoTaxels {
         /// The bags.
         bags: String,

@@ -132,7 +132,7 @@ fn none(bags: &[BagReport], all: &[&TactileCandidate]) -> InitError {
     let because =
         |one: &&TactileCandidate| format!("{} ({}): {}{}", one.topic, one.field, one.reasons.join("; "), constant(one));
     let why = match all.first().map(because) {
-        None => "no topic holds an array of numbers".to_owned(),
+        None => "no topic that was looked at has an array that may be taxels".to_owned(),
         Some(first) if all.len() == 1 => format!("the only array of numbers is {first}"),
         Some(first) => format!("none of {} arrays looks like taxels, the first: {first}", all.len()),
     };

@@ -100,7 +100,7 @@ impl Data {
     fn summary(&self) -> String {
         let n = self.notes.len();
         format!(
-            "{n} session{}{}: {} windows to train on, {} to pick the best step, {} kept for the test",
+            "{n} session{}{}: {} windows to train on; {} to pick the best step and {} kept for the test, which are every {EVAL_STRIDE}th of their parts",
             if n == 1 { "" } else { "s" },
             if self.is_synthetic() { " (synthetic)" } else { "" },
             self.dataset.n_windows(Part::Train),

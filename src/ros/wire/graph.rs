@@ -1,7 +1,7 @@
 //! Explains why no messages arrive on a topic, from the entities discovered in the graph. Pure.
 
 use ros2_client::QosProfile;
-use ros2_client::qos::{Durability, History, Reliability};
+use ros2_client::qos::{Durability, Reliability};
 
 /// A publisher or subscription of another node.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,15 +17,6 @@ pub struct Endpoint {
 }
 
 impl Endpoint {
-    /// The QoS that it offers or requests, in words: `reliable, volatile, keep last 10`.
-    pub fn qos_in_words(&self) -> String {
-        let history = match self.qos.history {
-            History::KeepLast { depth } => format!("keep last {depth}"),
-            History::KeepAll => "keep all".to_owned(),
-        };
-        format!("{}, {history}", self.matching_in_words())
-    }
-
     /// The part of its QoS that decides who matches, in words: `reliable, volatile`. DDS tells no history of others.
     pub fn matching_in_words(&self) -> String {
         let reliability = match self.qos.reliability {

@@ -41,7 +41,7 @@ pub(super) struct Args {
     /// The same protocol in ten minutes: fewer repetitions
     #[arg(long, conflicts_with_all = ["minutes", "resume"])]
     short: bool,
-    /// The same protocol in about so many minutes
+    /// The same protocol in about so many minutes, besides the checks and the known touches
     #[arg(long, value_name = "M", conflicts_with = "resume", value_parser = minutes)]
     minutes: Option<f64>,
     /// Who wears the glove, instead of `user` in the parameters

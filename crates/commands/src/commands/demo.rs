@@ -200,7 +200,7 @@ All of it is in {path} (synthetic). The picture is {picture}.
 The same session with the adaptive model:
   tpf view {adaptive} --params-file {params}
   tpf export {adaptive} --params-file {params} -o forces.csv
-  tpf eval {session} --params-file {params} --compare {tactile_only} --whole --by substage
+  tpf eval {session} --params-file {params} --compare {tactile_only} --whole --by substage --report report.html
 With your own glove:
   tpf inspect YOUR_BAG
   tpf init YOUR_BAG -o glove.yaml

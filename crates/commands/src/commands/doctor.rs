@@ -9,7 +9,7 @@ use tactile_pose_fusion::ros::{Level, Request, examine};
 use super::live::RosArguments;
 use super::setup::config;
 use super::zero::seconds;
-use super::{Failure, Outcome, print};
+use super::{Failure, Outcome, print, tell};
 use crate::report;
 
 /// The node that examines.
@@ -53,6 +53,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             Some((config(&tree)?, tree, args.calibration.clone()))
         }
     };
+    tell(&format!("listening to the graph for {:.0} s", args.seconds));
     let found = examine(Request {
         name: &tactile_pose_fusion::config::NodeName::parse(NODE)?,
         args: &place.args,

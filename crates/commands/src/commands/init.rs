@@ -101,12 +101,30 @@ impl Args {
 /// Lines of the file to check that are shown, at most.
 const SHOWN_CHECKS: usize = 8;
 
+/// What is marked CHECK: whole comments, and the values that they stand beside.
+fn to_check(text: &str) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    let mut is_open = false;
+    for line in text.lines().map(str::trim) {
+        if line.contains("CHECK:") {
+            found.push(line.to_owned());
+            is_open = line.starts_with('#');
+        } else if let (true, Some(words), Some(last)) = (is_open, line.strip_prefix("# "), found.last_mut()) {
+            last.push(' ');
+            last.push_str(words);
+        } else {
+            is_open = false;
+        }
+    }
+    found
+}
+
 /// A summary of the written file, and what to do next.
 fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
     let output = args.output.display();
     let mut text = format!("{output}: regions {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
-    let to_check: Vec<&str> = made.text.lines().filter(|line| line.contains("CHECK:")).map(str::trim).collect();
+    let to_check = to_check(&made.text);
     if !to_check.is_empty() {
         text += "look at these lines:\n";
         to_check.iter().take(SHOWN_CHECKS).for_each(|line| text += &format!("  {line}\n"));

@@ -85,7 +85,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let why = match here {
         None => format!("; is the node running in this domain, and called {}?", args.node),
         Some(here) if here.contains(&args.node) => {
-            format!(", but node {} is there: `tpf call state` shows if it is active", args.node)
+            format!(
+                ", but node {} is there: `tpf call state` shows if it is active; if it is, its log and /diagnostics say why it publishes nothing",
+                args.node
+            )
         }
         Some(here) => {
             format!(", and no node {} is there: {}", args.node, instead(&here, place.environment.domain_id))

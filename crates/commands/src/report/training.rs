@@ -63,6 +63,7 @@ pub fn of_report(report: &Report, request: &Request) -> String {
         let _ = writeln!(text, "  final {}", line(&test.corrected));
         if let Some(base) = &test.base {
             let _ = writeln!(text, "  base  {}", line(base));
+            let _ = writeln!(text, "  base: the force before the pose correction");
         }
     }
     let _ = writeln!(text, "model   {}", request.output.display());

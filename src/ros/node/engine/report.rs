@@ -15,6 +15,9 @@ use crate::ros::wire::args::Severity;
 /// normal.
 const CAPPED_FOR: Duration = Duration::from_secs(30);
 
+/// Estimates of a second that may be too old to publish without a report: one now and then is normal.
+const LATE: u64 = 5;
+
 impl Running {
     /// Queues a report for publishing, and logs problems that have lasted or are over.
     pub(super) fn report(&mut self) {
@@ -24,13 +27,15 @@ impl Running {
         let mut of_graph = self.watched.judge_graph(&self.engine.outputs.offers);
         of_graph.extend(self.watched.judge_clock(time));
         let of_inputs = self.watched.judge(now, &self.engine.cfg, self.core.as_ref().map(|core| &core.fusion));
+        let late = self.late();
         let mut statuses: Vec<Status> =
             of_inputs.iter().enumerate().map(|(input, problems)| self.input_status(input, problems)).collect();
         statuses.push(self.graph_status(&of_graph));
-        statuses.push(self.latency_status());
-        let causes: Vec<&Problem> = of_inputs.iter().chain([&of_graph]).flatten().collect();
+        statuses.push(self.latency_status(late.as_ref()));
+        let causes: Vec<&Problem> = of_inputs.iter().chain([&of_graph]).flatten().chain(&late).collect();
         let (estimates, is_enough) = self.estimate_status(&causes);
-        self.announce(now, &of_inputs, &of_graph, (!is_enough).then_some(estimates.message.as_str()));
+        let of_node: Vec<&Problem> = of_graph.iter().chain(&late).collect();
+        self.announce(now, &of_inputs, &of_node, (!is_enough).then_some(estimates.message.as_str()));
         statuses.push(estimates);
         let hardware_id = self.engine.cfg.glove.clone().unwrap_or_default();
         let message = DiagnosticArray::new(self.engine.clock.now().into(), &hardware_id, statuses);
@@ -38,13 +43,13 @@ impl Running {
     }
 
     /// Logs problems that last and those that are over. `estimates`: their problems, logged if no input is the cause.
-    fn announce(&mut self, now: Duration, of_inputs: &[Vec<Problem>], of_graph: &[Problem], estimates: Option<&str>) {
+    fn announce(&mut self, now: Duration, of_inputs: &[Vec<Problem>], of_node: &[&Problem], estimates: Option<&str>) {
         let mut problems: Vec<(String, String)> = Vec::new();
         for (input, of_input) in self.watched.inputs.iter().zip(of_inputs) {
             let name = |problem: &Problem| (format!("{} ({})", input.key(), problem.kind), problem.text.clone());
             problems.extend(of_input.iter().map(name));
         }
-        problems.extend(of_graph.iter().map(|problem| (format!("graph ({})", problem.kind), problem.text.clone())));
+        problems.extend(of_node.iter().map(|problem| (format!("node ({})", problem.kind), problem.text.clone())));
         match estimates {
             Some(text) if problems.is_empty() => problems.push(("estimates".to_owned(), text.to_owned())),
             Some(_) => self.watched.announcer.hold(now, "estimates"), // not solved: its cause is reported instead
@@ -105,7 +110,22 @@ impl Running {
         Status { name: self.name("graph"), level, message, values: values.collect() }
     }
 
-    fn latency_status(&mut self) -> Status {
+    /// Estimates of the last second that were computed and not published, because they were too old by then.
+    fn late(&mut self) -> Option<Problem> {
+        let n_sources = self.engine.cfg.fusion.tactile_sources().len();
+        let outdated: u64 = (0..n_sources).map(|source_idx| self.order.n_outdated(source_idx)).sum();
+        let n_late = outdated + self.engine.outbox.stats().waited.load(Ordering::Relaxed);
+        let n = n_late.saturating_sub(std::mem::replace(&mut self.n_late, n_late));
+        let max_ms = self.engine.cfg.fusion.timing().max_age.map_or(0.0, |max_age| max_age.as_secs_f64() * 1e3);
+        (self.active && n >= LATE).then(|| Problem {
+            kind: "late",
+            text: format!(
+                "{n} estimates of the last second were not published, because their data was older than timing.max_age_ms = {max_ms} ms by then: this machine is too busy, or messages come too late; stop other programs, or raise the limit"
+            ),
+        })
+    }
+
+    fn latency_status(&mut self, late: Option<&Problem>) -> Status {
         let stats = self.engine.outbox.stats();
         let [stamp, received] = stats.take_latencies();
         let (dropped, failed) = (stats.dropped.load(Ordering::Relaxed), stats.failed.load(Ordering::Relaxed));
@@ -113,11 +133,13 @@ impl Running {
         let (published, waited) = (stats.published.load(Ordering::Relaxed), stats.waited.load(Ordering::Relaxed));
         let limit_ms = self.engine.cfg.live.max_latency.as_secs_f64() * 1e3;
         let within = |stamp: Percentiles| stamp.p99 <= limit_ms && stamp.p50 >= -limit_ms;
-        let level = match stamp {
-            Some(stamp) => self.budget("latency", within(stamp)),
-            None => Level::Stale, // nothing was measured
+        let level = match (late, stamp) {
+            (Some(_), _) => self.budget("latency", false),
+            (None, Some(stamp)) => self.budget("latency", within(stamp)),
+            (None, None) => Level::Stale, // nothing was measured
         };
         let message = match stamp {
+            _ if late.is_some() => late.map(|problem| problem.text.clone()).unwrap_or_default(),
             None => "not measured: nothing was published in the last second".to_owned(),
             Some(stamp) if stamp.p50 < 0.0 => {
                 format!("stamps lie {:.1} ms ahead of this node's clock (median): synchronize the clocks", -stamp.p50)

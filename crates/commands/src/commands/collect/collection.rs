@@ -294,6 +294,10 @@ impl Collection {
         }
         let shown = by_problem.iter().take(MAX_NOTES).map(|(problem, n)| format!("  {n} x {problem}"));
         notes.extend(shown);
+        let n_left: usize = by_problem.values().skip(MAX_NOTES).sum();
+        if n_left > 0 {
+            notes.push(format!("  and {n_left} more"));
+        }
         if !flagged.is_empty() && !self.automatic {
             notes.push("f does the flagged ones again, space goes on".to_owned());
         }

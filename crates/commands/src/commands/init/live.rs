@@ -222,6 +222,6 @@ impl Seen {
     fn told(&self, seconds: f64) -> String {
         let Endpoint { topic, type_name, .. } = &self.endpoint;
         let rate = self.n_messages as f64 / seconds;
-        printable(&format!("{topic}: {type_name}, {rate:.1} Hz, offered {}", self.endpoint.qos_in_words()))
+        printable(&format!("{topic}: {type_name}, {rate:.1} Hz, offered {}", self.endpoint.matching_in_words()))
     }
 }

@@ -296,8 +296,14 @@ fn contacts(text: &mut String, result: &Evaluated) {
         }
     }
     let _ = writeln!(text, "{}", shown(&table, 2));
-    if result.models.iter().flat_map(|model| model.contacts.values()).any(|contact| contact.preservation.is_some()) {
-        let _ = writeln!(text, "{REMOVED_IN_WORDS}");
+    let of_models = || result.models.iter().flat_map(|model| model.contacts.values());
+    match of_models().any(|contact| contact.preservation.is_some()) {
+        true => {
+            let _ = writeln!(text, "{REMOVED_IN_WORDS}");
+        }
+        false => {
+            let _ = writeln!(text, "Removed, Delayed: of models with a base force alone.");
+        }
     }
 }
 
