@@ -139,7 +139,6 @@ pub mod hand;
 mod histogram;
 pub mod init;
 pub mod inspect;
-mod kernels;
 pub mod leave;
 pub mod location;
 pub mod model;

@@ -51,7 +51,7 @@ const WINDOWS_AT_ONCE: NonZeroUsize = NonZeroUsize::new(32).expect("it is above 
 
 /// Name of the vector instructions that the built-in code uses on this machine, for reports of its speed.
 pub fn vectors() -> &'static str {
-    crate::kernels::vectors()
+    tactile_pose_fusion_kernels::vectors()
 }
 
 /// Runtime to use for a model.

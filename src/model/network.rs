@@ -20,10 +20,6 @@ pub(super) mod lanes;
 mod pose;
 mod touch;
 
-use std::hint::select_unpredictable;
-
-use macerator::AutoArch;
-
 use super::causal as found;
 use super::paper::{self, DILATIONS, Paper};
 use crate::fusion::Forces;
@@ -204,16 +200,4 @@ fn fuse(touch: &[f32], pose: &[f32], n: usize, with_product: bool, rows: &mut Ve
 fn sized(buffer: &mut Vec<f32>, n: usize) -> &mut [f32] {
     buffer.resize(n, 0.0);
     buffer
-}
-
-/// ReLU that passes NaN through. `f32::max` would turn NaN into 0, and an `if` becomes a masked store, which is slow.
-#[inline(always)]
-fn rectified(value: f32) -> f32 {
-    select_unpredictable(value < 0.0, 0.0, value)
-}
-
-/// Runs a loop compiled for the vector instructions of this machine.
-#[inline(always)]
-fn vectorized(run: impl FnOnce()) {
-    AutoArch::new().dispatch(run);
 }

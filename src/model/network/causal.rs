@@ -2,12 +2,14 @@
 //!
 //! All its values depend on frames, not on windows, so each is computed once: a new frame costs one column per layer.
 
+use tactile_pose_fusion_kernels::elementwise::{rectify, rectify_onto, vectorized};
+use tactile_pose_fusion_kernels::matrix::Matrix;
+use tactile_pose_fusion_kernels::packed::{Onto, Packed};
+
 use super::dense::Decoder;
 use super::frames::Frames;
-use super::{rectified, sized, vectorized};
+use super::sized;
 use crate::fusion::Forces;
-use crate::kernels::matrix::Matrix;
-use crate::kernels::packed::{Onto, Packed};
 use crate::model::causal;
 use crate::model::paper::TAPS;
 
@@ -155,10 +157,10 @@ impl Layer {
             weight.product(Matrix::new(seen, rows, n_in), std::mem::replace(&mut onto, Onto::Out), out);
         }
         let kept = input.from(from + self.reach(), rows * n_in);
-        vectorized(|| match self.adds_input {
-            true => out.iter_mut().zip(kept).for_each(|(value, kept)| *value = rectified(*value) + kept),
-            false => out.iter_mut().for_each(|value| *value = rectified(*value)),
-        });
+        match self.adds_input {
+            true => rectify_onto(out, kept),
+            false => rectify(out),
+        }
     }
 }
 

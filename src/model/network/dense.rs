@@ -1,8 +1,10 @@
 //! Linear maps of many rows.
 
-use super::{rectified, sized};
-use crate::kernels::matrix::Matrix;
-use crate::kernels::packed::{Onto, Packed};
+use tactile_pose_fusion_kernels::elementwise::rectified;
+use tactile_pose_fusion_kernels::matrix::Matrix;
+use tactile_pose_fusion_kernels::packed::{Onto, Packed};
+
+use super::sized;
 use crate::model::paper;
 
 /// Weights of a linear map.

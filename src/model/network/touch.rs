@@ -1,12 +1,12 @@
 //! Tactile branch: four convolutions over time, then the maximum over each window.
 
-use std::hint::select_unpredictable;
+use tactile_pose_fusion_kernels::elementwise::{add, raise, rectify};
+use tactile_pose_fusion_kernels::matrix::Matrix;
+use tactile_pose_fusion_kernels::packed::{Onto, Packed};
 
 use super::dense::repeat;
 use super::frames::Frames;
-use super::{rectified, sized, vectorized};
-use crate::kernels::matrix::Matrix;
-use crate::kernels::packed::{Onto, Packed};
+use super::sized;
 use crate::model::paper::{self, DILATIONS, TAPS};
 
 /// Weights of the convolutions. Each tap is a matrix `[inputs, outputs]`.
@@ -162,20 +162,4 @@ impl Convolution {
     fn product(&self, rows: &[f32], tap: &Packed, out: &mut [f32]) {
         tap.product(Matrix::new(rows, rows.len() / self.n_in(), self.n_in()), Onto::Zero, out);
     }
-}
-
-fn add(sum: &mut [f32], part: &[f32]) {
-    vectorized(|| sum.iter_mut().zip(part).for_each(|(sum, value)| *sum += value));
-}
-
-fn rectify(values: &mut [f32]) {
-    vectorized(|| values.iter_mut().for_each(|value| *value = rectified(*value)));
-}
-
-/// Elementwise maximum. NaN on either side stays NaN. An `if` would become a masked store, which is slow.
-fn raise(highest: &mut [f32], values: &[f32]) {
-    let of = |(highest, value): (&mut f32, &f32)| {
-        *highest = select_unpredictable((*value > *highest) | value.is_nan(), *value, *highest);
-    };
-    vectorized(|| highest.iter_mut().zip(values).for_each(of));
 }

@@ -5,9 +5,10 @@
 
 use std::array::from_fn;
 
+use tactile_pose_fusion_kernels::matrix::Matrix;
+use tactile_pose_fusion_kernels::product::{add_column_sums, add_product};
+
 use super::super::architecture::{N_FEATURES, TAPS};
-use crate::kernels::matrix::Matrix;
-use crate::kernels::product::{add_column_sums, add_product};
 
 /// Sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

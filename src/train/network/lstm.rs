@@ -3,11 +3,10 @@
 //! PyTorch's gate order (input, forget, cell, output) and semantics. All matrices are row-major and time-major:
 //! `x [L, B, I]`, `h [L, B, H]`, gates `[L, B, 4H]`.
 
-use macerator::AutoArch;
-
-use crate::kernels::matrix::Matrix;
-use crate::kernels::nonlinear::{sigmoid, tanh_of};
-use crate::kernels::product::{add_column_sums, add_product, multiply};
+use tactile_pose_fusion_kernels::AutoArch;
+use tactile_pose_fusion_kernels::matrix::Matrix;
+use tactile_pose_fusion_kernels::nonlinear::{sigmoid, tanh_of};
+use tactile_pose_fusion_kernels::product::{add_column_sums, add_product, multiply};
 
 /// Sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,13 +10,13 @@ use super::matrix::Matrix;
 use super::{lanes, load};
 
 /// `out = a b`, `out` row-major.
-pub(crate) fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
+pub fn multiply(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     out.fill(0.0);
     add_product(out, a, b);
 }
 
 /// `out += a b`, `out` row-major. Fastest if both are row-major. One that isn't is first copied to that order.
-pub(crate) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
+pub fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
     assert_eq!(a.columns, b.rows, "the inner axes of a product");
     assert_eq!(out.len(), a.rows * b.columns, "a product of {} x {}", a.rows, b.columns);
     let copied = [a, b].map(|matrix| (matrix.column_stride != 1).then(|| matrix.to_rows()));
@@ -28,7 +28,7 @@ pub(crate) fn add_product(out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
 }
 
 /// `out += column sums of rows`: the gradient of a bias.
-pub(crate) fn add_column_sums(out: &mut [f32], rows: &[f32]) {
+pub fn add_column_sums(out: &mut [f32], rows: &[f32]) {
     for row in rows.chunks_exact(out.len()) {
         out.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
     }

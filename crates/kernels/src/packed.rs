@@ -17,7 +17,7 @@ const STEPS: usize = 4;
 
 /// The right factor of many products, in panels of as many columns as a tile has. Each panel is contiguous.
 #[derive(Debug, Clone)]
-pub(crate) struct Packed {
+pub struct Packed {
     panels: Vec<f32>,
     rows: usize,
     columns: usize,
@@ -27,7 +27,8 @@ pub(crate) struct Packed {
 
 /// What a product is added to.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Onto<'a> {
+pub enum Onto<'a> {
+    /// Nothing.
     Zero,
     /// The values that `out` has.
     Out,
@@ -38,17 +39,18 @@ pub(crate) enum Onto<'a> {
 }
 
 impl Packed {
-    pub(crate) fn new(matrix: Matrix<'_>) -> Self {
+    /// Lays out a matrix for the vectors of this machine.
+    pub fn new(matrix: Matrix<'_>) -> Self {
         AutoArch::new().dispatch(Pack(matrix))
     }
 
     /// Length of the inner axis.
-    pub(crate) fn rows(&self) -> usize {
+    pub fn rows(&self) -> usize {
         self.rows
     }
 
     /// `out = onto + a b`, where `b` is this factor. `a` has to be row-major, `out` is.
-    pub(crate) fn product(&self, a: Matrix<'_>, onto: Onto<'_>, out: &mut [f32]) {
+    pub fn product(&self, a: Matrix<'_>, onto: Onto<'_>, out: &mut [f32]) {
         assert_eq!((a.columns, a.column_stride), (self.rows, 1), "the inner axes of a product");
         assert_eq!(out.len(), a.rows * self.columns, "a product of {} x {}", a.rows, self.columns);
         let onto = match onto {
@@ -236,7 +238,7 @@ fn load_all<S: Simd, const V: usize>(values: &[f32]) -> [Vector<S, f32>; V] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::product::add_product;
+    use crate::product::add_product;
 
     #[test]
     fn every_size_has_the_bits_of_a_product_that_is_not_packed() {

@@ -2,16 +2,19 @@
 //!
 //! A row of a result has the same bits for any number of other rows.
 
-pub(crate) mod matrix;
-pub(crate) mod nonlinear;
-pub(crate) mod packed;
-#[cfg(any(test, feature = "train"))]
-pub(crate) mod product;
+pub mod elementwise;
+pub mod lstm;
+pub mod matrix;
+pub mod nonlinear;
+pub mod packed;
+pub mod product;
 
+/// Runs a closure that is compiled for the vector instructions of this machine (`dispatch`).
+pub use macerator::AutoArch;
 use macerator::{Arch, Simd, Vector};
 
 /// Name of the vector instructions of this machine that are used.
-pub(crate) fn vectors() -> &'static str {
+pub fn vectors() -> &'static str {
     match format!("{:?}", Arch::detect()).as_str() {
         "V4" | "V4FP16" => "AVX-512",
         "V3" => "AVX2",

@@ -3,22 +3,20 @@
 //! `FMA` says that the machine has fused multiply-add. Without it, `mul_add` is a call.
 
 /// Logistic function.
-#[cfg(any(test, feature = "train"))]
 #[inline(always)]
-pub(crate) fn sigmoid(x: f32) -> f32 {
+pub fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// Hyperbolic tangent, with an absolute error of 2e-7.
-#[cfg(any(test, feature = "train"))]
 #[inline(always)]
-pub(crate) fn tanh_of(x: f32) -> f32 {
+pub fn tanh_of(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }
 
 /// `sigmoid(forget) * cell + sigmoid(input) * tanh(candidate)`: the next cell of an LSTM, with a single division.
 #[inline(always)]
-pub(crate) fn next_cell<const FMA: bool>(cell: f32, forget: f32, input: f32, candidate: f32) -> f32 {
+pub fn next_cell<const FMA: bool>(cell: f32, forget: f32, input: f32, candidate: f32) -> f32 {
     let (forget, input) = (1.0 + scaled_exp::<FMA>(-1, forget), 1.0 + scaled_exp::<FMA>(-1, input));
     let candidate = scaled_exp::<FMA>(-2, candidate);
     let both = input * (1.0 + candidate);
@@ -27,7 +25,7 @@ pub(crate) fn next_cell<const FMA: bool>(cell: f32, forget: f32, input: f32, can
 
 /// `sigmoid(output) * tanh(cell)`: the state of an LSTM, with a single division.
 #[inline(always)]
-pub(crate) fn state<const FMA: bool>(output: f32, cell: f32) -> f32 {
+pub fn state<const FMA: bool>(output: f32, cell: f32) -> f32 {
     let cell = scaled_exp::<FMA>(-2, cell);
     (1.0 - cell) / ((1.0 + scaled_exp::<FMA>(-1, output)) * (1.0 + cell))
 }
@@ -37,7 +35,7 @@ pub(crate) fn state<const FMA: bool>(output: f32, cell: f32) -> f32 {
 /// # Source
 /// Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26.
 #[inline(always)]
-pub(crate) fn gelu(x: f32) -> f32 {
+pub fn gelu(x: f32) -> f32 {
     let z = x.abs() * std::f32::consts::FRAC_1_SQRT_2;
     let t = 1.0 / (1.0 + 0.327_591_1 * z);
     let series = 1.061_405_4;
@@ -54,7 +52,7 @@ pub(crate) fn gelu(x: f32) -> f32 {
 ///
 /// Reduction by ln 2 in two parts (Cody and Waite), then the Taylor series on `[-ln2/2, ln2/2]` up to the 7th power.
 #[inline(always)]
-pub(crate) fn exp(x: f32) -> f32 {
+pub fn exp(x: f32) -> f32 {
     const BOUND: f32 = 87.0; // close to the exponents of the largest and the smallest number
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits
     const LN2_HIGH: f32 = 0.693_359_4; // 355/512: exact in few bits, so its multiples are exact
