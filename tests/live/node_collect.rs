@@ -338,8 +338,26 @@ fn touches_of_the_load_cell_give_a_live_donning_its_gain() {
     assert!(refused.stderr.contains("no gain of the touches: region index: "), "{refused:?}");
     assert!(!room.join("told.yaml").exists());
 
+    // A node beside it is asked for the same.
+    let mut node = Command::new(env!("CARGO_BIN_EXE_tpf"));
+    node.current_dir(room).args(["run", "--params-file", params, "-p", "calibration.touch_s:=60.0"]);
+    node.args(["-p", "calibration.duration_s:=10.0", "-p", "calibration.file:=node.yaml"]);
+    let _node = Glove(node.stderr(File::create(room.join("node.log")).unwrap()).spawn().unwrap());
+    let mut call = Command::new(env!("CARGO_BIN_EXE_tpf"));
+    call.current_dir(room).args(["call", "calibrate", "--wait", "20"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let call = call.spawn().unwrap();
     let measured = run(&mut calibrate(&["-o", "c.yaml", "--touches", "--touch-seconds", "60"])).ok();
     assert!(measured.stdout.contains("region index: forces times "), "{measured:?}");
+    let called = Run::from(call.wait_with_output().unwrap()).ok();
+    assert!(called.stderr.contains("now touch the force sensor: "), "{called:?}");
+    let factor = |text: &str| -> f64 {
+        let (_, after) = text.split_once("region index: forces times ").unwrap_or_else(|| panic!("{text}"));
+        after.split(' ').next().unwrap().parse().unwrap()
+    };
+    let factors = [&measured, &called].map(|run| factor(&run.stdout));
+    // They do not begin at the same moment, so they may not see the same touches.
+    assert!((factors[0] / factors[1] - 1.0).abs() < 0.1, "{factors:?}");
+    assert!(std::fs::read_to_string(room.join("node.yaml")).unwrap().contains("force_gains"), "{called:?}");
     assert!(std::fs::read_to_string(room.join("c.yaml")).unwrap().contains("force_gains"), "{measured:?}");
 
     let unknown = run(&mut calibrate(&["-o", "d.yaml", "--press", "thumb:200gF"]));
