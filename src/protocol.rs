@@ -69,6 +69,9 @@ impl KnownTouches {
     /// Forces below this are too small for a gain, because noise and artifact are not small compared with them.
     pub const LIGHTEST: GramForce = GramForce(30.0);
 
+    /// Fewest presses from which a gain is fitted.
+    pub const FEWEST: u16 = 3;
+
     /// Substage in the annotations of these presses. They are outside of the stages of the protocol.
     pub const SUBSTAGE: &str = "known_touches";
 

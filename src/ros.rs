@@ -13,8 +13,8 @@ pub mod tools;
 pub mod wire;
 
 pub use node::{
-    Calibrator, DIAGNOSTICS_TYPE, Health, Purpose, Record, Sample, Setup, Watched, input_bindings, read_diagnostics,
-    run, wanted,
+    Calibrator, DIAGNOSTICS_TYPE, Health, IN_AIR, Purpose, Record, Sample, Setup, TOUCH, Watched, input_bindings,
+    read_diagnostics, run, wanted,
 };
 pub use tools::{
     CallError, Caller, Delivery, Examination, Finding, Incoming, Inputs, Level, Listener, Listening, Monitored,

@@ -6,9 +6,6 @@ use crate::units::{NANOS_PER_SEC, Newton, Stamp};
 /// Tries for each press that is asked for. After them the session begins without the missing presses.
 const TRIES: u16 = 2;
 
-/// Fewest presses from which a gain is fitted.
-const FEWEST: u16 = 3;
-
 /// Presses of a known force, one after the other. Pure: time is an argument.
 ///
 /// The user first lets go, which gives the zero of each force sensor. Then the user presses any of them until the force was held
@@ -142,7 +139,7 @@ impl TouchGuide {
 
     /// True if the presses that were held are enough for a gain.
     pub fn is_enough(&self) -> bool {
-        self.held >= FEWEST
+        self.held >= KnownTouches::FEWEST
     }
 
     /// The next annotation to publish and record.

@@ -303,8 +303,12 @@ fn known_touches(file: &KnownTouchesFile, most: f64) -> Result<KnownTouches, Pro
         let reason = format!("expected hold_seconds below seconds, got {hold_s} and {seconds}");
         return Err(refused("known_touches", reason));
     }
-    if !(3..=100).contains(&file.presses) {
-        let reason = format!("expected 3 to 100 presses, because a gain needs three, got {}", file.presses);
+    if !(KnownTouches::FEWEST..=100).contains(&file.presses) {
+        let reason = format!(
+            "expected {} to 100 presses, because a gain needs three, got {}",
+            KnownTouches::FEWEST,
+            file.presses
+        );
         return Err(refused("known_touches", reason));
     }
     let Newton(least) = KnownTouches::LIGHTEST.into();

@@ -6,6 +6,7 @@ pub mod lifecycle;
 pub mod watchdog;
 
 mod calibrate_action;
+mod calibrating;
 mod calibration_file;
 mod calibrator;
 mod engine;
@@ -23,7 +24,7 @@ mod visuals;
 mod watched;
 mod worn;
 
-pub use calibrator::{Calibrator, Purpose, Sample};
+pub use calibrator::{Calibrator, IN_AIR, Purpose, Sample, TOUCH};
 pub use engine::Record;
 pub use interfaces::{DIAGNOSTICS_TYPE, Health, read_diagnostics};
 pub use watched::Watched;

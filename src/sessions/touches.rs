@@ -1,6 +1,7 @@
 //! Fits the force gains of a donning to touches of known force.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use super::SessionError;
 use crate::bag::{BagReader, InputTopics, Inputs, shown};
@@ -14,7 +15,7 @@ use crate::recording::{
     zero_load,
 };
 use crate::units::{NANOS_PER_SEC, Stamp};
-use crate::zero::{Zero, ZeroFrom};
+use crate::zero::{Donning, Zero, ZeroFrom};
 
 /// Source of the known forces of touches.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,18 +99,21 @@ pub fn force_gains(
 }
 
 /// The same while the glove is worn: `events` and the readings of the force sensors as they came, from the begin of the
-/// calibration on. `zero` must be [`ZeroFrom::First`], with the time in which nothing was touched.
+/// calibration on. Nothing was touched in the first `rest`. `core` has no zero yet.
 ///
 /// # Errors
 /// Why there is no gain, on one line.
 pub fn live_force_gains<'a>(
     cfg: &Config,
-    zero: &Zero,
     mut core: Fusion,
+    (donning, rest): (&Donning, Duration),
     events: impl Iterator<Item = Event<'a>>,
     readings: &[TruthReading],
     known: &KnownForces,
 ) -> Result<Vec<RegionTouches>, String> {
+    let seconds = vec![rest.as_secs_f64(); cfg.fusion.tactile_sources().len()];
+    let zero = Zero::new(ZeroFrom::First { seconds }, donning.clone());
+    zero.install(&mut core).map_err(|error| error.to_string())?;
     let mut labels = Labels::new(&cfg.truth_sources);
     for TruthReading { sensor, stamp, force } in readings {
         if let Some(track) = labels.truth.get_mut(*sensor) {
@@ -131,7 +135,7 @@ pub fn live_force_gains<'a>(
     }
     core.handle_end();
     drain(&mut core).map_err(|error| error.to_string())?;
-    fit(cfg, zero, &labels, &tracks, known)
+    fit(cfg, &zero, &labels, &tracks, known)
 }
 
 /// The gain of each region that was touched.

@@ -15,6 +15,14 @@ use crate::zero::{self, ArtifactCollector, ArtifactTimes, Donning, LoadCheck, Mo
 /// The hand is at rest during the whole calibration.
 const EVER: Rest = Rest { from: Stamp(i64::MIN), to: Stamp(i64::MAX) };
 
+/// What the wearer should do while the zero is measured.
+pub const IN_AIR: &str =
+    "in the air: open and close the hand, spread the fingers, go through the poses that you use; touch nothing";
+
+/// What the wearer should do after it, if touches of the force sensors are looked for.
+pub const TOUCH: &str =
+    "touch the force sensor: each region at least three times with 30 gF or more, half a second each";
+
 /// An event that owns its data, so that it can be stored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Sample {

@@ -135,8 +135,8 @@ struct Running {
     tap: Option<mpsc::UnboundedSender<Sample>>,
     received: Stamp,
     unrecorded: u64,
-    /// Estimates that were too old to publish, at the last report.
-    n_late: u64,
+    /// Estimates that were not published by the last report: outdated, and waited for too long.
+    n_late: [u64; 2],
     /// Messages of frames that don't change, before there was a core, with input and receipt.
     unrecorded_frames: VecDeque<(usize, Stamp, Vec<u8>)>,
     cdr: Vec<u8>,
@@ -166,7 +166,7 @@ impl Engine {
             tap: None,
             received: Stamp(0),
             unrecorded: 0,
-            n_late: 0,
+            n_late: [0; 2],
             unrecorded_frames: VecDeque::new(),
             cdr: Vec::new(),
             engine: self,

@@ -1,12 +1,10 @@
-//! Touches of the force sensors after a calibration, from which the gain of the donning is fitted.
+//! The force sensors, whose touches after a calibration give the gain of the donning.
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use futures::StreamExt;
 
-use super::calibrator::Sample;
-use super::loading;
 use super::shared::Shared;
 use crate::config::{Config, ParamTree};
 use crate::msg::binding::{Topic, TruthBinding, TruthFields};
@@ -17,8 +15,7 @@ use crate::ros::wire::error::NodeError;
 use crate::ros::wire::middleware::{Subscription, TopicType};
 use crate::ros::wire::qos::{self, Side};
 use crate::ros::wire::threads::Vital;
-use crate::sessions::{KnownForces, RegionTouches, TruthReading, live_force_gains};
-use crate::zero::{Donning, Zero, ZeroFrom};
+use crate::sessions::TruthReading;
 
 /// A force sensor that is subscribed to.
 pub(super) struct TruthInput {
@@ -79,23 +76,4 @@ pub(super) fn follow(input: TruthInput, shared: Rc<Shared>) {
             }
         }
     });
-}
-
-/// Fits the gains of a donning. `samples` and `readings` begin with `cfg.calibration.duration` or more without load, of which
-/// `rest_s` seconds are taken for the zero of the force sensors.
-///
-/// # Errors
-/// Why there is no gain, on one line.
-pub(super) fn gains(
-    cfg: &Config,
-    donning: &Donning,
-    rest_s: f64,
-    samples: &[Sample],
-    readings: &[TruthReading],
-) -> Result<Vec<RegionTouches>, String> {
-    let (mut core, _) = loading::fusion(cfg)?;
-    let seconds = vec![rest_s; cfg.fusion.tactile_sources().len()];
-    let zero = Zero::new(ZeroFrom::First { seconds }, donning.clone());
-    zero.install(&mut core).map_err(|error| error.to_string())?;
-    live_force_gains(cfg, &zero, core, samples.iter().map(Sample::event), readings, &KnownForces::Sensor)
 }

@@ -11,7 +11,7 @@ use ros2_client::rcl_interfaces::{
     SetParametersAtomicallyResponse, SetParametersRequest, SetParametersResponse,
 };
 
-use super::calibrate_action::calibrate;
+use super::calibrating::calibrate;
 use super::calibration_file;
 use super::calibrator::Purpose;
 use super::engine::Command;

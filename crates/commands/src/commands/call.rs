@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::ValueEnum;
 use tactile_pose_fusion::config::{DEFAULT_NODE, NodeName, ParamTree, ParamValue};
 use tactile_pose_fusion::location;
-use tactile_pose_fusion::ros::{CallError, Caller, NodeParameter};
+use tactile_pose_fusion::ros::{CallError, Caller, IN_AIR, NodeParameter};
 use tactile_pose_fusion::units::NANOS_PER_SEC;
 
 use super::live::RosArguments;
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 fn calibrate(caller: &mut Caller, seconds: Option<f64>) -> Result<String, CallError> {
-    say("in the air: open and close the hand, spread the fingers, go through the poses that you use; touch nothing");
+    say(IN_AIR);
     let (mut progress, mut total_ns) = (None, 0);
     let mut instruction = None::<String>;
     let result = caller.calibrate(Duration::from_secs_f64(seconds.unwrap_or(0.0)), &mut |feedback| {

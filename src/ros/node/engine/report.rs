@@ -15,7 +15,7 @@ use crate::ros::wire::args::Severity;
 /// normal.
 const CAPPED_FOR: Duration = Duration::from_secs(30);
 
-/// Estimates of a second that may be too old to publish without a report: one now and then is normal.
+/// Estimates of a second that are not published before it is reported: one now and then is normal.
 const LATE: u64 = 5;
 
 impl Running {
@@ -110,17 +110,18 @@ impl Running {
         Status { name: self.name("graph"), level, message, values: values.collect() }
     }
 
-    /// Estimates of the last second that were computed and not published, because they were too old by then.
+    /// Estimates of the last second that were computed and not published, because something made them too late.
     fn late(&mut self) -> Option<Problem> {
         let n_sources = self.engine.cfg.fusion.tactile_sources().len();
-        let outdated: u64 = (0..n_sources).map(|source_idx| self.order.n_outdated(source_idx)).sum();
-        let n_late = outdated + self.engine.outbox.stats().waited.load(Ordering::Relaxed);
-        let n = n_late.saturating_sub(std::mem::replace(&mut self.n_late, n_late));
-        let max_ms = self.engine.cfg.fusion.timing().max_age.map_or(0.0, |max_age| max_age.as_secs_f64() * 1e3);
-        (self.active && n >= LATE).then(|| Problem {
+        let n_outdated: u64 = (0..n_sources).map(|source_idx| self.order.n_outdated(source_idx)).sum();
+        let n_waited = self.engine.outbox.stats().waited.load(Ordering::Relaxed);
+        let [outdated, waited] = std::mem::replace(&mut self.n_late, [n_outdated, n_waited]);
+        let (outdated, waited) = (n_outdated.saturating_sub(outdated), n_waited.saturating_sub(waited));
+        (self.active && outdated + waited >= LATE).then(|| Problem {
             kind: "late",
             text: format!(
-                "{n} estimates of the last second were not published, because their data was older than timing.max_age_ms = {max_ms} ms by then: this machine is too busy, or messages come too late; stop other programs, or raise the limit"
+                "{} estimates of the last second were not published: {waited} waited in this node for longer than timing.max_age_ms, {outdated} came after it was reported that their source is silent; this machine is too busy, or messages come late: stop other programs, or raise timing.max_age_ms",
+                outdated + waited
             ),
         })
     }
@@ -138,13 +139,15 @@ impl Running {
             (None, Some(stamp)) => self.budget("latency", within(stamp)),
             (None, None) => Level::Stale, // nothing was measured
         };
-        let message = match stamp {
-            _ if late.is_some() => late.map(|problem| problem.text.clone()).unwrap_or_default(),
-            None => "not measured: nothing was published in the last second".to_owned(),
-            Some(stamp) if stamp.p50 < 0.0 => {
+        let message = match (late, stamp) {
+            (Some(problem), _) => problem.text.clone(),
+            (None, None) => "not measured: nothing was published in the last second".to_owned(),
+            (None, Some(stamp)) if stamp.p50 < 0.0 => {
                 format!("stamps lie {:.1} ms ahead of this node's clock (median): synchronize the clocks", -stamp.p50)
             }
-            Some(stamp) => format!("{:.1} ms from stamp to publish (99th percentile), limit {limit_ms} ms", stamp.p99),
+            (None, Some(stamp)) => {
+                format!("{:.1} ms from stamp to publish (99th percentile), limit {limit_ms} ms", stamp.p99)
+            }
         };
         let mut values = vec![
             ("published".to_owned(), published.to_string()),

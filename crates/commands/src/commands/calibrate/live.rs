@@ -7,7 +7,7 @@ use tactile_pose_fusion::fusion::{Event, Fusion};
 use tactile_pose_fusion::glove::known;
 use tactile_pose_fusion::msg::definition::Definitions;
 use tactile_pose_fusion::ros::{
-    Calibrator, Delivery, Inputs, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings, wanted,
+    Calibrator, Delivery, IN_AIR, Inputs, Listener, Names, Purpose, Sample, TopicType, Watched, input_bindings, wanted,
 };
 use tactile_pose_fusion::zero::{Donning, Zero, ZeroFrom};
 
@@ -61,10 +61,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
         false => None,
     };
     let listener = listening.start()?;
-    say(&format!(
-        "for {:.0} s, in the air: open and close the hand, spread the fingers, go through the poses that you use; touch nothing",
-        duration.as_secs_f64()
-    ));
+    say(&format!("for {:.0} s, {IN_AIR}", duration.as_secs_f64()));
     let mut calibrator = Calibrator::new(&cfg, Purpose::Calibrate, duration);
     let mut progress = Progress::steps("calibrate", duration.as_millis() as u64);
     let mut began = None::<Instant>;
@@ -96,12 +93,13 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
         say(&result.message);
     }
     let mut touches = Vec::new();
-    if let Some(recorder) = recorder {
+    if let Some(mut recorder) = recorder {
         let mut next = |recorder: &mut Recorder| {
-            hand.receive(Some(recorder), &mut |_| {})?;
+            hand.receive(Some(recorder), &mut |event| calibrator.handle(Sample::from(event)))?;
             hand.check(&cfg, None, "no gain of the touches")
         };
-        touches = press::gains(&live.press, &cfg, recorder, &donning, duration, &mut next)?;
+        let known = press::ask(&live.press, &cfg, &mut recorder, &mut next)?;
+        touches = recorder.gains(&cfg, (&donning, duration), calibrator.samples(), &known)?;
         donning.force_gains = vec![None; cfg.fusion.regions().len()];
         touches.iter().for_each(|found| donning.force_gains[found.region] = Some(found.gain));
     }

@@ -9,10 +9,10 @@ use tactile_pose_fusion::fusion::{Event, Fusion};
 use tactile_pose_fusion::msg::binding::TruthBinding;
 use tactile_pose_fusion::msg::definition::Definitions;
 use tactile_pose_fusion::recording::ToldTouch;
-use tactile_pose_fusion::ros::{Delivery, Incoming, Listening, Names, Sample, SubscribedTopic, TopicType};
+use tactile_pose_fusion::ros::{Delivery, Incoming, Listening, Names, Sample, SubscribedTopic, TOUCH, TopicType};
 use tactile_pose_fusion::sessions::{KnownForces, RegionTouches, TruthReading, live_force_gains};
 use tactile_pose_fusion::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
-use tactile_pose_fusion::zero::{Donning, Zero, ZeroFrom};
+use tactile_pose_fusion::zero::Donning;
 
 use super::super::setup::load_models;
 use super::super::{Failure, interrupt, say};
@@ -88,12 +88,13 @@ fn region_of(press: &Press, cfg: &Config) -> Result<String, Failure> {
     }
 }
 
-/// What came in a live calibration: samples, and readings of the force sensors.
+/// What came of the force sensors in a live calibration.
 pub(super) struct Recorder {
-    samples: Vec<Sample>,
     readings: Vec<TruthReading>,
     /// Topic, sensor, and how its messages are read.
     sensors: Vec<(usize, usize, TruthBinding)>,
+    /// True if it was said that a message can't be read.
+    is_said: bool,
     /// Stamps of the first and of the newest tactile sample.
     span: Option<(Stamp, Stamp)>,
 }
@@ -120,70 +121,62 @@ impl Recorder {
             }
             sensors.push((known.unwrap_or(topics.len() - 1), sensor, binding));
         }
-        Ok(Recorder { samples: Vec::new(), readings: Vec::new(), sensors, span: None })
+        Ok(Recorder { readings: Vec::new(), sensors, is_said: false, span: None })
     }
 
     /// Keeps the readings of a message.
     pub(super) fn handle(&mut self, incoming: &Incoming) {
         let (SubscribedTopic(topic), Ok(cdr)) = (incoming.topic, &incoming.cdr) else { return };
         for (_, sensor, binding) in self.sensors.iter_mut().filter(|(of, ..)| *of == topic) {
-            if let Ok((stamp, force)) = binding.decode(cdr, incoming.received) {
-                self.readings.push(TruthReading { sensor: *sensor, stamp, force });
+            match binding.decode(cdr, incoming.received) {
+                Ok((stamp, force)) => self.readings.push(TruthReading { sensor: *sensor, stamp, force }),
+                Err(error) if error.is_for_another() || std::mem::replace(&mut self.is_said, true) => {}
+                Err(error) => say(&format!("a message of a force sensor can't be read: {error}")),
             }
         }
     }
 
-    /// Keeps a sample.
+    /// Notes the time of a sample.
     pub(super) fn handle_event(&mut self, event: &Event<'_>) {
         if let Event::Tactile(block) = event {
             let first = self.span.map_or(block.stamp, |(first, _)| first);
             self.span = Some((first, block.stamp));
         }
-        self.samples.push(Sample::from(event));
     }
 
     fn elapsed_s(&self) -> f64 {
         self.span.map_or(0.0, |(first, newest)| newest.nanos_since(first) as f64 / NANOS_PER_SEC as f64)
     }
 
-    /// The gain of each region that was touched.
-    fn gains(
-        self,
+    /// The gain of each region that was touched, of the samples of a calibration that began with `rest` without load.
+    pub(super) fn gains(
+        &self,
         cfg: &Config,
-        donning: &Donning,
-        rest: Duration,
+        (donning, rest): (&Donning, Duration),
+        samples: &[Sample],
         known: &KnownForces,
     ) -> Result<Vec<RegionTouches>, Failure> {
-        // The force sensor was free of load while the zero was taken.
-        let seconds = vec![rest.as_secs_f64(); cfg.fusion.tactile_sources().len()];
-        let zero = Zero::new(ZeroFrom::First { seconds }, donning.clone());
-        let mut core = Fusion::new(cfg.fusion.clone(), load_models(cfg)?.regressors)?;
-        zero.install(&mut core)?;
-        live_force_gains(cfg, &zero, core, self.samples.iter().map(Sample::event), &self.readings, known)
+        let core = Fusion::new(cfg.fusion.clone(), load_models(cfg)?.regressors)?;
+        live_force_gains(cfg, core, (donning, rest), samples.iter().map(Sample::event), &self.readings, known)
             .map_err(|reason| Failure(format!("no gain of the touches: {reason}")))
     }
 }
 
-/// Asks for touches, records them, and fits their gain. `next` handles what comes for a moment, and fails where an input is
+/// Asks for touches, and says how their forces are known. `next` handles what comes for a moment, and fails where an input is
 /// at fault.
-pub(super) fn gains(
+pub(super) fn ask(
     args: &PressArgs,
     cfg: &Config,
-    mut recorder: Recorder,
-    donning: &Donning,
-    rest: Duration,
+    recorder: &mut Recorder,
     next: &mut dyn FnMut(&mut Recorder) -> Result<(), Failure>,
-) -> Result<Vec<RegionTouches>, Failure> {
+) -> Result<KnownForces, Failure> {
     if args.press.is_empty() {
-        say(&format!(
-            "now touch the force sensor: each region at least three times with 30 gF or more, half a second each; {:.0} s",
-            args.touch_seconds
-        ));
+        say(&format!("now {TOUCH}; {:.0} s", args.touch_seconds));
         let begun = Instant::now();
         while begun.elapsed().as_secs_f64() < args.touch_seconds {
-            next(&mut recorder)?;
+            next(recorder)?;
         }
-        return recorder.gains(cfg, donning, rest, &KnownForces::Sensor);
+        return Ok(KnownForces::Sensor);
     }
     let lines = stdin_lines();
     let mut told = Vec::new();
@@ -197,7 +190,7 @@ pub(super) fn gains(
             GramForce::from(press.force).0
         ));
         loop {
-            next(&mut recorder)?;
+            next(recorder)?;
             match lines.try_recv() {
                 Ok(Some(())) => break,
                 Ok(None) => return Err(Failure("standard input has ended; nothing was written".to_owned())),
@@ -208,7 +201,7 @@ pub(super) fn gains(
         let to_s = from_s + HELD.as_secs_f64();
         let begun = Instant::now();
         while recorder.elapsed_s() < to_s {
-            next(&mut recorder)?;
+            next(recorder)?;
             if begun.elapsed() > 4 * HELD {
                 return Err(Failure("the taxels stopped during the press; nothing was written".to_owned()));
             }
@@ -219,9 +212,9 @@ pub(super) fn gains(
     // The frames of the last press come out of the core with what follows them.
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_millis(300) {
-        next(&mut recorder)?;
+        next(recorder)?;
     }
-    recorder.gains(cfg, donning, rest, &KnownForces::Told(told))
+    Ok(KnownForces::Told(told))
 }
 
 /// The lines of standard input as they come, and `None` at its end.
