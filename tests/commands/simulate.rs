@@ -287,17 +287,16 @@ fn a_hand_replays_and_is_scored_finger_by_finger() {
         assert!(inspected.stdout.contains(&format!("/load_cell/{under}/wrench")), "{inspected:?}");
         assert!(!inspected.stdout.contains(&format!("/load_cell/{never}/wrench")), "{inspected:?}");
     }
-    let insist = ["-p", "calibration.insist:=true"]; // the models know another finger, whose zero theirs is not
     let bag = "hand/hand1_user01_session2";
     let replay = ["replay", bag, "--params-file", params, "-o", "out.mcap", "--json"];
-    let summary = tpf(folder, &[&replay[..], &insist].concat()).ok().json();
+    let summary = tpf(folder, &replay).ok().json();
     for (region, name) in ["index", "middle", "ring", "little", "thumb"].into_iter().enumerate() {
         let of_region = &summary["regions"][region];
         assert_eq!(of_region["name"], name);
         assert!(of_region["estimates"].as_u64().unwrap() > 9_000, "{of_region:#}");
     }
     let scored = ["eval", "hand", "--whole", "--json", "--params-file", params];
-    let scored = tpf(folder, &[&scored[..], &insist].concat()).ok().json();
+    let scored = tpf(folder, &scored).ok().json();
     // Of the others no force was measured; their contacts in the air are told all the same.
     assert_eq!(scored["table"]["gloves"], serde_json::json!(["hand1/index", "hand1/middle"]));
     let contacts = scored["models"].as_array().unwrap().last().unwrap()["contacts"].as_object().unwrap();
@@ -318,7 +317,7 @@ fn free_manipulation_of_a_hand_is_scored_on_each_finger_that_touches() {
     let asked = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "1", "--seed", "7", "-o", "free"];
     let free = ["--activity", "manipulation", "--minutes", "10", "--episodes", "touches,light_hold"];
     tpf(folder, &[&asked[..], &free].concat()).ok();
-    let scored = ["eval", "free", "--whole", "--json", "--params-file", params, "-p", "calibration.insist:=true"];
+    let scored = ["eval", "free", "--whole", "--json", "--params-file", params];
     let scored = tpf(folder, &scored).ok().json();
     let fingers = scored["table"]["gloves"].as_array().unwrap();
     assert!(fingers.len() >= 2, "several fingers touch within a few minutes: {fingers:?}");

@@ -16,8 +16,7 @@ use tactile_pose_fusion::recording::EstimateTrack;
 use tactile_pose_fusion::sessions::read_estimates;
 use tactile_pose_fusion::units::Stamp;
 
-/// A session of a synthetic hand with taxels on all fingertips, at `bags/`, and the parameters of such a hand. The model
-/// was trained on the index fingertip, so the zero of the others is refused unless it is insisted on.
+/// A session of a synthetic hand with taxels on all fingertips, at `session`, and the parameters of such a hand.
 fn hand() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for shown in ["params", "models"] {
@@ -31,7 +30,7 @@ fn hand() -> tempfile::TempDir {
     folder
 }
 
-const PARAMS: [&str; 4] = ["--params-file", "params/hand1.yaml", "-p", "calibration.insist:=true"];
+const PARAMS: [&str; 2] = ["--params-file", "params/hand1.yaml"];
 
 fn replay(folder: &Path, more: &[&str]) -> Run {
     tpf(folder, &[&["replay", "session"], &PARAMS[..], more].concat())
