@@ -45,7 +45,8 @@ fn features(params: &str, model: &str, bag: &str, following: Following) -> Resul
     let mut cfg = config::load(Path::new(params), DEFAULT_NODE)?;
     tactile_pose_fusion::glove::replace_model(&mut cfg, PathBuf::from(model))?;
     cfg.calibration.insist = true; // with the artifact left in, the zero looks loaded
-    cfg.fusion = cfg.fusion.with_following(following).with_kept_taxels(true);
+    cfg.set_following(following);
+    cfg.set_kept_taxels(true);
     let (mut stamps, mut taxels) = (Vec::new(), Vec::new());
     let bags = [PathBuf::from(bag)];
     replay::for_each(cfg, Recording { bags: &bags, zero: Wanted::Any }, &Silent, |tick| {

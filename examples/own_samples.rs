@@ -14,8 +14,8 @@ use tactile_pose_fusion::zero;
 fn main() -> Result<(), Box<dyn Error>> {
     let params = std::env::args().nth(1).ok_or("own_samples PARAMS.yaml < samples.csv")?;
     let glove = Glove::load(params)?;
-    let n_taxels = glove.config().fusion.tactile_sources()[0].n_taxels;
-    let names = glove.config().fusion.regions()[0].joints.clone();
+    let n_taxels = glove.config().fusion().tactile_sources()[0].n_taxels;
+    let names = glove.config().fusion().regions()[0].joints.clone();
     let limits = zero::limits(&glove.config().calibration);
     let mut core = glove.into_core()?;
     let tactile = core.config().tactile_source_idxs().next().ok_or("no tactile source")?;

@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("touches_of_a_bag PARAMS.yaml BAG".into());
     };
     let cfg = config::load(Path::new(&params), DEFAULT_NODE)?;
-    let names: Vec<String> = cfg.fusion.regions().iter().map(|region| region.name.clone()).collect();
+    let names: Vec<String> = cfg.fusion().regions().iter().map(|region| region.name.clone()).collect();
     let bags = [PathBuf::from(bag)];
 
     // By region: the touch that goes on, since when and how hard.

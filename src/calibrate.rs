@@ -82,17 +82,17 @@ pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> R
     let mut zero = zero::find(wanted, &cfg, request.bags, &known_models)?;
     check(observer)?;
     zero.notes.iter().for_each(|note| observer.note(note));
-    let mut fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
+    let mut fusion = Fusion::new(cfg.fusion().clone(), models.regressors)?;
     zero.install(&mut fusion)?;
     if let Some(rest) = zero.check.take() {
         judge(&cfg, request.bags, rest, &mut fusion, observer)?;
     }
     let mut touches = Vec::new();
     if let Some(known) = &request.known_forces {
-        let mut core = Fusion::new(cfg.fusion.clone(), fusion.into_regressors())?;
+        let mut core = Fusion::new(cfg.fusion().clone(), fusion.into_regressors())?;
         zero.install(&mut core)?;
         touches = force_gains(request.bags, &cfg, &zero, core, known, observer)?;
-        zero.donning.force_gains = vec![None; cfg.fusion.regions().len()];
+        zero.donning.force_gains = vec![None; cfg.fusion().regions().len()];
         touches.iter().for_each(|found| zero.donning.force_gains[found.region] = Some(found.gain));
     }
     Ok(Calibrated { calibration: zero.to_calibration(&cfg, &known_models.hashes), from: zero.from, touches })

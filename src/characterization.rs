@@ -145,7 +145,7 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
     let (found, joints_left_out) = common_joints(cfg, &scans);
     let (joints, sources): (Vec<String>, Vec<usize>) = found.into_iter().unzip();
     let loader = GloveLoader { cfg, joints: &joints, request, observer };
-    let mut by_region: Vec<Vec<SessionFrames>> = vec![Vec::new(); cfg.fusion.regions().len()];
+    let mut by_region: Vec<Vec<SessionFrames>> = vec![Vec::new(); cfg.fusion().regions().len()];
     let (mut sessions, mut missing) = (Vec::new(), Vec::new());
     for (bag, scan) in bags.iter().zip(scans) {
         let loaded = loader.load(bag, &scan)?;
@@ -171,7 +171,7 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
         observer
             .warn(&format!("the bags are of several gloves, {gloves}, and are taken as one; give those of one glove"));
     }
-    let without_truth = cfg.fusion.regions().iter().zip(&cfg.truth_of_region).filter(|(_, truth)| truth.is_none());
+    let without_truth = cfg.fusion().regions().iter().zip(cfg.truth_of_region()).filter(|(_, truth)| truth.is_none());
     missing.extend(without_truth.map(|(region, _)| {
         format!(
             "region {}: no force sensor in the parameters (truth_sources, --truth), so no forces are told",
@@ -179,7 +179,7 @@ pub fn run(cfg: &Config, request: &Request<'_>, observer: &dyn Observer) -> Resu
         )
     }));
     let mut regions = Vec::new();
-    for (region, frames) in cfg.fusion.regions().iter().zip(&by_region) {
+    for (region, frames) in cfg.fusion().regions().iter().zip(&by_region) {
         check(observer)?;
         regions.push(RegionResult {
             region: region.name.clone(),

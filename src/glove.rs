@@ -63,7 +63,7 @@ impl Glove {
     /// # Errors
     /// [`GloveError::Setup`] if a region doesn't fit its model.
     pub fn into_core(self) -> Result<Fusion, GloveError> {
-        Ok(Fusion::new(self.cfg.fusion, self.models.regressors)?)
+        Ok(Fusion::new(self.cfg.fusion().clone(), self.models.regressors)?)
     }
 }
 
@@ -83,7 +83,7 @@ impl Models {
     /// [`ModelError`] if one can't be used.
     pub fn load(cfg: &Config) -> Result<Self, ModelError> {
         let mut models = Models { infos: Vec::new(), regressors: Vec::new() };
-        for model_cfg in &cfg.models {
+        for model_cfg in cfg.models() {
             let model = model::load(&model_cfg.spec)?;
             models.infos.push(model.info);
             models.regressors.push(model.regressor);
@@ -93,7 +93,7 @@ impl Models {
 
     /// The runtime of each model, a line each.
     pub fn runtimes(&self, cfg: &Config) -> Vec<String> {
-        let told = cfg.models.iter().zip(&self.infos).filter_map(|(model_cfg, info)| {
+        let told = cfg.models().iter().zip(&self.infos).filter_map(|(model_cfg, info)| {
             let (name, path) = (&model_cfg.name, model_cfg.spec.path.display());
             info.backend.as_ref().map(|backend| format!("model {name}: {path} in {backend}"))
         });
@@ -102,7 +102,7 @@ impl Models {
 
     /// Notes for a person on the models, such as assumptions about them, a line each.
     pub fn notes(&self, cfg: &Config) -> Vec<String> {
-        let of_model = cfg.models.iter().zip(&self.infos).flat_map(|(model_cfg, info)| {
+        let of_model = cfg.models().iter().zip(&self.infos).flat_map(|(model_cfg, info)| {
             info.notes.iter().map(move |note| format!("model {}: {note}", model_cfg.name))
         });
         of_model.collect()
@@ -122,7 +122,7 @@ impl Models {
 
 /// Properties of the models of a configuration that a zero depends on.
 pub fn known(cfg: &Config, models: &[ModelInfo]) -> KnownModels {
-    let named = cfg.models.iter().map(|model| model.name.as_str()).zip(models);
+    let named = cfg.models().iter().map(|model| model.name.as_str()).zip(models);
     KnownModels::new(named.map(|(name, info)| (name, info.sha256.as_str(), &info.contract)))
 }
 
@@ -143,8 +143,8 @@ pub struct SeveralModels {
 /// # Errors
 /// [`SeveralModels`] if it has more than one.
 pub fn replace_model(cfg: &mut Config, path: PathBuf) -> Result<(), SeveralModels> {
-    let [only] = cfg.models.as_mut_slice() else {
-        return Err(SeveralModels { names: cfg.models.iter().map(|model| model.name.clone()).collect() });
+    let [only] = cfg.models_mut() else {
+        return Err(SeveralModels { names: cfg.models().iter().map(|model| model.name.clone()).collect() });
     };
     only.spec.path = path;
     Ok(())
@@ -157,11 +157,11 @@ pub fn drop_unused_joints(cfg: &mut Config, models: &[ModelInfo]) -> Vec<String>
         let model = models.get(region.model.position());
         model.is_some_and(|model| model.contract.n_region_joints() == 0)
     };
-    let regions = cfg.fusion.regions().iter().filter(|region| is_without_pose(region) && !region.joints.is_empty());
+    let regions = cfg.fusion().regions().iter().filter(|region| is_without_pose(region) && !region.joints.is_empty());
     let note = |region: &RegionConfig| {
         format!("region {}: its model has no pose input, so its joints are not used", region.name)
     };
     let notes = regions.map(note).collect();
-    cfg.fusion = cfg.fusion.clone().without_joints(is_without_pose);
+    cfg.drop_joints(is_without_pose);
     notes
 }

@@ -32,10 +32,10 @@ pub use truth::{AxisTares, TruthCounters, TruthTrack, aligned};
 /// Topics that are inputs of this configuration, without those of the true force.
 pub fn input_topics(cfg: &Config) -> InputTopics {
     InputTopics {
-        taxels: cfg.tactile.clone(),
-        joints: cfg.joints.clone(),
+        taxels: cfg.tactile().to_vec(),
+        joints: cfg.joints().to_vec(),
         truth: Vec::new(),
-        joint_sources: cfg.fusion.joint_sources().to_vec(),
+        joint_sources: cfg.fusion().joint_sources().to_vec(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
         told: cfg.told_stages.clone(),

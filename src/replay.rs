@@ -92,10 +92,10 @@ pub fn run(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Replayed, ReplayError> {
-    cfg.models.iter_mut().for_each(|model| model.spec.threads = options.jobs);
+    cfg.models_mut().iter_mut().for_each(|model| model.spec.threads = options.jobs);
     let mut reader = open(recording.bags, observer)?;
     let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
-    let topics = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
+    let topics = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion());
     if options.merge
         && let Some(taken) = topics.names().find(|name| reader.channels().iter().any(|channel| channel.topic == *name))
     {
@@ -107,8 +107,8 @@ pub fn run(
     let Ready { models, fusion, zero, inference } =
         ready(&mut cfg, recording, &inputs, &reader, options.batch, options.drop_unused_joints, observer)?;
     let contracts: Vec<_> =
-        cfg.fusion.regions().iter().map(|region| &models.infos[region.model.position()].contract).collect();
-    let estimates = EstimateWriter::new(&mut writer, &topics, &cfg.fusion, &contracts)?;
+        cfg.fusion().regions().iter().map(|region| &models.infos[region.model.position()].contract).collect();
+    let estimates = EstimateWriter::new(&mut writer, &topics, cfg.fusion(), &contracts)?;
 
     let started = Instant::now();
     let wanted = (!options.merge).then(|| inputs.topics());
@@ -127,7 +127,7 @@ pub fn run(
     let estimates_sha256 = estimates.sha256();
     let finished = writer.finish()?;
     let of_another_glove = glove_doubts(&cfg, &models.infos, &reading.notes);
-    let models = cfg.models.iter().zip(&models.infos).map(|(model, info)| ModelSummary::new(&model.name, info));
+    let models = cfg.models().iter().zip(&models.infos).map(|(model, info)| ModelSummary::new(&model.name, info));
     Ok(Replayed {
         inputs: recording.bags.iter().map(|bag| shown(bag)).collect(),
         output: shown(&finished.path),
@@ -212,7 +212,8 @@ fn ready(
     let mut models = Models::load(cfg)?;
     models.tell(cfg, observer);
     let batch = batch.unwrap_or_else(|| models.batch_hint());
-    cfg.fusion = cfg.fusion.clone().with_batch(batch).with_receipts(inputs.receipts(reader));
+    cfg.set_batch(batch);
+    cfg.set_receipts(inputs.receipts(reader));
     if drops_unused_joints {
         drop_unused_joints(cfg, &models.infos).iter().for_each(|note| observer.note(note));
     }
@@ -220,7 +221,7 @@ fn ready(
     zero.notes.iter().for_each(|note| observer.note(note));
     let inference = InferenceTime::default();
     let regressors = std::mem::take(&mut models.regressors).into_iter().map(|model| inference.of(model)).collect();
-    let mut fusion = Fusion::new(cfg.fusion.clone(), regressors)?;
+    let mut fusion = Fusion::new(cfg.fusion().clone(), regressors)?;
     zero.install(&mut fusion)?;
     Ok(Ready { models, fusion, zero, inference })
 }
@@ -252,7 +253,7 @@ fn glove_doubts(cfg: &Config, infos: &[ModelInfo], notes: &Notes) -> Vec<String>
             "model {name}: it was trained on {on_synthetic}, and the recording does not say that it is synthetic: if it is of a real glove, the forces mean nothing"
         ))
     };
-    cfg.models.iter().zip(infos).filter_map(of_model).collect()
+    cfg.models().iter().zip(infos).filter_map(of_model).collect()
 }
 
 fn open(bags: &[PathBuf], observer: &dyn Observer) -> Result<BagReader, ReplayError> {

@@ -169,28 +169,22 @@ impl Request {
 /// # Errors
 /// [`TrainingError`] where the parameters have several regions and none is named, none of that name, or no joints that
 /// the network needs.
-pub fn for_region(mut cfg: Config, name: Option<&str>, kind: Kind) -> Result<Config, TrainingError> {
-    let names = || cfg.fusion.regions().iter().map(|region| region.name.as_str()).collect::<Vec<_>>().join(", ");
-    let found = match (name, cfg.fusion.regions().len()) {
+pub fn for_region(cfg: Config, name: Option<&str>, kind: Kind) -> Result<Config, TrainingError> {
+    let names = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect::<Vec<_>>().join(", ");
+    let found = match (name, cfg.fusion().regions().len()) {
         (None, 1) => Some(RegionIdx::at(0)),
-        (None, n) => return Err(TrainingError::SeveralRegions { n, names: names() }),
-        (Some(name), _) => cfg.fusion.region_named(name),
+        (None, n) => return Err(TrainingError::SeveralRegions { n, names }),
+        (Some(name), _) => cfg.fusion().region_named(name),
     };
-    let only = found.and_then(|idx| Some((idx, cfg.fusion.clone().only(idx)?)));
-    let (idx, mut fusion) =
-        only.ok_or_else(|| TrainingError::NoSuchRegion { name: name.unwrap_or_default().to_owned(), names: names() })?;
-    if kind.needs_joints()
-        && let Some(region) = fusion.regions().iter().find(|region| region.joints.is_empty())
-    {
-        return Err(TrainingError::NoJoints { region: region.name.clone(), kind: kind.name() });
-    }
+    let no_such = || TrainingError::NoSuchRegion { name: name.unwrap_or_default().to_owned(), names };
+    let only = found.and_then(|idx| cfg.only(idx)).ok_or_else(no_such)?;
     if !kind.needs_joints() {
-        fusion = fusion.without_pose();
-        cfg.joints.clear();
+        return Ok(only.without_pose());
     }
-    cfg.fusion = fusion;
-    cfg.truth_of_region = vec![cfg.truth_of_region.swap_remove(idx.position())];
-    Ok(cfg)
+    match only.fusion().regions().iter().find(|region| region.joints.is_empty()) {
+        Some(region) => Err(TrainingError::NoJoints { region: region.name.clone(), kind: kind.name() }),
+        None => Ok(only),
+    }
 }
 
 /// Trains a model on recordings, each of one donning, and writes it with its report. `cfg` is that of one region
@@ -255,7 +249,7 @@ fn train_without(
     })?;
     let card = ModelCard {
         rate_hz: data.rate_hz,
-        joints: cfg.fusion.regions()[0].joints.clone(),
+        joints: cfg.fusion().regions()[0].joints.clone(),
         pose_range: data.pose_range.clone(),
         artifact: data.artifact.as_deref().cloned(),
         touch: report.touch(),

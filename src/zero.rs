@@ -54,7 +54,7 @@ impl KnownModels {
     /// `[regions]`: the artifact model of each region's model.
     fn artifacts_of_regions(&self, cfg: &Config) -> Vec<Option<TimedArtifact>> {
         let of_region = |model: ModelIdx| self.artifacts.get(model.position()).cloned().flatten();
-        cfg.fusion.regions().iter().map(|region| of_region(region.model)).collect()
+        cfg.fusion().regions().iter().map(|region| of_region(region.model)).collect()
     }
 }
 
@@ -160,15 +160,15 @@ impl Zero {
 
     /// The calibration as a file for this glove and user, and for these models.
     pub fn to_calibration(&self, cfg: &Config, models: &ModelHashes) -> Calibration {
-        let names = cfg.fusion.tactile_sources().iter().map(|source| source.name.clone());
+        let names = cfg.fusion().tactile_sources().iter().map(|source| source.name.clone());
         let sources: BTreeMap<String, Baseline> = names.zip(self.donning.baselines.iter().cloned()).collect();
         let text = |value: &Option<String>| value.clone().unwrap_or_default();
         let mut calibration = Calibration::new(&text(&cfg.glove), &text(&cfg.user), self.from.to_string(), sources);
         calibration.models.clone_from(models);
-        for (region, artifact) in cfg.fusion.regions().iter().zip(&self.donning.artifacts) {
+        for (region, artifact) in cfg.fusion().regions().iter().zip(&self.donning.artifacts) {
             calibration.artifacts.extend(artifact.clone().map(|artifact| (region.name.clone(), artifact)));
         }
-        for (region, gain) in cfg.fusion.regions().iter().zip(&self.donning.force_gains) {
+        for (region, gain) in cfg.fusion().regions().iter().zip(&self.donning.force_gains) {
             calibration.force_gains.extend(gain.map(|gain| (region.name.clone(), gain)));
         }
         calibration
@@ -195,7 +195,7 @@ impl std::fmt::Display for ZeroFrom {
 /// [`ZeroError::ArtifactInFile`] if an artifact in it doesn't fit its model.
 pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero, ZeroError> {
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
-    let sources = cfg.fusion.tactile_sources();
+    let sources = cfg.fusion().tactile_sources();
     let mut notes = Vec::new();
     let calibration = match Calibration::load(path, &text(&cfg.glove), &text(&cfg.user), sources) {
         Err(error @ CalibrationFileError::Mismatch { .. }) => {
@@ -219,7 +219,7 @@ pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero
     }
     let baselines = sources.iter().filter_map(|source| calibration.sources.get(&source.name).cloned()).collect();
     let mut artifacts = Vec::new();
-    for (region, model) in cfg.fusion.regions().iter().zip(models.artifacts_of_regions(cfg)) {
+    for (region, model) in cfg.fusion().regions().iter().zip(models.artifacts_of_regions(cfg)) {
         let fit = model.as_ref().and_then(|_| calibration.artifacts.get(&region.name).cloned());
         if let (Some((model, _)), Some(fit)) = (&model, &fit) {
             fit.check(model).map_err(|error| {
@@ -237,7 +237,7 @@ pub fn from_file(path: &Path, cfg: &Config, models: &KnownModels) -> Result<Zero
         artifacts.push(fit);
     }
     let force_gains =
-        cfg.fusion.regions().iter().map(|region| calibration.force_gains.get(&region.name).copied()).collect();
+        cfg.fusion().regions().iter().map(|region| calibration.force_gains.get(&region.name).copied()).collect();
     let from = ZeroFrom::File { file: path.display().to_string() };
     Ok(Zero { notes, ..Zero::new(from, Donning { baselines, artifacts, force_gains }) })
 }

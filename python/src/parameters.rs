@@ -48,7 +48,7 @@ impl Parameters {
 
     /// Names of the regions, in their order.
     fn regions(&self) -> Vec<String> {
-        self.cfg.fusion.regions().iter().map(|region| region.name.clone()).collect()
+        self.cfg.fusion().regions().iter().map(|region| region.name.clone()).collect()
     }
 }
 
@@ -86,7 +86,7 @@ impl Parameters {
 fn configuration(tree: &ParamTree, backend: Option<BackendChoice>) -> PyResult<Config> {
     let mut cfg = Config::from_tree(tree).map_err(|error| raise(&error))?;
     if let Some(backend) = backend {
-        cfg.models.iter_mut().for_each(|model| model.spec.backend = backend);
+        cfg.models_mut().iter_mut().for_each(|model| model.spec.backend = backend);
     }
     Ok(cfg)
 }

@@ -44,30 +44,30 @@ impl Glove {
 
     /// Names of its tactile sources, each with its number of taxels.
     fn tactile_sources(&self) -> Vec<(String, usize)> {
-        self.cfg.fusion.tactile_sources().iter().map(|source| (source.name.clone(), source.n_taxels)).collect()
+        self.cfg.fusion().tactile_sources().iter().map(|source| (source.name.clone(), source.n_taxels)).collect()
     }
 
     /// Names of its joint sources.
     fn joint_sources(&self) -> Vec<String> {
-        self.cfg.fusion.joint_sources().iter().map(|source| source.name.clone()).collect()
+        self.cfg.fusion().joint_sources().iter().map(|source| source.name.clone()).collect()
     }
 
     /// Names of its regions, each with its joints.
     fn regions(&self) -> Vec<(String, Vec<String>)> {
-        self.cfg.fusion.regions().iter().map(|region| (region.name.clone(), region.joints.clone())).collect()
+        self.cfg.fusion().regions().iter().map(|region| (region.name.clone(), region.joints.clone())).collect()
     }
 
     /// A core that has seen nothing yet.
     fn core(&self, py: Python<'_>, batch: usize) -> PyResult<Core> {
         let mut cfg = self.cfg.clone();
         let batch = NonZeroUsize::new(batch.min(4096)).unwrap_or(NonZeroUsize::MIN);
-        cfg.fusion = cfg.fusion.with_batch(batch);
+        cfg.set_batch(batch);
         let (fusion, infos) = work::quietly(py, || {
             let models = glove::Models::load(&cfg)?;
-            let fusion = Fusion::new(cfg.fusion.clone(), models.regressors)?;
+            let fusion = Fusion::new(cfg.fusion().clone(), models.regressors)?;
             Ok::<_, GloveError>((fusion, models.infos))
         })?;
-        let tracks = vec![Track::default(); cfg.fusion.regions().len()];
+        let tracks = vec![Track::default(); cfg.fusion().regions().len()];
         Ok(Core { state: Mutex::new(State { fusion, tracks }), cfg, infos })
     }
 }
@@ -110,13 +110,13 @@ impl State {
             let taxels = taxels.filter(|taxels| idx < taxels.stamps.len())?;
             Some(
                 taxels.stamps[idx]
-                    .saturating_add(cfg.fusion.tactile_sources()[taxels.source.position()].stamp_offset_ns),
+                    .saturating_add(cfg.fusion().tactile_sources()[taxels.source.position()].stamp_offset_ns),
             )
         };
         let joint_at = |idx: usize| {
             let joints = joints.filter(|joints| idx < joints.stamps.len())?;
             Some(
-                joints.stamps[idx].saturating_add(cfg.fusion.joint_sources()[joints.source.position()].stamp_offset_ns),
+                joints.stamps[idx].saturating_add(cfg.fusion().joint_sources()[joints.source.position()].stamp_offset_ns),
             )
         };
         let (mut taxel_idx, mut joint_idx) = (0, 0);
@@ -138,7 +138,7 @@ impl State {
 
     fn handle_taxels(&mut self, cfg: &Config, taxels: Option<&Taxels>, idx: usize) -> Result<(), FusionError> {
         let Some(taxels) = taxels else { return Ok(()) };
-        let n_taxels = cfg.fusion.tactile_sources()[taxels.source.position()].n_taxels;
+        let n_taxels = cfg.fusion().tactile_sources()[taxels.source.position()].n_taxels;
         let stamp = Stamp(taxels.stamps[idx]);
         let values = &taxels.values[idx * n_taxels..(idx + 1) * n_taxels];
         let (rows, row_period_ns, sequence) = (1, 0, None);
@@ -196,7 +196,7 @@ impl Core {
     ) -> PyResult<Estimates> {
         let taxels = taxel_stamps.zip(taxels).map(|(stamps, values)| {
             let source = self.tactile_source(tactile_source)?;
-            let n_taxels = self.cfg.fusion.tactile_sources()[source.position()].n_taxels;
+            let n_taxels = self.cfg.fusion().tactile_sources()[source.position()].n_taxels;
             shape("taxels", values.shape(), [stamps.len(), n_taxels])?;
             let stamps = stamps.as_array().iter().copied().collect();
             Ok::<_, PyErr>(Taxels { source, stamps, values: values.as_array().iter().copied().collect() })
@@ -237,17 +237,17 @@ impl Core {
             change(&mut state)?;
             Ok::<_, FusionError>(state.tracks.iter_mut().map(std::mem::take).collect::<Vec<_>>())
         });
-        let names = self.cfg.fusion.regions().iter().map(|region| region.name.clone());
+        let names = self.cfg.fusion().regions().iter().map(|region| region.name.clone());
         Ok(Estimates::new(taken.map_err(|error| raise(&error))?, names))
     }
 
     fn tactile_source(&self, name: Option<&str>) -> PyResult<TactileSourceIdx> {
-        let names = self.cfg.fusion.tactile_sources().iter().map(|source| source.name.as_str());
+        let names = self.cfg.fusion().tactile_sources().iter().map(|source| source.name.as_str());
         source_idx("tactile", names.collect(), name).map(TactileSourceIdx::at)
     }
 
     fn joint_source(&self, name: Option<&str>) -> PyResult<JointSourceIdx> {
-        let names = self.cfg.fusion.joint_sources().iter().map(|source| source.name.as_str());
+        let names = self.cfg.fusion().joint_sources().iter().map(|source| source.name.as_str());
         source_idx("joint", names.collect(), name).map(JointSourceIdx::at)
     }
 }

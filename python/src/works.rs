@@ -86,8 +86,8 @@ pub(crate) fn replay(
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(Estimates, String, Vec<String>)> {
     let mut cfg = with_model(parameters, model.as_deref())?;
-    cfg.models.iter_mut().for_each(|model| model.spec.threads = cores());
-    let names: Vec<String> = cfg.fusion.regions().iter().map(|region| region.name.clone()).collect();
+    cfg.models_mut().iter_mut().for_each(|model| model.spec.threads = cores());
+    let names: Vec<String> = cfg.fusion().regions().iter().map(|region| region.name.clone()).collect();
     let recording = Recording { bags: &bags, zero: zero(&calibration, calibrate_first_s)? };
     let mut tracks = vec![Track::default(); names.len()];
     let seen = work::run(watcher, |observer| {
@@ -225,7 +225,7 @@ pub(crate) fn calibrate(
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(String, Vec<Gain>)> {
     let cfg = with_model(parameters, model.as_deref())?;
-    let regions: Vec<String> = cfg.fusion.regions().iter().map(|region| region.name.clone()).collect();
+    let regions: Vec<String> = cfg.fusion().regions().iter().map(|region| region.name.clone()).collect();
     let known_forces = match (by_sensor, told.is_empty()) {
         (true, _) => Some(KnownForces::Sensor),
         (false, true) => None,

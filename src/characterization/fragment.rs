@@ -41,7 +41,7 @@ fn offsets(text: &mut String, regions: &[RegionResult], cfg: &Config, sources: &
     let mut told = Vec::new();
     for RegionResult { region, report, .. } in regions {
         let source_idx = report.selection.chosen.first().and_then(|step| sources.get(step.joint_idx)).copied();
-        let Some(source) = source_idx.and_then(|idx| cfg.fusion.joint_sources().get(idx)) else { continue };
+        let Some(source) = source_idx.and_then(|idx| cfg.fusion().joint_sources().get(idx)) else { continue };
         if told.contains(&source.name.as_str()) {
             continue;
         }

@@ -70,7 +70,7 @@ impl GloveLoader<'_> {
         let mut reader = BagReader::open(&bags)?;
         let truths = self.truths(&mut reader, bag, &mut missing)?;
         let mut topics = input_topics(&cfg);
-        topics.truth = truths.iter().map(|truth| self.cfg.truth[*truth].clone()).collect();
+        topics.truth = truths.iter().map(|truth| self.cfg.truth()[*truth].clone()).collect();
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| in_bag(&error))?;
         inputs.read_only_these(&mut reader);
         let zero = zero::find(self.request.zero, &cfg, &bags, &known(&cfg, &[]));
@@ -86,7 +86,7 @@ impl GloveLoader<'_> {
             collectors.push(rows);
             cores.push(fusion);
         }
-        let sources: Vec<_> = truths.iter().map(|truth| self.cfg.truth_sources[*truth].clone()).collect();
+        let sources: Vec<_> = truths.iter().map(|truth| self.cfg.truth_sources()[*truth].clone()).collect();
         let mut labels = Labels::new(&sources);
         let total = reader.bytes_total();
         let listener = Listener::<CharacterizeError> {
@@ -111,13 +111,13 @@ impl GloveLoader<'_> {
         for (region_idx, rows) in collectors.into_iter().enumerate() {
             let rows = rows.finish();
             let Some(last) = rows.stamp.last() else {
-                let region = &self.cfg.fusion.regions()[region_idx].name;
+                let region = &self.cfg.fusion().regions()[region_idx].name;
                 return Err(in_bag(&format!(
                     "region {region}: no frame has both taxels and joints; check with tpf inspect that their stamps are of one clock"
                 )));
             };
             let air = AirTime { stretches: recording::zero_load(&labels.annotations, last.offset(1)) };
-            let of_region = self.cfg.truth_of_region[region_idx];
+            let of_region = self.cfg.truth_of_region()[region_idx];
             let track = truths.iter().position(|truth| Some(*truth) == of_region).map(|idx| &labels.truth[idx]);
             let tared = track.and_then(|track| match track.tare(&air.stretches) {
                 Ok(tare) => {
@@ -149,7 +149,7 @@ impl GloveLoader<'_> {
         bag: &Path,
         missing: &mut Vec<String>,
     ) -> Result<Vec<usize>, CharacterizeError> {
-        let topics: Vec<&str> = self.cfg.truth.iter().map(|topic| topic.name.as_str()).collect();
+        let topics: Vec<&str> = self.cfg.truth().iter().map(|topic| topic.name.as_str()).collect();
         reader.scan(&topics)?;
         let is_there = |topic: &str| reader.channels().iter().any(|channel| channel.topic == topic);
         let mut there = Vec::new();
@@ -165,15 +165,15 @@ impl GloveLoader<'_> {
 
     /// The core's configuration for every region, with every joint that is examined.
     fn core_cfg(&self) -> FusionConfig {
-        let fusion = self.cfg.fusion.clone().with_joints(self.joints);
+        let fusion = self.cfg.fusion().clone().with_joints(self.joints);
         let timing = Timing { joint_slack: JOINT_SLACK, ..*fusion.timing() };
         fusion.with_timing(timing)
     }
 
     fn rate_hz(&self, region: &RegionConfig, scan: &Scan) -> f64 {
-        let expected = self.cfg.models[region.model.position()].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
+        let expected = self.cfg.models()[region.model.position()].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
         let follows_source =
-            self.cfg.fusion.tactile_sources()[region.source.position()].frame_clock == FrameClock::Tactile;
+            self.cfg.fusion().tactile_sources()[region.source.position()].frame_clock == FrameClock::Tactile;
         let measured =
             scan.tactile[region.source.position()].timing.map(|timing| timing.rate_hz).filter(|_| follows_source);
         measured.filter(|hz| (hz / expected - 1.0).abs() > RATE_TOLERANCE).unwrap_or(expected)
@@ -192,7 +192,7 @@ impl GloveLoader<'_> {
         let seconds = |stamp: &Stamp| stamp.nanos_since(first) as f64 / NANOS_PER_SEC as f64;
         let (mut truth_gf, mut tare) = (Vec::new(), Vec::new());
         if let Some((track, curve)) = tared {
-            let forces = aligned(track, &curve, &rows.stamp, self.cfg.fusion.timing().max_gap);
+            let forces = aligned(track, &curve, &rows.stamp, self.cfg.fusion().timing().max_gap);
             truth_gf = forces.into_iter().map(|force| force.map_or(f64::NAN, |force| force.0)).collect();
             tare = curve.knots().iter().map(|knot| (seconds(&knot.at), knot.tare.0)).collect();
         }
@@ -233,6 +233,6 @@ fn instructed(labels: &Labels, stamps: &[Stamp]) -> (Vec<Option<usize>>, Vec<Str
 
 /// Number of frames in a window: just enough to contain every gap that the core fills.
 fn window(cfg: &Config, rate_hz: f64) -> NonZeroUsize {
-    let n_missing = (cfg.fusion.timing().max_gap.as_secs_f64() * rate_hz).ceil() as usize;
+    let n_missing = (cfg.fusion().timing().max_gap.as_secs_f64() * rate_hz).ceil() as usize;
     NonZeroUsize::MIN.saturating_add(n_missing.saturating_add(1))
 }

@@ -44,17 +44,17 @@ impl Scan {
         let in_bag = |error: &dyn std::fmt::Display| CharacterizeError::in_bag(bag, error);
         let mut reader = BagReader::open(&[bag.to_path_buf()])?;
         let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
-        let mut tactile: Vec<Vec<Stamp>> = vec![Vec::new(); cfg.fusion.tactile_sources().len()];
-        let mut joints: Vec<Vec<Stamp>> = vec![Vec::new(); cfg.fusion.joint_sources().len()];
+        let mut tactile: Vec<Vec<Stamp>> = vec![Vec::new(); cfg.fusion().tactile_sources().len()];
+        let mut joints: Vec<Vec<Stamp>> = vec![Vec::new(); cfg.fusion().joint_sources().len()];
         let mut seen: BTreeMap<String, (u64, usize)> = BTreeMap::new();
         while let Some(message) = reader.next_message().map_err(|error| in_bag(&error))? {
             check(observer)?;
             for part in inputs.parts(message.channel).map_err(|error| in_bag(&error))? {
                 match inputs.decode(&message, part) {
                     Input::Event(Event::Tactile(block))
-                        if block.is_of(cfg.fusion.tactile_sources()[block.source.position()].n_taxels) =>
+                        if block.is_of(cfg.fusion().tactile_sources()[block.source.position()].n_taxels) =>
                     {
-                        let offset_ns = cfg.fusion.tactile_sources()[block.source.position()].stamp_offset_ns;
+                        let offset_ns = cfg.fusion().tactile_sources()[block.source.position()].stamp_offset_ns;
                         let before = |row: usize| block.row_period_ns.saturating_mul((block.rows - 1 - row) as i64);
                         tactile[block.source.position()]
                             .extend((0..block.rows).map(|row| block.stamp.offset(offset_ns - before(row))));
@@ -84,7 +84,7 @@ impl Scan {
         Ok(Scan {
             bag: bag.display().to_string(),
             tactile: cfg
-                .fusion
+                .fusion()
                 .tactile_sources()
                 .iter()
                 .zip(&tactile)
@@ -92,7 +92,7 @@ impl Scan {
                 .collect(),
             shares: seen.into_iter().map(share).collect(),
             joints: cfg
-                .fusion
+                .fusion()
                 .joint_sources()
                 .iter()
                 .zip(&joints)
@@ -111,7 +111,7 @@ pub(super) fn common_joints(cfg: &Config, scans: &[Scan]) -> (Vec<(String, usize
         common.extend(scan.shares.iter().map(|(joint, (_, source))| (joint.as_str(), *source)));
     }
     let configured =
-        cfg.fusion.regions().iter().flat_map(|region| region.joints.iter().map(move |joint| (region, joint)));
+        cfg.fusion().regions().iter().flat_map(|region| region.joints.iter().map(move |joint| (region, joint)));
     for (region, joint) in configured.filter(|(_, joint)| !common.contains_key(joint.as_str())) {
         left_out.push(format!("{joint}: in region.{}.joints, and in no joint message of any bag", region.name));
     }

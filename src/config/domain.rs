@@ -10,6 +10,7 @@ mod source;
 mod visuals;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,7 +25,9 @@ use super::keys::{KEYS, ParamKey};
 use super::names::NodeName;
 use super::param_file::{Origin, ParamTree};
 use super::text::list;
-use crate::fusion::{Following, ForceUnit, FusionConfig, Timing};
+use crate::fusion::{
+    ContactThresholds, Following, ForceUnit, FusionConfig, Receipts, RegionConfig, RegionIdx, SetupError, Timing,
+};
 use crate::model::{BackendChoice, ModelSpec, TensorNames};
 use crate::msg::Stage;
 use crate::msg::binding::{ForceReading, JointFields, TaxelFields, Topic, TruthFields};
@@ -117,26 +120,21 @@ pub struct CalibrationConfig {
 }
 
 /// Configuration from all parameters.
+///
+/// What belongs together by position (sources and their topics, regions and their models) can't be changed one without the
+/// other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
     /// Name of the node.
     pub node: NodeName,
-    /// Configuration of the fusion core.
-    pub fusion: FusionConfig,
-    /// Topics of the tactile sources, by source index.
-    pub tactile: Vec<Topic<TaxelFields>>,
-    /// Topics of the joint sources, by source index.
-    pub joints: Vec<Topic<JointFields>>,
-    /// Force sensors that measure the true force.
-    pub truth_sources: Vec<TruthSource>,
-    /// Topics of the force sensors, by source index.
-    pub truth: Vec<Topic<TruthFields>>,
-    /// `[regions]`: index of the force sensor that measures the region's true force, if there is one.
-    pub truth_of_region: Vec<Option<usize>>,
-    /// `[regions]`: where the taxels of each region are, for pictures.
-    pub layouts: Vec<TaxelLayout>,
-    /// Models that regions use, in the order in which regions first name them.
-    pub models: Vec<ModelConfig>,
+    fusion: FusionConfig,
+    tactile: Vec<Topic<TaxelFields>>,
+    joints: Vec<Topic<JointFields>>,
+    truth_sources: Vec<TruthSource>,
+    truth: Vec<Topic<TruthFields>>,
+    truth_of_region: Vec<Option<usize>>,
+    layouts: Vec<TaxelLayout>,
+    models: Vec<ModelConfig>,
     /// Parameters of calibrations.
     pub calibration: CalibrationConfig,
     /// Serial number of the glove.
@@ -156,6 +154,102 @@ pub struct Config {
 }
 
 impl Config {
+    /// Configuration of the fusion core.
+    pub fn fusion(&self) -> &FusionConfig {
+        &self.fusion
+    }
+
+    /// Topics of the tactile sources, by source index.
+    pub fn tactile(&self) -> &[Topic<TaxelFields>] {
+        &self.tactile
+    }
+
+    /// Topics of the joint sources, by source index.
+    pub fn joints(&self) -> &[Topic<JointFields>] {
+        &self.joints
+    }
+
+    /// Force sensors that measure the true force.
+    pub fn truth_sources(&self) -> &[TruthSource] {
+        &self.truth_sources
+    }
+
+    /// Topics of the force sensors, by source index.
+    pub fn truth(&self) -> &[Topic<TruthFields>] {
+        &self.truth
+    }
+
+    /// `[regions]`: index of the force sensor that measures the region's true force, if there is one.
+    pub fn truth_of_region(&self) -> &[Option<usize>] {
+        &self.truth_of_region
+    }
+
+    /// `[regions]`: where the taxels of each region are, for pictures.
+    pub fn layouts(&self) -> &[TaxelLayout] {
+        &self.layouts
+    }
+
+    /// Models that regions use, in the order in which regions first name them.
+    pub fn models(&self) -> &[ModelConfig] {
+        &self.models
+    }
+
+    /// The same models, to change how they are run.
+    pub fn models_mut(&mut self) -> &mut [ModelConfig] {
+        &mut self.models
+    }
+
+    /// The same with a single region; `None` if it doesn't have that region. Sources and models stay, also those that no
+    /// region uses any more.
+    pub fn only(self, region: RegionIdx) -> Option<Self> {
+        let fusion = self.fusion.only(region)?;
+        let truth_of_region = vec![*self.truth_of_region.get(region.position())?];
+        let layouts = vec![self.layouts.get(region.position())?.clone()];
+        Some(Config { fusion, truth_of_region, layouts, ..self })
+    }
+
+    /// The same without joint angles.
+    pub fn without_pose(self) -> Self {
+        Config { fusion: self.fusion.without_pose(), joints: Vec::new(), ..self }
+    }
+
+    /// Takes the joints from those regions that `is_without` chooses.
+    pub fn drop_joints(&mut self, is_without: impl Fn(&RegionConfig) -> bool) {
+        self.fusion = self.fusion.clone().without_joints(is_without);
+    }
+
+    /// Sets the contact thresholds.
+    ///
+    /// # Shapes
+    /// `thresholds`: `[regions]`.
+    ///
+    /// # Errors
+    /// [`SetupError`] when they are not one for each region, or don't fit together. Then nothing changes.
+    pub fn set_thresholds(&mut self, thresholds: &[ContactThresholds]) -> Result<(), SetupError> {
+        self.fusion = self.fusion.clone().with_thresholds(thresholds)?;
+        Ok(())
+    }
+
+    /// Sets the number of frames in one inference call.
+    pub fn set_batch(&mut self, batch: NonZeroUsize) {
+        self.fusion = self.fusion.clone().with_batch(batch);
+    }
+
+    /// Sets what the receipt times of events mean.
+    pub fn set_receipts(&mut self, receipts: Receipts) {
+        self.fusion = self.fusion.clone().with_receipts(receipts);
+    }
+
+    /// Sets what becomes of artifacts after the calibration.
+    pub fn set_following(&mut self, following: Following) {
+        self.fusion = self.fusion.clone().with_following(following);
+    }
+
+    /// Sets whether the tick of a frame has its taxels.
+    pub fn set_kept_taxels(&mut self, keeps_taxels: bool) {
+        self.fusion = self.fusion.clone().with_kept_taxels(keeps_taxels);
+    }
+
     /// Names of the joints that regions need.
     pub fn needed_joints(&self) -> BTreeSet<String> {
         self.fusion.regions().iter().flat_map(|region| region.joints.iter().cloned()).collect()

@@ -93,7 +93,7 @@ impl<'a> Plan<'a> {
         request: &Request<'a>,
         observer: &'a dyn Observer,
     ) -> Result<(Self, Vec<ModelRun>), EvaluateError> {
-        let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
+        let topic = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion()).contacts;
         let recorded = (request.model.is_none() && hold_estimates(request.bags, &topic)).then_some(topic);
         if recorded.is_some() && request.touch != JudgeTouch::AsTheNode {
             return Err(EvaluateError::DecidedBefore);
@@ -113,17 +113,19 @@ impl<'a> Plan<'a> {
                     ContactThresholds { by: ContactBy::Model, touch: Some(levels), ..region.contact }
                 }
             };
-            let thresholds: Vec<_> = cfg.fusion.regions().iter().map(judged_by).collect();
-            cfg.fusion = cfg.fusion.with_thresholds(&thresholds)?;
-            cfg.models.iter_mut().for_each(|model| model.spec.backend = request.backend.unwrap_or(model.spec.backend));
+            let thresholds: Vec<_> = cfg.fusion().regions().iter().map(judged_by).collect();
+            cfg.set_thresholds(&thresholds)?;
+            cfg.models_mut()
+                .iter_mut()
+                .for_each(|model| model.spec.backend = request.backend.unwrap_or(model.spec.backend));
             if let Some(path) = path {
                 replace_model(&mut cfg, path.to_path_buf())?;
             }
             let models = Models::load(&cfg)?;
             models.tell(&cfg, observer);
-            cfg.fusion = cfg.fusion.with_batch(models.batch_hint());
+            cfg.set_batch(models.batch_hint());
             drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| observer.detail(note));
-            let name = match (path, cfg.models.as_slice()) {
+            let name = match (path, cfg.models()) {
                 (Some(path), _) => stem(path),
                 (None, [only]) => stem(&only.spec.path),
                 (None, _) => "models of the parameters".to_owned(),
@@ -143,7 +145,7 @@ impl<'a> Plan<'a> {
         }
         for quality in request.pose_levels.iter().copied() {
             let takes_pose =
-                |core: &&PlannedCore| core.cfg.fusion.regions().iter().any(|region| !region.joints.is_empty());
+                |core: &&PlannedCore| core.cfg.fusion().regions().iter().any(|region| !region.joints.is_empty());
             let Some(judged) = planned.get(request.compare.len()).filter(takes_pose) else {
                 return Err(EvaluateError::NoPose);
             };
@@ -235,13 +237,13 @@ impl<'a> Plan<'a> {
             }
             None => Vec::new(),
         };
-        let several = self.cfg.fusion.regions().len() > 1;
-        let max_gap = self.cfg.fusion.timing().max_gap;
+        let several = self.cfg.fusion().regions().len() > 1;
+        let max_gap = self.cfg.fusion().timing().max_gap;
         let mut frames = Vec::new();
         for (series_idx, series) in self.series.iter().enumerate() {
             let is_judged = Some(series_idx) == self.judged();
             let mut of_regions = Vec::new();
-            for (region_idx, region) in self.cfg.fusion.regions().iter().enumerate() {
+            for (region_idx, region) in self.cfg.fusion().regions().iter().enumerate() {
                 let (column, window_ns) = match series.source {
                     SeriesSource::Core(core) => {
                         let regressors = &cores[core].regressors;
@@ -249,7 +251,7 @@ impl<'a> Plan<'a> {
                     }
                     SeriesSource::Recorded => (&recorded[region_idx], 0),
                 };
-                let truth_idx = self.cfg.truth_of_region[region_idx];
+                let truth_idx = self.cfg.truth_of_region()[region_idx];
                 let (own, scaled);
                 let column = match labelled.known_gain(column, truth_idx, max_gap) {
                     Ok(None) => column,

@@ -50,7 +50,7 @@ pub(super) struct Loaded {
 
 impl<'a> ExportLoader<'a> {
     pub(super) fn new(request: &'a Request<'a>, cfg: &'a Config, observer: &'a dyn Observer) -> Self {
-        let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
+        let topic = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion()).contacts;
         ExportLoader { request, cfg, observer, topic, core: None, has_said: false }
     }
 
@@ -70,8 +70,8 @@ impl<'a> ExportLoader<'a> {
         } else {
             self.compute(bag, &labelled)?
         };
-        let of_regions = || self.cfg.truth_of_region.iter().zip(&estimates);
-        let max_gap = self.cfg.fusion.timing().max_gap;
+        let of_regions = || self.cfg.truth_of_region().iter().zip(&estimates);
+        let max_gap = self.cfg.fusion().timing().max_gap;
         let truth = of_regions().map(|(truth_idx, track)| labelled.truth_at(*truth_idx, &track.stamp, max_gap));
         let truth = truth.collect();
         let tangential_truth = of_regions()
@@ -117,7 +117,7 @@ impl<'a> ExportLoader<'a> {
             replace_model(&mut cfg, path.to_path_buf())?;
         }
         if let Some(backend) = self.request.backend {
-            cfg.models.iter_mut().for_each(|model| model.spec.backend = backend);
+            cfg.models_mut().iter_mut().for_each(|model| model.spec.backend = backend);
         }
         if is_first {
             let which = if self.request.bags.len() > 1 { "some bags have" } else { "the bag has" };
@@ -127,7 +127,7 @@ impl<'a> ExportLoader<'a> {
         if is_first {
             models.tell(&cfg, self.observer);
         }
-        cfg.fusion = cfg.fusion.with_batch(models.batch_hint());
+        cfg.set_batch(models.batch_hint());
         if self.request.model.is_some() {
             drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| self.observer.note(note));
         }
@@ -158,7 +158,7 @@ fn read_samples(
     let mut reader = BagReader::open(&[bag.to_path_buf()])?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
     inputs.read_only_these(&mut reader);
-    let mut samples = Samples::new(&cfg.fusion);
+    let mut samples = Samples::new(cfg.fusion());
     loop {
         check(observer)?;
         let Some(message) = reader.next_message()? else { break };
@@ -168,7 +168,7 @@ fn read_samples(
             }
         }
     }
-    let used = cfg.fusion.regions().iter().flat_map(|region| &region.joints);
+    let used = cfg.fusion().regions().iter().flat_map(|region| &region.joints);
     inputs.check_end(used.map(String::as_str).filter(|joint| !samples.joints.contains_key(*joint)))?;
     let counters = inputs.counters();
     let unreadable = counters.iter().filter_map(|(topic, counters)| {
@@ -178,7 +178,7 @@ fn read_samples(
     });
     let losses = reader.losses().iter().map(ToString::to_string).chain(unreadable).collect();
     let mut drops = Vec::new();
-    for (source, track) in cfg.fusion.tactile_sources().iter().zip(&samples.tactile) {
+    for (source, track) in cfg.fusion().tactile_sources().iter().zip(&samples.tactile) {
         if track.late + track.wrong_length > 0 {
             drops.push(format!(
                 "tactile source {}: {} samples came late or twice, {} messages had another length than {} taxels",

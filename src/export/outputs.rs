@@ -51,7 +51,7 @@ impl<'a> Outputs<'a> {
         if self.dataset.is_some() {
             let layout = match &self.layout {
                 Some(layout) => layout.clone(),
-                None => Layout::new(&self.cfg.fusion, self.request.fps, self.request.tactile_window_ms, &session)?,
+                None => Layout::new(self.cfg.fusion(), self.request.fps, self.request.tactile_window_ms, &session)?,
             };
             episode = Some(layout.episode(&session)?);
             self.layout = Some(layout);
@@ -59,7 +59,7 @@ impl<'a> Outputs<'a> {
         let rows = match self.has_tables() {
             true => {
                 let layout = self.table.clone().unwrap_or_else(|| TableLayout::of(self.cfg, &session));
-                rows(&self.cfg.fusion, &layout, &session)?
+                rows(self.cfg.fusion(), &layout, &session)?
             }
             false => Vec::new(),
         };

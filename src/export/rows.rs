@@ -48,7 +48,7 @@ impl TableLayout {
         TableLayout {
             joints: session.samples.joint_names.clone(),
             tangential: session.estimates.iter().map(EstimateTrack::has_tangential).collect(),
-            tangential_truth: cfg.truth_sources.iter().any(|source| source.axes.is_some()),
+            tangential_truth: cfg.truth_sources().iter().any(|source| source.axes.is_some()),
         }
     }
 

@@ -75,7 +75,7 @@ impl BagSummary {
         episode: Option<&Episode>,
         rows: &[Vec<Cells>],
     ) -> Self {
-        let names = cfg.fusion.regions().iter().map(|region| region.name.clone());
+        let names = cfg.fusion().regions().iter().map(|region| region.name.clone());
         let episode = episode.map(|episode| EpisodeSummary {
             frames: episode.n_frames,
             skipped_s: episode.skipped_s,

@@ -95,7 +95,8 @@ impl Outgoing {
     }
 
     /// Hands over the messages that a tick completes as CDR: the wrench of each region that has a force, at once, and the
-    /// contacts of all regions once each source that comes has a frame for them.
+    /// contacts of all regions once each source that comes has a frame for them. Sources and regions that the configuration
+    /// of these messages doesn't have are left out.
     ///
     /// # Errors
     /// Those of `write`, at once.
@@ -158,7 +159,7 @@ impl Outgoing {
     /// Puts an estimate into the contacts that are told next. What began or ended in a frame that is told in no message of
     /// its own (`is_told` says whether the last one was) is told in the next.
     fn handle_estimate(&mut self, tick: &Tick, estimate: &Estimate, is_told: bool) {
-        let state = &mut self.contacts.contacts[estimate.region.position()];
+        let Some(state) = self.contacts.contacts.get_mut(estimate.region.position()) else { return };
         let event = match estimate.contact.event {
             ContactEvent::None => ContactState::NONE,
             ContactEvent::Onset => ContactState::ONSET,

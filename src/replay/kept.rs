@@ -25,7 +25,7 @@ pub fn is_there(cfg: &Config, output: &Path) -> Result<bool, ReplayError> {
     if !summary.lists_channels || summary.n_messages.is_none() {
         return Err(ReplayError::NotWhole { path: path() });
     }
-    let topics = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
+    let topics = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion());
     let channels = reader.channels();
     match topics.names().find(|name| !channels.iter().any(|channel| channel.topic == *name)) {
         Some(topic) => Err(ReplayError::OtherTopics { path: path(), topic: topic.to_owned() }),

@@ -256,7 +256,7 @@ impl<'c> CoreStage<'c> {
         let counters = self.fusion.counters();
         let Some(idle) = counters.tactile.iter().position(|source| source.counts.used == 0) else { return Ok(()) };
         let (name, counts) = (counters.tactile[idle].name.to_owned(), counters.tactile[idle].counts);
-        let n_taxels = self.cfg.fusion.tactile_sources()[idle].n_taxels;
+        let n_taxels = self.cfg.fusion().tactile_sources()[idle].n_taxels;
         Err(ReplayError::Idle { name, rows: counts.rows, wrong_length: counts.wrong_length, n_taxels })
     }
 }

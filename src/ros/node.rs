@@ -94,7 +94,7 @@ pub struct Setup {
 pub fn run(setup: Setup) -> Result<(), NodeError> {
     leave::listen();
     let Setup { mut cfg, tree, args, environment, calibration, recorder } = setup;
-    cfg.fusion = cfg.fusion.with_kept_taxels(cfg.live.visuals.publishing != Publishing::Never);
+    cfg.set_kept_taxels(cfg.live.visuals.publishing != Publishing::Never);
     let names = Names::new(&cfg, &args.remaps)?;
     let definitions = Definitions::new(cfg.live.message_definitions.as_deref(), &environment.prefixes);
     let bindings = input_bindings(&cfg, &names, &definitions)?;
@@ -134,7 +134,7 @@ pub fn run(setup: Setup) -> Result<(), NodeError> {
     };
 
     let log = LogConfig { level: args.log_level, stderr: args.stderr };
-    let (max_wait, settle) = (cfg.fusion.timing().max_age, graph.settle());
+    let (max_wait, settle) = (cfg.fusion().timing().max_age, graph.settle());
     let selection = pictures.as_ref().map(|_| Selection::new(&cfg));
     let (outbox, publishing) = outbox::start(publishers, pictures, rosout, log, Arc::clone(&clock), max_wait, settle)?;
     let notes = environment.notes.iter().cloned().chain(graph.note()).chain(no_pictures);
@@ -211,22 +211,22 @@ pub fn input_bindings(
     names: &Names,
     definitions: &Definitions,
 ) -> Result<Vec<(TypeTree, Vec<SampleBinding>)>, NodeError> {
-    let frames: Vec<FrameStore> = cfg.joints.iter().map(|_| FrameStore::default()).collect();
+    let frames: Vec<FrameStore> = cfg.joints().iter().map(|_| FrameStore::default()).collect();
     let of_input = |input: &InputName| {
         let tree = definitions.tree(&input.type_name)?;
         let mut bindings = Vec::new();
         for &source in &input.tactile {
-            let binding = TaxelBinding::compile(&cfg.tactile[source].fields, &tree);
+            let binding = TaxelBinding::compile(&cfg.tactile()[source].fields, &tree);
             let binding = Box::new(binding.map_err(|error| refused(&input.topic, error))?);
             bindings.push(SampleBinding::Taxels(TactileSourceIdx::at(source), binding));
         }
         for &source in &input.joints {
-            let binding = JointBinding::compile_with(&cfg.joints[source].fields, &tree, &frames[source]);
+            let binding = JointBinding::compile_with(&cfg.joints()[source].fields, &tree, &frames[source]);
             let binding = Box::new(binding.map_err(|error| refused(&input.topic, error))?);
             bindings.push(SampleBinding::Joints(JointSourceIdx::at(source), binding));
         }
         for &source in &input.frames {
-            let binding = FramesBinding::compile(&cfg.joints[source].fields, &tree, &frames[source]);
+            let binding = FramesBinding::compile(&cfg.joints()[source].fields, &tree, &frames[source]);
             let binding = binding.map_err(|error| refused(&input.topic, error))?;
             bindings.push(SampleBinding::Frames(JointSourceIdx::at(source), binding));
         }
@@ -280,10 +280,10 @@ pub fn wanted(
         let of_source = |binding: &SampleBinding| {
             let key = match binding {
                 SampleBinding::Taxels(source, _) => {
-                    format!("tactile.{}", cfg.fusion.tactile_sources()[source.position()].name)
+                    format!("tactile.{}", cfg.fusion().tactile_sources()[source.position()].name)
                 }
                 SampleBinding::Joints(source, _) => {
-                    format!("joint.{}", cfg.fusion.joint_sources()[source.position()].name)
+                    format!("joint.{}", cfg.fusion().joint_sources()[source.position()].name)
                 }
                 SampleBinding::Frames(..) => return None,
             };

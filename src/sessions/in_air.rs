@@ -113,7 +113,7 @@ pub fn annotated(
             spans.iter().map(|(from, to)| ZeroLoad { from: at(*from), to: at(*to) }).collect()
         }
         InAir::Below(limit) => {
-            let max_gap_ns = nanos(cfg.fusion.timing().max_gap);
+            let max_gap_ns = nanos(cfg.fusion().timing().max_gap);
             let free = force::below(&seen.truth, *limit, max_gap_ns).map_err(&refuse)?;
             let seconds: f64 = free.iter().map(|free| free.to.nanos_since(free.from) as f64 * 1e-9).sum();
             observer.note(&format!(
@@ -125,7 +125,9 @@ pub fn annotated(
     };
     let begin = seen.truth.iter().filter_map(|track| Some(track.span()?.0)).chain([seen.start]).min();
     let told = stages(&seen.annotations, &free, begin.unwrap_or_default());
-    Ok(Config { told_stages: Some(told.into()), ..cfg.clone() })
+    let mut cfg = cfg.clone();
+    cfg.told_stages = Some(told.into());
+    Ok(cfg)
 }
 
 /// Data of a recording that show when nothing touches the glove.
@@ -146,14 +148,14 @@ impl Seen {
         let mut sources: Vec<TruthSource> = Vec::new();
         let mut truth = Vec::new();
         if let InAir::Below(_) = in_air {
-            let names: Vec<&str> = cfg.truth.iter().map(|topic| topic.name.as_str()).collect();
+            let names: Vec<&str> = cfg.truth().iter().map(|topic| topic.name.as_str()).collect();
             if names.is_empty() {
                 return Err(at("--zero-load-below needs the true force: set truth_sources and truth.*.topic in the parameters, or give --truth TOPIC, or --in-air FROM..TO".to_owned()));
             }
             reader.scan(&names)?;
             let has = |name: &str| reader.channels().iter().any(|channel| channel.topic == name);
             let there = (0..names.len()).filter(|idx| has(names[*idx]));
-            (sources, truth) = there.map(|idx| (cfg.truth_sources[idx].clone(), cfg.truth[idx].clone())).unzip();
+            (sources, truth) = there.map(|idx| (cfg.truth_sources()[idx].clone(), cfg.truth()[idx].clone())).unzip();
             if truth.is_empty() {
                 let names = names.join(", ");
                 return Err(at(format!(
@@ -173,7 +175,7 @@ impl Seen {
             for part in inputs.parts(message.channel)? {
                 match inputs.decode(&message, part) {
                     Input::Event(Event::Tactile(block)) => {
-                        let source = &cfg.fusion.tactile_sources()[block.source.position()];
+                        let source = &cfg.fusion().tactile_sources()[block.source.position()];
                         if block.is_of(source.n_taxels) {
                             let last = block.stamp.offset(source.stamp_offset_ns);
                             let rows = block.rows.saturating_sub(1) as i64;

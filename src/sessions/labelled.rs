@@ -69,8 +69,8 @@ impl Labelled {
     ) -> Result<Self, SessionError> {
         let in_bag = |error: &dyn std::fmt::Display| SessionError::at(bag, error);
         let mut reader = BagReader::open(&[bag.to_path_buf()])?;
-        let names: Vec<&str> = cfg.truth.iter().map(|topic| topic.name.as_str()).collect();
-        let taxels = cfg.tactile.iter().map(|topic| topic.name.as_str());
+        let names: Vec<&str> = cfg.truth().iter().map(|topic| topic.name.as_str()).collect();
+        let taxels = cfg.tactile().iter().map(|topic| topic.name.as_str());
         let inputs: Vec<&str> = names.iter().copied().chain(taxels).collect();
         reader.scan(&inputs)?;
         let has = |name: &str| reader.channels().iter().any(|channel| channel.topic == name);
@@ -81,11 +81,11 @@ impl Labelled {
             taxels: Vec::new(),
             joints: Vec::new(),
             joint_sources: Vec::new(),
-            truth: there.iter().map(|idx| cfg.truth[*idx].clone()).collect(),
+            truth: there.iter().map(|idx| cfg.truth()[*idx].clone()).collect(),
             ..input_topics(cfg)
         };
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| in_bag(&error))?;
-        let sources: Vec<_> = there.iter().map(|idx| cfg.truth_sources[*idx].clone()).collect();
+        let sources: Vec<_> = there.iter().map(|idx| cfg.truth_sources()[*idx].clone()).collect();
         let mut labels = Labels::new(&sources);
         let is_whole = !inputs.read_only_these(&mut reader);
         let span = reader.summary().span.filter(|_| !is_whole);

@@ -71,7 +71,7 @@ pub fn run_models(
     // All models have the same sources.
     let ModelRun { cfg, infos, .. } = first;
     let degrader =
-        |core: &ModelRun| PoseDegrader::new(core.quality, core.cfg.fusion.joint_sources(), &session_name(bag));
+        |core: &ModelRun| PoseDegrader::new(core.quality, core.cfg.fusion().joint_sources(), &session_name(bag));
     let mut pose: Vec<PoseDegrader> = cores.iter().map(degrader).collect();
     let mut reader = BagReader::open(&bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader).map_err(|error| in_bag(&error))?;
@@ -79,25 +79,25 @@ pub fn run_models(
     let wanted = zero;
     let zero = zero::find(wanted, cfg, &bags, &known(cfg, infos)).map_err(|error| in_bag(&error))?;
     zero.notes.iter().for_each(|note| observer.note(note));
-    let offset_ns = cfg.fusion.tactile_sources().iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
+    let offset_ns = cfg.fusion().tactile_sources().iter().map(|source| source.stamp_offset_ns.abs()).max().unwrap_or(0);
     let mut columns: Vec<Vec<EstimateTrack>> =
-        cores.iter().map(|core| vec![EstimateTrack::default(); core.cfg.fusion.regions().len()]).collect();
+        cores.iter().map(|core| vec![EstimateTrack::default(); core.cfg.fusion().regions().len()]).collect();
     let (mut fusions, mut kept) = (Vec::new(), Vec::new());
     let mut follows = false;
     for (idx, core) in cores.into_iter().enumerate() {
-        let mut fusion = Fusion::new(core.cfg.fusion.clone(), core.regressors)?;
+        let mut fusion = Fusion::new(core.cfg.fusion().clone(), core.regressors)?;
         // The baseline belongs to the glove, the artifact to the model.
         let tells_artifact = core.infos.iter().any(|info| info.contract.artifact.is_some());
         match tells_artifact && idx > 0 {
             true => {
                 let degrader =
-                    Some(PoseDegrader::new(core.quality, core.cfg.fusion.joint_sources(), &session_name(bag)));
+                    Some(PoseDegrader::new(core.quality, core.cfg.fusion().joint_sources(), &session_name(bag)));
                 let found = zero::find_with(wanted, &core.cfg, &bags, &known(&core.cfg, &core.infos), degrader);
                 found.map_err(|error| in_bag(&error))?.install(&mut fusion)?;
             }
             false => zero.install(&mut fusion)?,
         }
-        follows |= tells_artifact && core.cfg.fusion.following() == Following::On;
+        follows |= tells_artifact && core.cfg.fusion().following() == Following::On;
         fusions.push(fusion);
         kept.push((core.cfg, core.infos, core.quality));
     }
@@ -166,12 +166,12 @@ pub fn read_estimates(
     let topics = InputTopics { taxels: Vec::new(), joints: Vec::new(), joint_sources: Vec::new(), ..input_topics(cfg) };
     let mut inputs = Inputs::new(topics, &mut reader)?;
     reader.read_only(&inputs.topics().into_iter().chain([topic.to_owned()]).collect());
-    let columns = RefCell::new(vec![EstimateTrack::default(); cfg.fusion.regions().len()]);
+    let columns = RefCell::new(vec![EstimateTrack::default(); cfg.fusion().regions().len()]);
     let mut contacts = ContactReader::default();
     // `NODE/contacts` and `NODE/REGION/wrench` are of the same node.
     let node = topic.rsplit_once('/').map_or("", |(node, _)| node);
-    let wrench_topics = EstimateTopics::of_node(node, &cfg.fusion).wrenches;
-    let wrenches = RefCell::new(vec![BTreeMap::new(); cfg.fusion.regions().len()]);
+    let wrench_topics = EstimateTopics::of_node(node, cfg.fusion()).wrenches;
+    let wrenches = RefCell::new(vec![BTreeMap::new(); cfg.fusion().regions().len()]);
     let listener = Listener::<SessionError> {
         on_tick: &mut |_, _| {},
         on_other: &mut |message| {
@@ -182,7 +182,7 @@ pub fn read_estimates(
                 let WrenchStamped { header, wrench } = from_cdr(message.data)
                     .map_err(|error| SessionError::at(bag, &format!("{}: {error}", message.channel.topic)))?;
                 let force = [wrench.force.x, wrench.force.y, wrench.force.z];
-                let patch = &cfg.fusion.regions()[region].patch;
+                let patch = &cfg.fusion().regions()[region].patch;
                 wrenches.borrow_mut()[region].insert(Stamp::from(header.stamp), patch.force_in_patch(force));
                 return Ok(());
             }
@@ -192,7 +192,7 @@ pub fn read_estimates(
             let array = contacts.read(message).map_err(|error| SessionError::at(bag, &format!("{topic}: {error}")))?;
             let stamp = Stamp::from(array.header.stamp);
             for state in &array.contacts {
-                let region = cfg.fusion.regions().iter().position(|region| region.name == state.region);
+                let region = cfg.fusion().regions().iter().position(|region| region.name == state.region);
                 if let Some(region) = region {
                     columns.borrow_mut()[region].handle_state(stamp, state);
                 }
@@ -207,7 +207,7 @@ pub fn read_estimates(
     read(&mut reader, &mut inputs, &mut unused, &mut [], listener).map_err(|stopped| stopped.of_bag(bag))?;
     let losses = reader.losses().iter().map(ToString::to_string).collect();
     let mut columns = columns.into_inner();
-    for ((column, region), wrenches) in columns.iter_mut().zip(cfg.fusion.regions()).zip(wrenches.into_inner()) {
+    for ((column, region), wrenches) in columns.iter_mut().zip(cfg.fusion().regions()).zip(wrenches.into_inner()) {
         column.handle_wrenches(&region.patch, &wrenches);
     }
     Ok((columns, losses))
@@ -219,11 +219,11 @@ pub fn read_estimates(
 /// [`SessionError`] if the bag can't be read, or lacks true force or annotations.
 pub fn recorded(bag: &Path, cfg: &Config, observer: &dyn Observer) -> Result<ScoredFrames, SessionError> {
     let labelled = Labelled::read(bag, cfg, None, NeedsTruth::All, observer)?;
-    let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
+    let topic = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion()).contacts;
     let (columns, _) = read_estimates(bag, cfg, &topic, observer)?;
-    let region = &cfg.fusion.regions()[0];
-    let truth_idx = cfg.truth_of_region[0];
-    let max_gap = cfg.fusion.timing().max_gap;
+    let region = &cfg.fusion().regions()[0];
+    let truth_idx = cfg.truth_of_region()[0];
+    let max_gap = cfg.fusion().timing().max_gap;
     Ok(labelled.frames(&columns[0], truth_idx, 0, max_gap, region.contact, &Origin::default()))
 }
 

@@ -52,7 +52,7 @@ impl RegionTouches {
     /// The gain in words, on one line.
     pub fn text(&self, cfg: &Config) -> String {
         let ForceGain { gain, low, high, touches } = self.gain;
-        let name = &cfg.fusion.regions()[self.region].name;
+        let name = &cfg.fusion().regions()[self.region].name;
         format!("region {name}: forces times {gain:.3} ({low:.3} to {high:.3}), from {touches} known touches")
     }
 }
@@ -73,16 +73,16 @@ pub fn force_gains(
 ) -> Result<Vec<RegionTouches>, SessionError> {
     let bag = bags.first().map(PathBuf::as_path).unwrap_or_else(|| std::path::Path::new(""));
     let refuse = |reason: String| SessionError::At { path: shown(bag), reason };
-    if *known == KnownForces::Sensor && cfg.truth.is_empty() {
+    if *known == KnownForces::Sensor && cfg.truth().is_empty() {
         let what = "known touches need the true force: set truth_sources and truth.*.topic in the parameters, or tell the forces by --touch";
         return Err(refuse(what.to_owned()));
     }
     let mut reader = BagReader::open(bags)?;
-    let truth = if *known == KnownForces::Sensor { cfg.truth.clone() } else { Vec::new() };
+    let truth = if *known == KnownForces::Sensor { cfg.truth().to_vec() } else { Vec::new() };
     let mut inputs = Inputs::new(InputTopics { truth, ..input_topics(cfg) }, &mut reader)?;
     inputs.read_only_these(&mut reader);
-    let mut labels = Labels::new(&cfg.truth_sources);
-    let mut tracks = vec![EstimateTrack::default(); cfg.fusion.regions().len()];
+    let mut labels = Labels::new(cfg.truth_sources());
+    let mut tracks = vec![EstimateTrack::default(); cfg.fusion().regions().len()];
     let listener = Listener::<SessionError> {
         on_tick: &mut |_, tick| {
             for estimate in &tick.estimates {
@@ -111,16 +111,16 @@ pub fn live_force_gains<'a>(
     readings: &[TruthReading],
     known: &KnownForces,
 ) -> Result<Vec<RegionTouches>, String> {
-    let seconds = vec![rest.as_secs_f64(); cfg.fusion.tactile_sources().len()];
+    let seconds = vec![rest.as_secs_f64(); cfg.fusion().tactile_sources().len()];
     let zero = Zero::new(ZeroFrom::First { seconds }, donning.clone());
     zero.install(&mut core).map_err(|error| error.to_string())?;
-    let mut labels = Labels::new(&cfg.truth_sources);
+    let mut labels = Labels::new(cfg.truth_sources());
     for TruthReading { sensor, stamp, force } in readings {
         if let Some(track) = labels.truth.get_mut(*sensor) {
             track.handle_reading(*stamp, *force);
         }
     }
-    let mut tracks = vec![EstimateTrack::default(); cfg.fusion.regions().len()];
+    let mut tracks = vec![EstimateTrack::default(); cfg.fusion().regions().len()];
     let mut drain = |core: &mut Fusion| -> Result<(), FusionError> {
         while let Some(tick) = core.poll()? {
             for estimate in &tick.estimates {
@@ -153,7 +153,7 @@ fn fit(
     let fitted = touches.into_iter().enumerate().filter(|(_, touches)| !touches.is_empty()).map(|(region, touches)| {
         let known: Vec<_> = touches.iter().map(|touch| touch.touch).collect();
         let gain = ForceGain::fit(&known);
-        let gain = gain.map_err(|error| format!("region {}: {error}", cfg.fusion.regions()[region].name))?;
+        let gain = gain.map_err(|error| format!("region {}: {error}", cfg.fusion().regions()[region].name))?;
         Ok(RegionTouches { region, touches, gain })
     });
     let fitted: Vec<RegionTouches> = fitted.collect::<Result<_, String>>()?;
@@ -186,13 +186,13 @@ fn of_sensor(
             cfg.stage_topic
         ));
     }
-    let max_gap = cfg.fusion.timing().max_gap;
+    let max_gap = cfg.fusion().timing().max_gap;
     let of_region = |(track, truth_idx): (&EstimateTrack, &Option<usize>)| {
         let Some(truth) = truth_idx.and_then(|idx| labels.truth.get(idx)) else { return Ok(Vec::new()) };
         let tare = truth.tare(&rest).map_err(|error| format!("truth {}: {error}", truth.name()))?;
         Ok(known_touches(track, &aligned(truth, &tare, &track.stamp, max_gap)))
     };
-    tracks.iter().zip(&cfg.truth_of_region).map(of_region).collect()
+    tracks.iter().zip(cfg.truth_of_region()).map(of_region).collect()
 }
 
 /// `[regions]`: touches given by a person.
@@ -203,9 +203,9 @@ fn of_told(
 ) -> Result<Vec<Vec<TimedTouch>>, String> {
     let mut touches = vec![Vec::new(); tracks.len()];
     for (name, told) in told {
-        let region = cfg.fusion.regions().iter().position(|region| region.name == *name);
+        let region = cfg.fusion().regions().iter().position(|region| region.name == *name);
         let region = region.ok_or_else(|| {
-            let names: Vec<&str> = cfg.fusion.regions().iter().map(|region| region.name.as_str()).collect();
+            let names: Vec<&str> = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect();
             format!("--touch names region {name}, the parameters have {}", names.join(", "))
         })?;
         let found = told_touch(&tracks[region], told).ok_or_else(|| {

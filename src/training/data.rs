@@ -128,7 +128,7 @@ impl Data {
 
 /// Says that a true force of three axes is trained on for one only, where that is so.
 fn note_on_axes(cfg: &Config, request: &Request, observer: &dyn Observer) {
-    let truth = cfg.truth_of_region.first().copied().flatten().and_then(|idx| cfg.truth_sources.get(idx));
+    let truth = cfg.truth_of_region().first().copied().flatten().and_then(|idx| cfg.truth_sources().get(idx));
     let has_three = truth.is_some_and(|truth| truth.axes.is_some());
     if has_three && request.axes == ForceAxes::Normal && request.train.kind != Kind::Adaptive {
         observer.note(

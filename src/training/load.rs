@@ -54,18 +54,18 @@ impl<'c> TrainingLoader<'c> {
         axes: ForceAxes,
     ) -> Result<Self, TrainingError> {
         let region_idx = 0;
-        let region = &cfg.fusion.regions()[region_idx];
-        let Some(truth_idx) = cfg.truth_of_region[region_idx] else {
+        let region = &cfg.fusion().regions()[region_idx];
+        let Some(truth_idx) = cfg.truth_of_region()[region_idx] else {
             return Err(TrainingError::NoTruth { region: region.name.clone() });
         };
         let axes = match axes {
             ForceAxes::Normal => None,
-            ForceAxes::Patch if cfg.truth_sources[truth_idx].axes.is_none() => {
-                return Err(TrainingError::OneAxis { truth: cfg.truth_sources[truth_idx].name.clone() });
+            ForceAxes::Patch if cfg.truth_sources()[truth_idx].axes.is_none() => {
+                return Err(TrainingError::OneAxis { truth: cfg.truth_sources()[truth_idx].name.clone() });
             }
             ForceAxes::Patch => Some(ContactAxes::of(&region.patch.normal_in_patch)),
         };
-        let rate_hz = cfg.models[region.model.position()].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
+        let rate_hz = cfg.models()[region.model.position()].spec.rate_hz.unwrap_or(DEFAULT_RATE_HZ);
         Ok(TrainingLoader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air, axes })
     }
 
@@ -89,7 +89,7 @@ impl<'c> TrainingLoader<'c> {
         let bags = [bag.to_path_buf()];
         let cfg = annotated(self.cfg, &bags, self.in_air, observer)?;
         let mut topics = input_topics(&cfg);
-        topics.truth = vec![self.cfg.truth[self.truth_idx].clone()];
+        topics.truth = vec![self.cfg.truth()[self.truth_idx].clone()];
         let mut reader = BagReader::open(&bags)?;
         let mut inputs = Inputs::new(topics, &mut reader).map_err(|error| TrainingError::at(bag, &error))?;
         inputs.read_only_these(&mut reader);
@@ -103,18 +103,18 @@ impl<'c> TrainingLoader<'c> {
             ));
         }
         let known = KnownModels {
-            artifacts: self.cfg.models.iter().map(|_| self.artifact.clone().map(|of| (of, self.rate_hz))).collect(),
+            artifacts: self.cfg.models().iter().map(|_| self.artifact.clone().map(|of| (of, self.rate_hz))).collect(),
             ..KnownModels::default()
         };
         let zero = zero::find(Wanted::Any, &cfg, &bags, &known).map_err(|error| TrainingError::at(bag, &error))?;
         zero.notes.iter().for_each(|note| observer.note(note));
         // What is trained on is followed, whatever the parameters of a node say.
-        let fusion = self.cfg.fusion.clone().with_following(Following::On);
+        let fusion = self.cfg.fusion().clone().with_following(Following::On);
         let artifact = self.artifact.clone();
         let (mut rows, fusion) = RowCollector::new(fusion, self.window, self.rate_hz, artifact)?;
         let mut cores = [fusion];
         zero.install(&mut cores[0])?;
-        let mut labels = Labels::new(&self.cfg.truth_sources[self.truth_idx..=self.truth_idx]);
+        let mut labels = Labels::new(&self.cfg.truth_sources()[self.truth_idx..=self.truth_idx]);
         let listener = Listener::<SessionError> {
             on_tick: &mut |_, tick| rows.handle_tick(tick),
             on_other: &mut |_| Ok(()),
@@ -134,7 +134,7 @@ impl<'c> TrainingLoader<'c> {
         let measured = fusion.counters().tactile.first().and_then(|source| source.measured_rate_hz);
         if let Some(measured) = measured.filter(|hz| (hz / self.rate_hz - 1.0).abs() > RATE_TOLERANCE) {
             let (model, rate_hz) =
-                (&self.cfg.models[self.cfg.fusion.regions()[self.region_idx].model.position()].name, self.rate_hz);
+                (&self.cfg.models()[self.cfg.fusion().regions()[self.region_idx].model.position()].name, self.rate_hz);
             return Err(TrainingError::at(
                 bag,
                 &format!(
@@ -154,7 +154,7 @@ impl<'c> TrainingLoader<'c> {
         rows: Rows,
         observer: &dyn Observer,
     ) -> Result<LoadedSession, TrainingError> {
-        let region = &self.cfg.fusion.regions()[self.region_idx];
+        let region = &self.cfg.fusion().regions()[self.region_idx];
         let n_joints = if self.artifact.is_some() { 0 } else { region.joints.len() };
         let n_taxels = region.taxels.len();
         let track = &labels.truth[0];
@@ -171,13 +171,13 @@ impl<'c> TrainingLoader<'c> {
         };
         track.doubts(&tare).iter().for_each(|doubt| observer.warn(&format!("{name}: {doubt}")));
         let cuts = self.split.cuts(&recording::stage_spans(&labels.annotations, end.offset(1)));
-        let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion.timing().max_gap);
+        let truth = aligned(track, &tare, &rows.stamp, self.cfg.fusion().timing().max_gap);
         let mut frames = SessionFrames { name, n_taxels, n_joints, ..SessionFrames::default() };
         let (mut epoch, mut last, mut n_without_truth) = (0, None, 0);
         for (row, truth) in truth.iter().enumerate() {
             let stamp = rows.stamp[row];
             let tangential = axes.as_ref().and_then(|(axes, tares)| {
-                let force = track.tangential_at(tares, stamp, self.cfg.fusion.timing().max_gap)?;
+                let force = track.tangential_at(tares, stamp, self.cfg.fusion().timing().max_gap)?;
                 Some(axes.tangents(force.map(|force| force.0)))
             });
             let Some(truth) = truth else {

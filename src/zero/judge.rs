@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{ZeroError, ZeroFrom, forgiven};
 use crate::bag::Rest;
 use crate::config::{CalibrationConfig, Config};
-use crate::fusion::{CalibrationLimits, Estimate, Flags, RegionIdx, Tick, judge_loaded};
+use crate::fusion::{CalibrationLimits, Estimate, Flags, RegionConfig, RegionIdx, Tick, judge_loaded};
 
 /// The limits at which a calibration is refused.
 pub fn limits(cfg: &CalibrationConfig) -> CalibrationLimits {
@@ -46,12 +46,11 @@ impl LoadCheck {
         LoadCheck { from, over: vec![false; rest.len()], rest, limits, regions: BTreeMap::new() }
     }
 
-    /// Adds the estimates of a frame. True if more frames at rest may follow.
+    /// Adds the estimates of a frame, if it is of a source that has spans at rest. True if more frames at rest may follow.
     pub fn takes(&mut self, tick: &Tick) -> bool {
         let source = tick.source.position();
-        if !self.over[source] {
-            let rest = &self.rest[source];
-            self.over[source] = rest.last().is_none_or(|last| tick.stamp > last.to);
+        if let (Some(over @ false), Some(rest)) = (self.over.get_mut(source), self.rest.get(source)) {
+            *over = rest.last().is_none_or(|last| tick.stamp > last.to);
             if Rest::any_holds(rest, tick.stamp) {
                 tick.estimates.iter().for_each(|estimate| self.handle(estimate));
             }
@@ -82,8 +81,8 @@ impl LoadCheck {
     /// # Errors
     /// [`ZeroError::Loaded`], [`ZeroError::LoadedHere`], [`ZeroError::Unjudged`].
     pub fn judge(&self, cfg: &Config) -> Result<Option<String>, ZeroError> {
-        for (&region, tally) in &self.regions {
-            if let Err(error) = self.judge_region(cfg.fusion.regions()[region.position()].name.clone(), tally) {
+        for (region, tally) in self.judged(cfg) {
+            if let Err(error) = self.judge_region(region.name.clone(), tally) {
                 return forgiven(cfg, error);
             }
         }
@@ -113,16 +112,17 @@ impl LoadCheck {
     /// # Errors
     /// [`ZeroError::WithoutPose`], unless `calibration.insist` is set.
     pub fn check_pose(&self, cfg: &Config) -> Result<Option<String>, ZeroError> {
-        for (&region, tally) in &self.regions {
-            let needs_pose = !cfg.fusion.regions()[region.position()].joints.is_empty();
-            if needs_pose && 2 * tally.n_without_pose > tally.n_frames {
+        for (region, tally) in self.judged(cfg) {
+            if !region.joints.is_empty() && 2 * tally.n_without_pose > tally.n_frames {
                 let percent = 100.0 * tally.n_without_pose as f64 / tally.n_frames as f64;
-                return forgiven(
-                    cfg,
-                    ZeroError::WithoutPose { region: cfg.fusion.regions()[region.position()].name.clone(), percent },
-                );
+                return forgiven(cfg, ZeroError::WithoutPose { region: region.name.clone(), percent });
             }
         }
         Ok(None)
+    }
+
+    /// Regions of a configuration that had estimates.
+    fn judged<'c>(&self, cfg: &'c Config) -> impl Iterator<Item = (&'c RegionConfig, &Tally)> {
+        self.regions.iter().filter_map(|(idx, tally)| Some((cfg.fusion().region(*idx)?, tally)))
     }
 }

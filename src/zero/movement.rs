@@ -41,7 +41,7 @@ impl Movement {
     /// # Errors
     /// [`ZeroError::TooFar`].
     pub fn check_range(&self, cfg: &Config) -> Result<(), ZeroError> {
-        for region in cfg.fusion.regions() {
+        for region in cfg.fusion().regions() {
             for joint in &region.joints {
                 let span = self.spans.get(joint).map_or(0.0, |(low, high)| high - low);
                 if span > MAX_SPAN {
@@ -61,7 +61,7 @@ impl Movement {
         self.check_range(cfg)?;
         let needed_rad = cfg.calibration.min_joint_span;
         let span = |joint: &String| self.spans.get(joint).map(|(low, high)| high - low);
-        for region in cfg.fusion.regions().iter().filter(|region| needed_rad > 0.0 && !region.joints.is_empty()) {
+        for region in cfg.fusion().regions().iter().filter(|region| needed_rad > 0.0 && !region.joints.is_empty()) {
             if region.joints.iter().filter_map(span).next().is_none() {
                 return Err(ZeroError::NoAngles { region: region.name.clone() });
             }

@@ -88,7 +88,7 @@ fn of_file(
         let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
         inputs.read_only_these(&mut reader);
         let rest = annotated_rest(&mut reader, &mut inputs)?;
-        zero.check = Some(check(&zero.from, cfg, vec![rest; cfg.fusion.tactile_sources().len()]));
+        zero.check = Some(check(&zero.from, cfg, vec![rest; cfg.fusion().tactile_sources().len()]));
     }
     Ok(zero)
 }
@@ -105,7 +105,7 @@ fn from_bag(
     inputs.read_only_these(&mut reader);
     let limits = limits(&cfg.calibration);
     let Baselines { baselines, spans_s: seconds, rest, goes_on } =
-        collect_baselines(&mut reader, &mut inputs, &cfg.fusion, zero_load, &limits)?;
+        collect_baselines(&mut reader, &mut inputs, cfg.fusion(), zero_load, &limits)?;
     let is_all = matches!(zero_load, ZeroLoad::First(_)) && !goes_on.contains(&true);
     let all_s = seconds.iter().copied().fold(0.0, f64::max);
     let from = match zero_load {
@@ -138,7 +138,7 @@ fn fit_artifacts(
         return Ok(None);
     }
     let times = ArtifactTimes { most: cfg.calibration.duration, least_s: cfg.calibration.min_duration.as_secs_f64() };
-    let mut collector = ArtifactCollector::new(&cfg.fusion, &artifacts, &donning.baselines, rest, times)?;
+    let mut collector = ArtifactCollector::new(cfg.fusion(), &artifacts, &donning.baselines, rest, times)?;
     let mut reader = BagReader::open(bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
     inputs.read_only_these(&mut reader);

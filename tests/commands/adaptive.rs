@@ -293,7 +293,7 @@ fn a_live_calibration_finds_the_artifact_and_a_tare_keeps_its_gains() {
     let folder = trained();
     let mut cfg = config::load(Path::new(PARAMS), DEFAULT_NODE).unwrap();
     replace_model(&mut cfg, folder.join("model.onnx")).unwrap();
-    let core = || Fusion::new(cfg.fusion.clone(), Models::load(&cfg).unwrap().regressors).unwrap();
+    let core = || Fusion::new(cfg.fusion().clone(), Models::load(&cfg).unwrap().regressors).unwrap();
     // Of a session that begins with movement in the air.
     let calibrate = |purpose, from_s: f64, seconds: f64, before: &Donning| {
         let mut reader = BagReader::open(&[bag(folder, 3)]).unwrap();

@@ -164,8 +164,8 @@ fn made_of(device: &str) -> (Vec<usize>, Vec<usize>, Vec<usize>) {
     tpf(folder, &["init", "glove.mcap", "-o", "made.yaml", "--yes"]).ok();
     let text = std::fs::read_to_string(folder.join("made.yaml")).unwrap();
     let cfg = config::load(&folder.join("made.yaml"), DEFAULT_NODE).unwrap_or_else(|error| panic!("{error}\n{text}"));
-    for region in cfg.fusion.regions() {
-        let path = &cfg.models[region.model.position()].spec.path;
+    for region in cfg.fusion().regions() {
+        let path = &cfg.models()[region.model.position()].spec.path;
         // Nobody tells the scale of angles that are counts: they must weigh little.
         let model = LinearModel::new(8, region.taxels.len(), region.joints.len()).gains(1.0, 0.001);
         let model = model.metadata("unit", "N");
@@ -180,14 +180,14 @@ fn made_of(device: &str) -> (Vec<usize>, Vec<usize>, Vec<usize>) {
         "{device}: {last:?}\n{text}"
     );
     // Of a press of 5 above a swing of 2 each taxel tells 7: as the file that ships reads them.
-    for (region, (name, [_, base], _)) in cfg.fusion.regions().iter().zip(&last.regions) {
+    for (region, (name, [_, base], _)) in cfg.fusion().regions().iter().zip(&last.regions) {
         let expected = 7.0 * region.taxels.len() as f64;
         let base = f64::from_bits(*base);
         assert!((base - expected).abs() < 1e-3 || device == "xela_uskin", "{device} {name}: {base}\n{text}");
     }
-    let regions = cfg.fusion.regions();
+    let regions = cfg.fusion().regions();
     (
-        cfg.fusion.tactile_sources().iter().map(|source| source.n_taxels).collect(),
+        cfg.fusion().tactile_sources().iter().map(|source| source.n_taxels).collect(),
         regions.iter().map(|region| region.taxels.len()).collect(),
         regions.iter().map(|region| region.joints.len()).collect(),
     )

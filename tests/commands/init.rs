@@ -66,15 +66,15 @@ fn the_file_of_a_synthetic_glove_gives_the_forces_of_the_one_that_ships() {
         let (made, shipped) = (load(folder), in_source(&format!("params/glove{glove}.yaml")));
         let known = config::load(shipped.as_ref(), DEFAULT_NODE).unwrap();
         assert_eq!(
-            made.fusion.tactile_sources()[0].inverted,
-            known.fusion.tactile_sources()[0].inverted,
+            made.fusion().tactile_sources()[0].inverted,
+            known.fusion().tactile_sources()[0].inverted,
             "glove {glove}"
         );
-        assert_eq!(made.fusion.tactile_sources()[0].frame_clock, known.fusion.tactile_sources()[0].frame_clock);
-        assert_eq!((&made.tactile, &made.joints), (&known.tactile, &known.joints));
-        assert_eq!((&made.truth, &made.truth_sources[0].unit), (&known.truth, &known.truth_sources[0].unit));
-        assert_eq!(made.truth_sources[0].inverted, known.truth_sources[0].inverted);
-        assert_eq!(made.fusion.regions(), known.fusion.regions());
+        assert_eq!(made.fusion().tactile_sources()[0].frame_clock, known.fusion().tactile_sources()[0].frame_clock);
+        assert_eq!((made.tactile(), made.joints()), (known.tactile(), known.joints()));
+        assert_eq!((made.truth(), &made.truth_sources()[0].unit), (known.truth(), &known.truth_sources()[0].unit));
+        assert_eq!(made.truth_sources()[0].inverted, known.truth_sources()[0].inverted);
+        assert_eq!(made.fusion().regions(), known.fusion().regions());
         let (of_made, of_shipped) =
             (forces(folder, &bag, "made.yaml", "index", &[]), forces(folder, &bag, &shipped, "index", &[]));
         assert!(of_made.len() > 10_000, "{}", of_made.len());
@@ -93,8 +93,8 @@ fn a_whole_hand_has_a_region_a_finger_each_with_its_own_joints_and_force() {
     init(folder, &bag, &["--model", &model]).ok();
     let (made, known) = (load(folder), config::load(in_source("params/hand1.yaml").as_ref(), DEFAULT_NODE).unwrap());
     let parts = |cfg: &Config| -> Vec<_> {
-        let truth = |idx: usize| cfg.truth_of_region[idx].map(|truth| cfg.truth[truth].name.clone());
-        let regions = cfg.fusion.regions().iter().enumerate();
+        let truth = |idx: usize| cfg.truth_of_region()[idx].map(|truth| cfg.truth()[truth].name.clone());
+        let regions = cfg.fusion().regions().iter().enumerate();
         regions
             .map(|(idx, one)| {
                 (one.name.clone(), one.taxels.clone(), one.joints.clone(), truth(idx), one.patch.frame_id.clone())
@@ -107,15 +107,15 @@ fn a_whole_hand_has_a_region_a_finger_each_with_its_own_joints_and_force() {
     };
     assert_eq!(sorted(parts(&made)), sorted(parts(&known)));
     // The model was trained on the index finger, so it reads the joints of the others under the index finger's names.
-    let of_index = &made.fusion.regions()[made.fusion.region_named("index").unwrap().position()].joints;
-    for region in made.fusion.regions() {
+    let of_index = &made.fusion().regions()[made.fusion().region_named("index").unwrap().position()].joints;
+    for region in made.fusion().regions() {
         let is_index = region.name == "index";
         assert_eq!(region.model_joints, if is_index { Vec::new() } else { of_index.clone() }, "{}", region.name);
     }
     // Without a model the taxels are divided all the same, by the fingers that are named.
     let run = init(folder, &bag, &["--yes", "--overwrite"]).ok();
     assert!(run.stderr.contains("How do the 30 taxels"), "{run:?}");
-    assert_eq!(load(folder).fusion.regions().len(), 5);
+    assert_eq!(load(folder).fusion().regions().len(), 5);
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn points_of_a_hand_become_its_joint_angles() {
         assert!(run.stderr.starts_with("guessed: Which hand") && run.stderr.lines().count() == 1, "{run:?}");
         let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
         assert!(text.contains(&format!("hand.layout: {layout}")) && text.contains("hand.side: right"), "{text}");
-        assert_eq!(load(folder).fusion.regions()[0].joints, INDEX);
+        assert_eq!(load(folder).fusion().regions()[0].joints, INDEX);
         assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 10_000);
     }
 }
@@ -162,7 +162,7 @@ fn a_glove_that_says_which_hand_it_is_is_not_asked_for() {
     ] {
         assert!(text.contains(line), "{line} is not in\n{text}");
     }
-    assert_eq!(load(folder).fusion.regions()[0].joints, INDEX);
+    assert_eq!(load(folder).fusion().regions()[0].joints, INDEX);
     assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 10_000);
 }
 
@@ -250,8 +250,8 @@ fn gloves_on_the_market_go_from_init_to_forces() {
         let text = fs::read_to_string(path.join("made.yaml")).unwrap();
         assert!(run.stderr.contains("guessed: the model is"), "{run:?}");
         let cfg = load(path);
-        assert_eq!(cfg.fusion.tactile_sources()[0].n_taxels, n_taxels, "{name}: {text}");
-        assert_eq!(cfg.fusion.regions()[0].joints, ["IndexPIPStretch", "IndexSpread"], "{name}: {text}");
+        assert_eq!(cfg.fusion().tactile_sources()[0].n_taxels, n_taxels, "{name}: {text}");
+        assert_eq!(cfg.fusion().regions()[0].joints, ["IndexPIPStretch", "IndexSpread"], "{name}: {text}");
         assert!(text.contains("degrees: true") && text.contains("stamp: receipt"), "{name}: {text}");
         let more = ["--calibrate-first", "2.5", "-p", "calibration.max_force:=1000.0"];
         // The first window is full with the eighth frame.
@@ -308,10 +308,10 @@ fn cells_that_hold_no_taxel_are_left_out_of_the_region_and_replay_takes_the_zero
     init(path, "glove.mcap", &["--model", "model.onnx"]).ok();
     let cfg = load(path);
     let expected: Vec<usize> = (0..768).filter(|cell| cell % 32 < 4).collect();
-    assert_eq!(cfg.fusion.regions()[0].taxels, expected);
+    assert_eq!(cfg.fusion().regions()[0].taxels, expected);
     let text = fs::read_to_string(path.join("made.yaml")).unwrap();
     assert!(text.contains("672 of 768 taxels never have a value"), "{text}");
-    let region = cfg.fusion.regions()[0].name.clone();
+    let region = cfg.fusion().regions()[0].name.clone();
     let more = ["--calibrate-first", "2.5", "-p", "calibration.max_force:=1000.0"];
     assert!(forces(path, "glove.mcap", "made.yaml", &region, &more).len() > 400);
 }
@@ -337,9 +337,9 @@ fn a_load_cell_that_sends_an_array_is_the_true_force_and_no_taxels() {
         bag.finish();
         init(path, "glove.mcap", &["--yes"]).ok();
         let (cfg, text) = (load(path), fs::read_to_string(path.join("made.yaml")).unwrap());
-        assert_eq!((cfg.tactile.len(), cfg.tactile[0].name.as_str()), (1, "/finger/pressure"), "{topic}: {text}");
-        assert_eq!(cfg.truth.iter().map(|truth| truth.name.as_str()).collect::<Vec<_>>(), [topic], "{text}");
-        assert!(text.contains("field: \"data[2]\"") && cfg.truth_sources[0].inverted, "{topic}: {text}");
+        assert_eq!((cfg.tactile().len(), cfg.tactile()[0].name.as_str()), (1, "/finger/pressure"), "{topic}: {text}");
+        assert_eq!(cfg.truth().iter().map(|truth| truth.name.as_str()).collect::<Vec<_>>(), [topic], "{text}");
+        assert!(text.contains("field: \"data[2]\"") && cfg.truth_sources()[0].inverted, "{topic}: {text}");
         fs::remove_file(path.join("glove.mcap")).unwrap();
         fs::remove_file(path.join("made.yaml")).unwrap();
     }
@@ -361,7 +361,7 @@ fn without_a_model_the_file_loads_and_says_how_to_get_one() {
     );
     let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
     assert!(text.contains("No model was given") && text.contains("`tpf train"), "{text}");
-    assert_eq!(load(folder).fusion.regions()[0].joints, INDEX);
+    assert_eq!(load(folder).fusion().regions()[0].joints, INDEX);
     assert!(text.lines().all(|line| line.chars().count() <= 120), "{text}");
 }
 
@@ -482,12 +482,12 @@ fn a_file_for_a_model_has_the_models_joints_or_is_refused() {
     // Whatever the array of names is called.
     made(Some(&INDEX), &["--model", &model]).ok();
     assert!(text().contains("names_field: who"), "{}", text());
-    assert_eq!(load(folder).fusion.regions()[0].joints, INDEX);
+    assert_eq!(load(folder).fusion().regions()[0].joints, INDEX);
     let named = forces(folder, "odd.mcap", "made.yaml", "index", &[]);
     assert!(named.len() > 10_000);
     // No names, and as many angles: in their order, to be looked at.
     made(None, &["--model", &model]).ok();
-    let region = load(folder).fusion.regions()[0].clone();
+    let region = load(folder).fusion().regions()[0].clone();
     assert_eq!(
         (&region.joints[..], &region.model_joints[..]),
         (&["joint_0", "joint_1", "joint_2", "joint_3"].map(str::to_owned)[..], &INDEX.map(str::to_owned)[..])
@@ -504,7 +504,7 @@ fn a_file_for_a_model_has_the_models_joints_or_is_refused() {
     // A model that lies beside the file and doesn't fit is not taken.
     fs::copy(&model, folder.join("glove1.onnx")).unwrap();
     made(Some(&other), &[]).ok();
-    assert!(!text().contains("glove1.onnx") && load(folder).fusion.regions()[0].joints == other, "{}", text());
+    assert!(!text().contains("glove1.onnx") && load(folder).fusion().regions()[0].joints == other, "{}", text());
     made(Some(&INDEX), &[]).ok();
     assert!(text().contains("glove1.onnx"), "{}", text());
     // Points of a hand are no joints of another device.
@@ -514,5 +514,5 @@ fn a_file_for_a_model_has_the_models_joints_or_is_refused() {
     let points = simulated(folder, "1", "keypoints21");
     init(folder, &points, &["--yes"]).ok();
     let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
-    assert!(!text.contains("robot.onnx") && load(folder).fusion.regions()[0].joints == INDEX, "{text}");
+    assert!(!text.contains("robot.onnx") && load(folder).fusion().regions()[0].joints == INDEX, "{text}");
 }

@@ -127,10 +127,10 @@ fn write_params(path: &Path, hand: &str) {
 fn angles_of(params: &Path, bag: &Path) -> Vec<(Stamp, [f64; 20])> {
     let cfg = config::load(params, DEFAULT_NODE).unwrap();
     let topics = InputTopics {
-        taxels: cfg.tactile.clone(),
-        joints: cfg.joints.clone(),
+        taxels: cfg.tactile().to_vec(),
+        joints: cfg.joints().to_vec(),
         truth: vec![],
-        joint_sources: cfg.fusion.joint_sources().to_vec(),
+        joint_sources: cfg.fusion().joint_sources().to_vec(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
         told: None,

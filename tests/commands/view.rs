@@ -56,7 +56,8 @@ fn agree(view: &View, cfg: &Config, tracks: &[EstimateTrack], begin: Stamp) {
         let stamp = tracks[0].stamp[idx];
         let t = stamp.nanos_since(begin) as f64 * 1e-9;
         let frames = view.json(&format!("frame?t={t}"));
-        for (region, (frame, track)) in cfg.fusion.regions().iter().zip(frames.as_array().unwrap().iter().zip(tracks)) {
+        for (region, (frame, track)) in cfg.fusion().regions().iter().zip(frames.as_array().unwrap().iter().zip(tracks))
+        {
             let place = format!("{} at {t} s: {frame}", region.name);
             assert_eq!(frame["t"].as_f64(), Some(t), "{place}");
             assert_eq!(number(&frame["force"]), track.force[idx].map(|force| force.0), "{place}");
@@ -291,7 +292,7 @@ fn a_browser_shows_it_and_scrubs_through_it_and_asks_nobody_else() {
     for at in desktop["at"].as_array().unwrap() {
         let t = at["t"].as_f64().unwrap();
         let idx = tracks[0].stamp.partition_point(|stamp| stamp.nanos_since(begin) as f64 * 1e-9 <= t) - 1;
-        for (region, track) in cfg.fusion.regions().iter().zip(&tracks) {
+        for (region, track) in cfg.fusion().regions().iter().zip(&tracks) {
             let card = &at["cards"][&region.name];
             let force = track.force[idx].unwrap().0;
             assert_eq!(card["force"].as_str().unwrap().parse::<f64>().unwrap(), force, "{} at {t}", region.name);

@@ -35,10 +35,10 @@ fn topics() -> InputTopics {
     let cfg = CONFIG
         .get_or_init(|| Config::from_tree(&parse_param_file(PARAMS, "params.yaml", DEFAULT_NODE).unwrap()).unwrap());
     InputTopics {
-        taxels: cfg.tactile.clone(),
-        joints: cfg.joints.clone(),
-        truth: cfg.truth.clone(),
-        joint_sources: cfg.fusion.joint_sources().to_vec(),
+        taxels: cfg.tactile().to_vec(),
+        joints: cfg.joints().to_vec(),
+        truth: cfg.truth().to_vec(),
+        joint_sources: cfg.fusion().joint_sources().to_vec(),
         needed: cfg.needed_joints(),
         stage: cfg.stage_topic.clone(),
         told: None,

@@ -119,13 +119,13 @@ fn run(input: &[u8]) -> Answer {
         Err(error) => return super::one_line(&error),
     };
     // What is accepted can be run, by models that fit it.
-    let n_taxels = cfg.fusion.regions().first().map_or(0, |region| region.taxels.len());
-    let n_joints = cfg.fusion.regions().first().map_or(0, |region| region.joints.len());
-    let models = cfg.models.iter().map(|_| Sum::boxed(2, n_taxels, n_joints) as _).collect();
-    if let Err(error) = Fusion::new(cfg.fusion.clone(), models) {
+    let n_taxels = cfg.fusion().regions().first().map_or(0, |region| region.taxels.len());
+    let n_joints = cfg.fusion().regions().first().map_or(0, |region| region.joints.len());
+    let models = cfg.models().iter().map(|_| Sum::boxed(2, n_taxels, n_joints) as _).collect();
+    if let Err(error) = Fusion::new(cfg.fusion().clone(), models) {
         super::one_line(&error);
     }
-    assert_eq!(cfg.fusion.batch().get(), 1);
+    assert_eq!(cfg.fusion().batch().get(), 1);
     let values: Vec<(String, String)> =
         tree.iter().map(|(key, param)| (key.to_owned(), param.value.to_string())).collect();
     let keys: Vec<&str> = values.iter().map(|(key, _)| key.as_str()).collect();

@@ -40,7 +40,7 @@ fn setup(glove: u8) -> (Config, Models) {
     let mut cfg = config::load(&root.join(format!("params/glove{glove}.yaml")), DEFAULT_NODE).unwrap();
     replace_model(&mut cfg, root.join(format!("models/glove{glove}_adaptive.onnx"))).unwrap();
     let models = Models::load(&cfg).unwrap();
-    cfg.fusion = cfg.fusion.with_batch(models.batch_hint());
+    cfg.set_batch(models.batch_hint());
     (cfg, models)
 }
 
@@ -52,7 +52,7 @@ impl Worn {
         let spec = SessionSpec { glove, user, session: 1, seed: 11, minutes, activity, tracking, conditions };
         let records: Vec<Record> = simulate(&spec).unwrap().collect();
         let artifact = models.infos[0].contract.artifact.clone().unwrap();
-        let sign = if cfg.fusion.tactile_sources()[0].inverted { -1.0 } else { 1.0 };
+        let sign = if cfg.fusion().tactile_sources()[0].inverted { -1.0 } else { 1.0 };
         let pattern = artifact.touch.iter().map(|touch| sign * touch).collect();
         let mut worn = Worn { cfg, records, pattern, donning: Donning::default() };
         worn.calibrate((artifact, models.infos[0].contract.rate_hz));
@@ -76,7 +76,7 @@ impl Worn {
         let rest = vec![vec![Rest { from: self.start(), to: until }]];
         let times = ArtifactTimes { most: Duration::from_secs(10), least_s: 3.0 };
         let mut collector =
-            ArtifactCollector::new(&self.cfg.fusion, &[Some(artifact)], &baselines, &rest, times).unwrap();
+            ArtifactCollector::new(self.cfg.fusion(), &[Some(artifact)], &baselines, &rest, times).unwrap();
         self.feed((0.0, CALIBRATED_S), |_| 0.0, |event| collector.handle(event).unwrap());
         let artifacts = collector.finish(&[]).unwrap();
         self.donning = Donning { baselines, artifacts, ..Donning::default() };
@@ -121,7 +121,7 @@ impl Worn {
     /// What the core says from `from_s` on.
     fn feel(&self, from_s: f64, touch_gf: impl Fn(f64) -> f64) -> Vec<Felt> {
         let (cfg, models) = (&self.cfg, Models::load(&self.cfg).unwrap());
-        let mut core = Fusion::new(cfg.fusion.clone(), models.regressors).unwrap();
+        let mut core = Fusion::new(cfg.fusion().clone(), models.regressors).unwrap();
         self.donning.install(&mut core).unwrap();
         let mut felt = Vec::new();
         let mut poll = |core: &mut Fusion| {

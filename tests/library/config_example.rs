@@ -105,11 +105,11 @@ fn every_range_of_the_table_is_in_the_example() {
 fn the_example_loads_with_paths_from_its_own_folder() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("params/example.yaml");
     let config = config::load(&path, DEFAULT_NODE).unwrap();
-    assert_eq!(config.models[0].spec.path, path.parent().unwrap().join("../models/fingertip.onnx"));
+    assert_eq!(config.models()[0].spec.path, path.parent().unwrap().join("../models/fingertip.onnx"));
     assert_eq!(config.node.to_string(), "/tactile_pose_fusion");
-    assert_eq!(config.fusion.regions()[0].taxels, [0, 1, 2, 3, 4, 5]);
-    assert_eq!(config.fusion.regions()[0].joints.len(), 4);
-    assert_eq!(config.fusion.batch().get(), 1);
-    assert_eq!(config.tactile[0].name, "/glove/taxels");
+    assert_eq!(config.fusion().regions()[0].taxels, [0, 1, 2, 3, 4, 5]);
+    assert_eq!(config.fusion().regions()[0].joints.len(), 4);
+    assert_eq!(config.fusion().batch().get(), 1);
+    assert_eq!(config.tactile()[0].name, "/glove/taxels");
     assert!(config.keys().contains_key("region.index.contact.force_on"));
 }

@@ -364,7 +364,7 @@ fn each_missing_or_impossible_list_is_refused() {
 #[test]
 fn the_shortest_file_gives_the_defaults() {
     let config = with(&[]).unwrap();
-    assert_eq!(config.tactile[0].name, "/taxels");
+    assert_eq!(config.tactile()[0].name, "/taxels");
     let fields = TaxelFields {
         stamp: Some(StampFrom::Field("header.stamp".into())),
         values: vec!["values".into()],
@@ -375,9 +375,9 @@ fn the_shortest_file_gives_the_defaults() {
         sequence: Some("sequence".into()),
         only: None,
     };
-    assert_eq!(config.tactile[0].fields, fields);
-    assert_eq!(config.models[0].spec.path.to_str(), Some("params/tip.onnx"));
-    assert_eq!(config.fusion.timing().max_gap.as_millis(), 50);
+    assert_eq!(config.tactile()[0].fields, fields);
+    assert_eq!(config.models()[0].spec.path.to_str(), Some("params/tip.onnx"));
+    assert_eq!(config.fusion().timing().max_gap.as_millis(), 50);
     assert_eq!(config.calibration.file, None);
     assert_eq!((config.glove, config.user), (None, None));
 }
@@ -402,8 +402,8 @@ fn a_message_without_header_takes_receipt_and_its_own_defaults() {
         sequence: None,
         only: None,
     };
-    assert_eq!(config.tactile[0].fields, fields);
-    let source = &config.fusion.tactile_sources()[0];
+    assert_eq!(config.tactile()[0].fields, fields);
+    let source = &config.fusion().tactile_sources()[0];
     assert!(source.inverted);
     assert_eq!(source.frame_clock, FrameClock::Grid);
     assert_eq!(source.stamp_offset_ns, -1_500_000);
@@ -436,15 +436,15 @@ fn any_message_type_is_described_by_its_fields() {
         sequence: None,
         only: None,
     };
-    assert_eq!(config.tactile[0].fields, fields);
+    assert_eq!(config.tactile()[0].fields, fields);
     let fields = JointFields {
         stamp: Some(StampFrom::Receipt),
         positions: "angles".into(),
         names: NamesFrom::Constant(vec!["pip".into(), "dip".into()]),
         only: None,
     };
-    assert_eq!(config.joints[0].fields, fields);
-    assert_eq!(config.fusion.joint_sources()[0].scale, 2.0 * std::f64::consts::PI / 180.0);
+    assert_eq!(config.joints()[0].fields, fields);
+    assert_eq!(config.fusion().joint_sources()[0].scale, 2.0 * std::f64::consts::PI / 180.0);
 }
 
 #[test]
@@ -470,8 +470,8 @@ fn several_fields_a_devices_clock_and_its_side_are_described_too() {
         sequence: None,
         only: Some("side=Left".into()),
     };
-    assert_eq!(config.tactile[0].fields, fields);
-    assert_eq!(config.joints[0].fields.stamp, Some(StampFrom::SinceBoot("header.stamp".into())));
+    assert_eq!(config.tactile()[0].fields, fields);
+    assert_eq!(config.joints()[0].fields.stamp, Some(StampFrom::SinceBoot("header.stamp".into())));
 }
 
 #[test]
@@ -491,10 +491,10 @@ fn regions_share_models_and_override_thresholds() {
         "region.palm.mount.rotation:=[0.0, 0.0, 0.7072, 0.7071]",
     ])
     .unwrap();
-    let names: Vec<&str> = config.models.iter().map(|model| model.name.as_str()).collect();
+    let names: Vec<&str> = config.models().iter().map(|model| model.name.as_str()).collect();
     assert_eq!(names, ["tip", "flat"]);
-    assert_eq!(config.models[1].spec.rate_hz, Some(200.0));
-    let [index, palm, thumb] = config.fusion.regions() else { panic!() };
+    assert_eq!(config.models()[1].spec.rate_hz, Some(200.0));
+    let [index, palm, thumb] = config.fusion().regions() else { panic!() };
     assert_eq!([index, palm, thumb].map(|region| region.model.position()), [0, 1, 0]);
     assert_eq!(thumb.taxels, [3, 1]);
     assert_eq!(thumb.patch.normal_in_patch.z, -1.0);
@@ -510,7 +510,7 @@ fn a_namespaced_node_resolves_its_topics_there() {
     let text = BASE.replace("topic: taxels", "topic: ~/taxels");
     let tree = parse_param_file(&text, "p.yaml", "/left/fusion").unwrap();
     let config = Config::from_tree(&tree).unwrap();
-    assert_eq!(config.tactile[0].name, "/left/fusion/taxels");
+    assert_eq!(config.tactile()[0].name, "/left/fusion/taxels");
     assert_eq!(config.node.namespace(), "/left");
 }
 
@@ -541,16 +541,16 @@ const THREE_AXES: &str = "    truth_sources: [cell]
 fn a_force_sensor_of_three_axes_has_its_fields_its_signs_and_the_normal_of_its_region() {
     let cfg = with_lines(&format!("{THREE_AXES}    truth.cell.signs: [1, -1, 1]\n")).unwrap();
     let paths = ["wrench.force.y", "wrench.force.x", "wrench.force.z"].map(str::to_owned);
-    assert_eq!(cfg.truth[0].fields.force, ForceFields::Axes(paths));
-    let (normal, force) = cfg.truth_sources[0].force(ForceReading::Axes([1.0, 2.0, 3.0]));
+    assert_eq!(cfg.truth()[0].fields.force, ForceFields::Axes(paths));
+    let (normal, force) = cfg.truth_sources()[0].force(ForceReading::Axes([1.0, 2.0, 3.0]));
     let in_gf = |newtons: f64| GramForce::from(Newton(newtons));
     assert_eq!((normal, force), (in_gf(3.0), Some([1.0, -2.0, 3.0].map(in_gf))));
     let turned = with_lines(&format!("{THREE_AXES}    region.index.normal: [0.0, -2.0, 0.0]\n")).unwrap();
-    assert_eq!(turned.truth_sources[0].force(ForceReading::Axes([1.0, 2.0, 3.0])).0, in_gf(-2.0));
+    assert_eq!(turned.truth_sources()[0].force(ForceReading::Axes([1.0, 2.0, 3.0])).0, in_gf(-2.0));
     // One axis, as before.
     let one = with_lines("    truth_sources: [cell]\n    truth.cell: {topic: /cell, sign: -1}\n").unwrap();
-    assert_eq!(one.truth[0].fields.force, ForceFields::Normal("wrench.force.z".into()));
-    assert_eq!(one.truth_sources[0].force(ForceReading::Normal(2.0)), (in_gf(-2.0), None));
+    assert_eq!(one.truth()[0].fields.force, ForceFields::Normal("wrench.force.z".into()));
+    assert_eq!(one.truth_sources()[0].force(ForceReading::Normal(2.0)), (in_gf(-2.0), None));
 }
 
 #[test]

@@ -49,7 +49,10 @@ fn init_looks_at_a_live_glove_and_the_node_gives_forces_with_its_file() {
     let run = tpf(folder, &init).ok();
     assert!(run.stdout.contains("next: tpf calibrate --live --params-file made.yaml"), "{run:?}");
     let (cfg, text) = made(folder);
-    assert_eq!((cfg.tactile[0].name.as_str(), cfg.joints[0].name.as_str()), ("/glove/taxels", "/hand/joint_states"));
+    assert_eq!(
+        (cfg.tactile()[0].name.as_str(), cfg.joints()[0].name.as_str()),
+        ("/glove/taxels", "/hand/joint_states")
+    );
     assert!(text.contains("# /glove/taxels: tactile_pose_fusion/msg/TaxelArray, "), "{text}");
     assert!(text.contains(" Hz, offered ") && text.contains("a live graph, for 12 s"), "{text}");
     let refused = tpf(folder, &init);
@@ -69,9 +72,9 @@ fn init_looks_at_a_strangers_drivers() {
     let run = tpf(folder, &["init", "--live", "--seconds", "11", "--yes", "-o", "made.yaml"]).ok();
     assert!(run.stdout.contains("next: tpf train BAG --params-file made.yaml"), "{run:?}");
     let (cfg, text) = made(folder);
-    let names = [&cfg.tactile[0].name, &cfg.joints[0].name, &cfg.truth[0].name];
+    let names = [&cfg.tactile()[0].name, &cfg.joints()[0].name, &cfg.truth()[0].name];
     assert_eq!(names, ["/fingertip/pressure", "/mocap/joint_states", "/ft_sensor/wrench"], "{text}");
-    assert_eq!(cfg.fusion.regions()[0].taxels.len(), 6);
+    assert_eq!(cfg.fusion().regions()[0].taxels.len(), 6);
     assert_eq!(cfg.needed_joints().len(), 3, "{text}");
     assert!(text.contains("offered best effort, volatile") && text.contains("offered reliable, volatile"), "{text}");
     common::onnx::LinearModel::new(4, 6, 3).gains(0.004, 0.0).metadata("unit", "N").write(folder, "model.onnx");
@@ -79,7 +82,7 @@ fn init_looks_at_a_strangers_drivers() {
     fs::rename(folder.join("model.onnx"), folder.join(path.split(' ').next().unwrap().trim_matches('"'))).unwrap();
     let live = Live::start(folder, &["--params-file", "made.yaml"]);
     let said = tpf(folder, &["monitor", "--plain", "--seconds", "4"]).ok().stdout;
-    let region = &cfg.fusion.regions()[0].name;
+    let region = &cfg.fusion().regions()[0].name;
     assert!(said.contains(region.as_str()) && !said.contains("SILENT"), "{said}");
     live.stop();
 }

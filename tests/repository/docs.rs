@@ -250,7 +250,7 @@ fn the_robots_command_of_the_readme_takes_every_file_that_ships() {
             continue; // devices, a protocol, or gates
         }
         let cfg = config::load(&path, "/left/tactile_pose_fusion").unwrap();
-        assert_eq!((cfg.tactile[0].name.as_str(), cfg.joints[0].name.as_str()), LEFT, "{}", path.display());
+        assert_eq!((cfg.tactile()[0].name.as_str(), cfg.joints()[0].name.as_str()), LEFT, "{}", path.display());
         assert_eq!(cfg.of_others, Vec::<String>::new());
     }
 }

@@ -47,7 +47,7 @@ impl Fingerprint {
         } = request;
         let mut cfg = cfg.clone();
         // Machines may have the same files in other places.
-        cfg.models.iter_mut().for_each(|model| model.spec.path = named(&model.spec.path));
+        cfg.models_mut().iter_mut().for_each(|model| model.spec.path = named(&model.spec.path));
         let calibration = cfg.calibration.file.take();
         let calibration = match &calibration {
             Some(file) if is_there(file)? => Some(sha256_of(file)?),

@@ -45,7 +45,7 @@ impl ShardNotes {
         let of_file = |path: &Path| Ok::<_, ExportError>(sha256(&location::read(path).map_err(io(path))?));
         let mut same = cfg.clone();
         let mut models = Vec::new();
-        for model in &mut same.models {
+        for model in same.models_mut() {
             let path = std::mem::take(&mut model.spec.path); // machines may have the same file in other places
             let is_read = request.model.is_none() && location::exists(&path).map_err(io(&path))?;
             models.push(if is_read { of_file(&path)? } else { "none".to_owned() });

@@ -46,9 +46,9 @@ impl Gathering {
         Gathering { sources: periods_ns.iter().map(source).collect(), told: None }
     }
 
-    /// Takes a frame of a source; whether a message is complete with it.
+    /// Takes a frame of a source; whether a message is complete with it. A source that is not among these is ignored.
     pub fn handle_frame(&mut self, source_idx: usize, stamp: Stamp) -> bool {
-        let source = &mut self.sources[source_idx];
+        let Some(source) = self.sources.get_mut(source_idx) else { return false };
         if let Some(newest) = source.newest {
             let step_ns = stamp.nanos_since(newest);
             if step_ns > 0 {
@@ -75,7 +75,7 @@ impl Gathering {
 
     /// Whether a source has a frame that no message has told yet.
     pub fn is_fresh(&self, source_idx: usize) -> bool {
-        self.sources[source_idx].untold.is_some()
+        self.sources.get(source_idx).is_some_and(|source| source.untold.is_some())
     }
 
     /// The newest stamp of the frames that no message has told yet; `None` where there are none.

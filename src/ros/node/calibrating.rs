@@ -86,7 +86,7 @@ async fn collect_and_apply(
         let readings: Vec<TruthReading> = std::iter::from_fn(|| readings.try_recv().ok()).collect();
         match fit_gains(calibrator, readings, cfg.clone(), donning.clone(), duration).await {
             Ok(found) => {
-                donning.force_gains = vec![None; cfg.fusion.regions().len()];
+                donning.force_gains = vec![None; cfg.fusion().regions().len()];
                 for found in &found {
                     donning.force_gains[found.region] = Some(found.gain);
                     from.push_str(&format!("; {}", found.text(&cfg)));

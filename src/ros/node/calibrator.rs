@@ -105,11 +105,11 @@ pub struct Calibrator {
 impl Calibrator {
     /// A calibration that collects for `duration`.
     pub fn new(cfg: &Config, purpose: Purpose, duration: Duration) -> Self {
-        let hole_ns = nanos(cfg.fusion.timing().max_gap).max(NANOS_PER_SEC / 2);
+        let hole_ns = nanos(cfg.fusion().timing().max_gap).max(NANOS_PER_SEC / 2);
         let builder = |(source_idx, source): (TactileSourceIdx, &TactileSource)| {
-            BaselineBuilder::new(source.n_taxels, hole_ns).needing(cfg.fusion.taxels_in_use(source_idx))
+            BaselineBuilder::new(source.n_taxels, hole_ns).needing(cfg.fusion().taxels_in_use(source_idx))
         };
-        let builders = cfg.fusion.tactile_source_idxs().zip(cfg.fusion.tactile_sources()).map(builder).collect();
+        let builders = cfg.fusion().tactile_source_idxs().zip(cfg.fusion().tactile_sources()).map(builder).collect();
         Calibrator {
             cfg: cfg.clone(),
             purpose,
@@ -125,7 +125,7 @@ impl Calibrator {
     pub fn handle(&mut self, sample: Sample) {
         match &sample {
             Sample::Tactile { source, stamp, rows, row_period_ns, values, .. } => {
-                let cfg = &self.cfg.fusion.tactile_sources()[source.position()];
+                let cfg = &self.cfg.fusion().tactile_sources()[source.position()];
                 if rows.checked_mul(cfg.n_taxels) != Some(values.len()) {
                     return; // the core counts it
                 }
@@ -137,7 +137,7 @@ impl Calibrator {
                 }
             }
             Sample::Joints { source, names, positions, .. } => {
-                self.movement.handle(names, positions, self.cfg.fusion.joint_sources()[source.position()].scale);
+                self.movement.handle(names, positions, self.cfg.fusion().joint_sources()[source.position()].scale);
             }
         }
         self.samples.push(sample);
@@ -204,7 +204,7 @@ impl Calibrator {
         let of_source = |(builder, source): (&BaselineBuilder, &TactileSource)| {
             builder.finish(&limits).map_err(|error| format!("tactile source {}: {error}", source.name))
         };
-        let sources = self.cfg.fusion.tactile_sources();
+        let sources = self.cfg.fusion().tactile_sources();
         let baselines: Vec<Baseline> = self.builders.iter().zip(sources).map(of_source).collect::<Result<_, _>>()?;
         let artifacts =
             self.artifacts(&judge, &baselines, limits, &before.artifacts).map_err(|error| error.to_string())?;
@@ -225,7 +225,7 @@ impl Calibrator {
         let artifacts: Vec<_> = judge.contracts().map(of_region).collect();
         let rest = vec![vec![EVER]; baselines.len()];
         let times = ArtifactTimes { most: self.duration, least_s: limits.min_s };
-        let mut collector = ArtifactCollector::new(&self.cfg.fusion, &artifacts, baselines, &rest, times)?;
+        let mut collector = ArtifactCollector::new(self.cfg.fusion(), &artifacts, baselines, &rest, times)?;
         for sample in self.samples.iter().take_while(|_| artifacts.iter().any(Option::is_some)) {
             collector.handle(sample.event())?;
         }
@@ -256,11 +256,11 @@ impl Calibrator {
     }
 
     fn source_names(&self) -> Vec<String> {
-        self.cfg.fusion.tactile_sources().iter().map(|source| source.name.clone()).collect()
+        self.cfg.fusion().tactile_sources().iter().map(|source| source.name.clone()).collect()
     }
 
     fn source_taxels(&self) -> Vec<u32> {
-        self.cfg.fusion.tactile_sources().iter().map(|source| source.n_taxels as u32).collect()
+        self.cfg.fusion().tactile_sources().iter().map(|source| source.n_taxels as u32).collect()
     }
 
     /// Noise of each taxel so far; NaN if there is none yet.
@@ -269,6 +269,6 @@ impl Calibrator {
         let of_source = |(builder, source): (&BaselineBuilder, &TactileSource)| {
             builder.finish(&limits).map_or_else(|_| vec![f32::NAN; source.n_taxels], |baseline| baseline.noise)
         };
-        self.builders.iter().zip(self.cfg.fusion.tactile_sources()).flat_map(of_source).collect()
+        self.builders.iter().zip(self.cfg.fusion().tactile_sources()).flat_map(of_source).collect()
     }
 }

@@ -147,13 +147,13 @@ impl Engine {
     pub(super) async fn run(self, inputs: Vec<InputTopic>, mut commands: mpsc::UnboundedReceiver<Command>) {
         let mut running = Running {
             watchdog: Watchdog::new(
-                self.cfg.fusion.tactile_sources().len(),
+                self.cfg.fusion().tactile_sources().len(),
                 self.cfg.live.tactile_timeout,
-                self.cfg.fusion.timing().joint_slack,
+                self.cfg.fusion().timing().joint_slack,
             ),
             order: Order::new(
-                self.cfg.fusion.tactile_sources().len(),
-                nanos(self.cfg.fusion.timing().max_age.unwrap_or(self.cfg.live.tactile_timeout)),
+                self.cfg.fusion().tactile_sources().len(),
+                nanos(self.cfg.fusion().timing().max_age.unwrap_or(self.cfg.live.tactile_timeout)),
             ),
             watched: Watched::new(&self.cfg, inputs.iter().flat_map(|input| input.wanted.clone())),
             bindings: inputs.iter().map(|input| input.bindings.clone()).collect(),
@@ -243,7 +243,7 @@ impl Running {
     }
 
     fn take_thresholds(&mut self, thresholds: &[ContactThresholds]) -> Result<(), SetupError> {
-        self.engine.cfg.fusion = self.engine.cfg.fusion.clone().with_thresholds(thresholds)?;
+        self.engine.cfg.set_thresholds(thresholds)?;
         if let Some(core) = &mut self.core {
             core.fusion.handle_thresholds(thresholds)?;
             self.outgoing = Some(outgoing(&core.fusion));
@@ -356,7 +356,7 @@ impl Running {
                 Ok(Some(tick)) => {
                     let was_stale = self.watchdog.handle_frame(tick.source.position(), self.engine.clock.running());
                     if was_stale && self.said_stale.remove(&tick.source.position()) {
-                        let name = &self.engine.cfg.fusion.tactile_sources()[tick.source.position()].name;
+                        let name = &self.engine.cfg.fusion().tactile_sources()[tick.source.position()].name;
                         self.engine.outbox.log(Severity::Info, format!("tactile source {name} is back"));
                     }
                     for estimate in &tick.estimates {
@@ -393,7 +393,7 @@ impl Running {
         }
         let mut barked = false;
         while let Some((source_idx, silence, first)) = self.watchdog.poll(now) {
-            let source = &self.engine.cfg.fusion.tactile_sources()[source_idx];
+            let source = &self.engine.cfg.fusion().tactile_sources()[source_idx];
             // A source that never sent anything is reported with the other inputs, after time for discovery.
             if first && self.watched.inputs[source_idx].meter().n_total() > 0 {
                 self.said_stale.insert(source_idx);
@@ -408,7 +408,7 @@ impl Running {
             barked = true;
         }
         // If another source still sends, the contacts of its frames report which sources are missing.
-        let regions = self.engine.cfg.fusion.regions();
+        let regions = self.engine.cfg.fusion().regions();
         if !barked || !regions.iter().all(|region| self.watchdog.is_stale(region.source.position())) {
             return;
         }

@@ -44,7 +44,7 @@ pub(super) fn subscribe(
         let subscription = graph.subscription(topic, TopicType::Defined(&ty), &qos)?;
         Ok(TruthInput { sensor, topic: topic.clone(), subscription, binding })
     };
-    cfg.truth.iter().zip(&names.truth).enumerate().map(of_sensor).collect()
+    cfg.truth().iter().zip(&names.truth).enumerate().map(of_sensor).collect()
 }
 
 /// Reads a force sensor, and hands its readings over while a calibration collects them. Must be called within a local set.

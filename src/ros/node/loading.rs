@@ -29,13 +29,13 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
     calibration.into_iter().chain(cfg.calibration.file.as_deref()).try_for_each(here)?;
     let (mut fusion, infos) = fusion(cfg)?;
     let mut notes = Vec::new();
-    for (model, info) in cfg.models.iter().zip(&infos) {
+    for (model, info) in cfg.models().iter().zip(&infos) {
         let path = model.spec.path.display();
         let runs = info.backend.as_ref().map(|backend| format!(" in {backend}")).unwrap_or_default();
         notes.push((Severity::Info, format!("model {}: {path}{runs}", model.name)));
         notes.extend(info.notes.iter().map(|note| (Severity::Info, format!("model {}: {note}", model.name))));
     }
-    let named = cfg.models.iter().map(|model| model.name.as_str()).zip(&infos);
+    let named = cfg.models().iter().map(|model| model.name.as_str()).zip(&infos);
     let known = KnownModels::new(named.map(|(name, info)| (name, info.sha256.as_str(), &info.contract)));
     let mut installed = None;
     let uncalibrated =
@@ -58,7 +58,7 @@ pub(super) fn load(cfg: &Config, calibration: Option<&Path>) -> Result<Loaded, S
     });
     let runs = |info: &ModelInfo| info.backend.as_ref().map_or_else(|| "unknown".to_owned(), ToString::to_string);
     let models = cfg
-        .models
+        .models()
         .iter()
         .zip(&infos)
         .map(|(model, info)| (model.name.clone(), format!("{} in {}", model.spec.path.display(), runs(info))));
@@ -93,12 +93,12 @@ pub(in crate::ros) fn rehearse(
 pub(super) fn fusion(cfg: &Config) -> Result<(Fusion, Vec<ModelInfo>), String> {
     let mut infos = Vec::new();
     let mut regressors = Vec::new();
-    for model_cfg in &cfg.models {
+    for model_cfg in cfg.models() {
         let loaded = model::load(&model_cfg.spec).map_err(|error| error.to_string())?;
         infos.push(loaded.info);
         regressors.push(loaded.regressor);
     }
-    let fusion_cfg = cfg.fusion.clone().with_receipts(Receipts::Live);
+    let fusion_cfg = cfg.fusion().clone().with_receipts(Receipts::Live);
     let fusion = Fusion::new(fusion_cfg, regressors).map_err(|error| error.to_string())?;
     Ok((fusion, infos))
 }

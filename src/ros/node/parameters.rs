@@ -340,7 +340,7 @@ mod tests {
         let mut parameters = parameters();
         parameters.set(&[change("contact.on_frames", ParamValue::Int(7))]).unwrap();
         assert_eq!(parameters.get("contact.on_frames").int_value, 7);
-        assert_eq!(parameters.config().fusion.regions()[0].contact.on_frames.get(), 7);
+        assert_eq!(parameters.config().fusion().regions()[0].contact.on_frames.get(), 7);
         let refused = |parameters: &mut Parameters, name, value| parameters.set(&[change(name, value)]).unwrap_err();
         assert_eq!(
             refused(&mut parameters, "timing.max_gap_ms", ParamValue::Double(1.0)),
@@ -351,7 +351,7 @@ mod tests {
         assert!(pair.starts_with("p.yaml:") && pair.ends_with(told), "{pair}");
         assert!(refused(&mut parameters, "contact.force_on", ParamValue::Bool(true)).contains("is of type bool"));
         assert!(refused(&mut parameters, "contact.forc_on", ParamValue::Int(1)).contains("is not a parameter"));
-        assert_eq!(parameters.config().fusion.regions()[0].contact.on_frames.get(), 7);
+        assert_eq!(parameters.config().fusion().regions()[0].contact.on_frames.get(), 7);
     }
 
     #[test]

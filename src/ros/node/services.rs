@@ -179,7 +179,7 @@ async fn set(shared: &Shared, changes: &[raw::Parameter]) -> raw::SetParametersR
         return refused(reason);
     }
     let parameters = shared.parameters.borrow();
-    let thresholds = parameters.config().fusion.regions().iter().map(|region| region.contact).collect();
+    let thresholds = parameters.config().fusion().regions().iter().map(|region| region.contact).collect();
     let _ = shared.commands.send(Command::Thresholds(thresholds)); // an engine that is gone has no thresholds
     let event = ParameterEvent::changed(shared.clock.now().into(), &shared.node_name, parameters.now(&changes));
     shared.outbox.send(shared.parameter_events, to_cdr(&event), None);

@@ -52,8 +52,8 @@ impl Selection {
         let period_ns = NANOS_PER_SEC as f64 / cfg.live.visuals.rate_hz;
         Selection {
             period_ns: period_ns as i64,
-            last: vec![None; cfg.fusion.tactile_sources().len()],
-            n_taxels: cfg.fusion.regions().iter().map(|region| region.taxels.len()).collect(),
+            last: vec![None; cfg.fusion().tactile_sources().len()],
+            n_taxels: cfg.fusion().regions().iter().map(|region| region.taxels.len()).collect(),
         }
     }
 
@@ -117,7 +117,7 @@ impl Drawing {
             range,
             drawn: None,
         };
-        Drawing { regions: cfg.fusion.regions().iter().zip(&cfg.layouts).map(scene).collect(), cfg: visuals }
+        Drawing { regions: cfg.fusion().regions().iter().zip(cfg.layouts()).map(scene).collect(), cfg: visuals }
     }
 
     /// Takes note of a frame before it is drawn: its largest reading.
@@ -153,7 +153,7 @@ impl Drawing {
 
 /// The pose of each patch in the frame of its region.
 pub(super) fn patch_frames(cfg: &Config, stamp: Stamp) -> TFMessage {
-    let regions = cfg.fusion.regions().iter().zip(&cfg.layouts);
+    let regions = cfg.fusion().regions().iter().zip(cfg.layouts());
     TFMessage { transforms: regions.map(|(region, layout)| frame(region, layout, stamp)).collect() }
 }
 

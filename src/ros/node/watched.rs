@@ -48,26 +48,26 @@ pub struct Watched {
 
 /// How long an input may be silent: after that its frames lack an estimate.
 pub(super) fn timeout(cfg: &Config, input_idx: usize) -> Duration {
-    let is_tactile = input_idx < cfg.fusion.tactile_sources().len();
-    if is_tactile { cfg.live.tactile_timeout } else { cfg.fusion.timing().shortest_hold() }
+    let is_tactile = input_idx < cfg.fusion().tactile_sources().len();
+    if is_tactile { cfg.live.tactile_timeout } else { cfg.fusion().timing().shortest_hold() }
 }
 
 impl Watched {
     /// The inputs of a configuration with the requirements of their sources, in any order.
     pub fn new(cfg: &Config, wanted: impl IntoIterator<Item = Wanted>) -> Self {
-        let tactile = cfg.fusion.tactile_sources().iter().map(|source| format!("tactile.{}", source.name));
+        let tactile = cfg.fusion().tactile_sources().iter().map(|source| format!("tactile.{}", source.name));
         let keys: Vec<String> =
-            tactile.chain(cfg.fusion.joint_sources().iter().map(|source| format!("joint.{}", source.name))).collect();
+            tactile.chain(cfg.fusion().joint_sources().iter().map(|source| format!("joint.{}", source.name))).collect();
         let mut wanted: Vec<Wanted> = wanted.into_iter().collect();
         wanted.sort_by_key(|wanted| keys.iter().position(|key| *key == wanted.key));
         Watched {
             inputs: wanted.iter().map(|wanted| InputHealth::new(&wanted.key, &wanted.topic)).collect(),
-            angles: cfg.fusion.joint_sources().iter().map(|source| AngleWatch::new(source.scale)).collect(),
+            angles: cfg.fusion().joint_sources().iter().map(|source| AngleWatch::new(source.scale)).collect(),
             outcomes: Outcomes::default(),
             announcer: Announcer::default(),
             wanted,
-            tactile: cfg.fusion.tactile_sources().to_vec(),
-            joints: cfg.fusion.joint_sources().to_vec(),
+            tactile: cfg.fusion().tactile_sources().to_vec(),
+            joints: cfg.fusion().joint_sources().to_vec(),
             needed: cfg.needed_joints(),
             publishers: None,
             subscriptions: Vec::new(),
@@ -75,7 +75,7 @@ impl Watched {
             begun: Duration::ZERO,
             reported: Duration::ZERO,
             capped_since: None,
-            lost: vec![0; cfg.fusion.tactile_sources().len()],
+            lost: vec![0; cfg.fusion().tactile_sources().len()],
             clock: None,
         }
     }
@@ -176,7 +176,7 @@ impl Watched {
                     let angles = &mut self.angles[input_idx - self.tactile.len()];
                     let unit = angles.doubt(input.key());
                     angles.begin_count();
-                    let max_behind_ns = max_latency_ns.max(nanos(cfg.fusion.timing().shortest_hold()));
+                    let max_behind_ns = max_latency_ns.max(nanos(cfg.fusion().timing().shortest_hold()));
                     input.judge_joints(now, &JointChange { missing: &missing, unit, max_behind_ns })
                 }
             };

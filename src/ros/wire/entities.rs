@@ -50,7 +50,7 @@ pub struct VisualTopics {
 impl VisualTopics {
     fn new(cfg: &Config, topic: impl Fn(&str) -> Result<String, NameError>) -> Result<Self, NameError> {
         let node = cfg.node.to_string();
-        let images = cfg.fusion.regions().iter().map(|region| format!("{node}/{}/taxels_image", region.name));
+        let images = cfg.fusion().regions().iter().map(|region| format!("{node}/{}/taxels_image", region.name));
         let pictures = [format!("{node}/markers")].into_iter().chain(images);
         let is_wanted = cfg.live.visuals.publishing != Publishing::Never;
         Ok(VisualTopics {
@@ -88,19 +88,19 @@ impl Names {
     pub fn new(cfg: &Config, remaps: &[Remap]) -> Result<Self, NameError> {
         let topic = |absolute: &str| remap::name(remaps, &cfg.node, NameKind::Topic, absolute);
         let mut inputs = Vec::new();
-        for (source, input) in cfg.tactile.iter().enumerate() {
+        for (source, input) in cfg.tactile().iter().enumerate() {
             named(&mut inputs, topic(&input.name)?, &input.type_name).tactile.push(source);
         }
-        for (source, input) in cfg.joints.iter().enumerate() {
+        for (source, input) in cfg.joints().iter().enumerate() {
             named(&mut inputs, topic(&input.name)?, &input.type_name).joints.push(source);
             if let Some(frames) = static_topic(input) {
                 named(&mut inputs, topic(&frames)?, &input.type_name).frames.push(source);
             }
         }
-        let estimates = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion);
+        let estimates = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion());
         Ok(Names {
             inputs,
-            truth: cfg.truth.iter().map(|truth| topic(&truth.name)).collect::<Result<_, _>>()?,
+            truth: cfg.truth().iter().map(|truth| topic(&truth.name)).collect::<Result<_, _>>()?,
             estimates: EstimateTopics {
                 wrenches: estimates.wrenches.iter().map(|name| topic(name)).collect::<Result<_, _>>()?,
                 contacts: topic(&estimates.contacts)?,

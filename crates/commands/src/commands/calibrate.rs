@@ -81,7 +81,7 @@ fn known_forces(args: &Args, cfg: &Config) -> Result<Option<KnownForces>, Failur
     if args.touches {
         return Ok(Some(KnownForces::Sensor));
     }
-    let only = match cfg.fusion.regions() {
+    let only = match cfg.fusion().regions() {
         [only] => Some(&only.name),
         _ => None,
     };

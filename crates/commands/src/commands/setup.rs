@@ -147,7 +147,7 @@ impl BackendArgs {
     /// Puts what the command line says about runtimes into the configuration.
     fn apply(&self, cfg: &mut Config) {
         let Some(backend) = self.choice() else { return };
-        cfg.models.iter_mut().for_each(|model| model.spec.backend = backend);
+        cfg.models_mut().iter_mut().for_each(|model| model.spec.backend = backend);
     }
 }
 

@@ -81,11 +81,11 @@ impl Followed {
         for (input, (tree, _)) in names.inputs.iter().zip(&bindings) {
             listening.subscribe(&input.topic, TopicType::Defined(tree), Delivery::of(input))?;
         }
-        let topic = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
+        let topic = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion()).contacts;
         let contacts = listening.subscribe(&topic, TopicType::Known(ContactArray::TYPE_NAME), Delivery::Data)?;
         listening.subscribe("/diagnostics", TopicType::Known(DIAGNOSTICS_TYPE), Delivery::Data)?;
         let inputs = Inputs::new(bindings, Watched::new(&cfg, wanted.into_iter().flatten()));
-        let (n_regions, n_sources) = (cfg.fusion.regions().len(), cfg.fusion.tactile_sources().len());
+        let (n_regions, n_sources) = (cfg.fusion().regions().len(), cfg.fusion().tactile_sources().len());
         Ok(Followed {
             listener: listening.start()?,
             inputs,
@@ -134,7 +134,7 @@ impl Followed {
 
     fn handle(&mut self, incoming: &Incoming) {
         if incoming.topic < self.contacts {
-            let (sources, rows) = (self.cfg.fusion.tactile_sources(), &mut self.rows);
+            let (sources, rows) = (self.cfg.fusion().tactile_sources(), &mut self.rows);
             self.inputs.handle(incoming, &mut |event| {
                 if let Event::Tactile(TactileBlock { source, values, .. }) = event
                     && let Some(last) = values.rchunks_exact(sources[source.position()].n_taxels).next()
@@ -154,7 +154,7 @@ impl Followed {
     fn handle_contacts(&mut self, cdr: &[u8], received: Stamp) {
         self.watched.handle_contacts(cdr, received);
         for (name, told) in self.watched.regions.iter().filter(|(_, told)| told.received == received) {
-            let Some(idx) = self.cfg.fusion.regions().iter().position(|region| region.name == *name) else {
+            let Some(idx) = self.cfg.fusion().regions().iter().position(|region| region.name == *name) else {
                 self.unknown.insert(name.clone());
                 continue;
             };
@@ -182,7 +182,7 @@ impl Followed {
             }
             _ => self.absent(age_s.is_some()),
         };
-        let regions = self.cfg.fusion.regions().iter().zip(&mut self.frames).map(|(region, frames)| {
+        let regions = self.cfg.fusion().regions().iter().zip(&mut self.frames).map(|(region, frames)| {
             let mut update = RegionUpdate::default();
             for (stamp, Scalars { values, contact, flags, adaptation }) in frames.drain(..) {
                 let [force, force_base, _, artifact, touch, pose_age, artifact_change] = values;
@@ -248,7 +248,7 @@ fn setup(cfg: &Config, topic: &str, observer: &dyn Observer) -> Setup {
         None => Vec::new(),
     };
     notes.iter().for_each(|note| observer.note(note));
-    let regions = cfg.fusion.regions().iter().enumerate().map(|(region_idx, region)| {
+    let regions = cfg.fusion().regions().iter().enumerate().map(|(region_idx, region)| {
         RegionSetup::new(cfg, region_idx, region.taxels.len(), baselines.get(region.source.position()))
     });
     let from = format!("Forces as the node publishes them on {topic}.");

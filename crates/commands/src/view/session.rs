@@ -50,7 +50,7 @@ impl BagView {
     pub fn read(cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Self, ViewError> {
         let bags = [request.bag.to_path_buf()];
         let labelled = Labelled::read(request.bag, &cfg, None, NeedsTruth::Tared, observer)?;
-        let contacts = EstimateTopics::of_node(&cfg.node.to_string(), &cfg.fusion).contacts;
+        let contacts = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion()).contacts;
         let kept = Keeping::new(&cfg, &labelled);
         let mut read = match !request.compute && hold_estimates(&bags, &contacts) {
             true => recorded(&cfg, request, &contacts, kept, observer)?,
@@ -59,7 +59,7 @@ impl BagView {
         let begins = read.regions.iter().filter_map(|frames| frames.span).map(|(first, _)| first);
         let Some(origin) = begins.min() else { return Err(ViewError::Empty { bag: shown(request.bag) }) };
         let end = read.regions.iter().filter_map(|frames| frames.span).map(|(_, last)| last).max().unwrap_or(origin);
-        for (region, frames) in cfg.fusion.regions().iter().zip(&read.regions) {
+        for (region, frames) in cfg.fusion().regions().iter().zip(&read.regions) {
             if frames.n_disordered > 0 {
                 read.notes.push(format!(
                     "region {}: {} frames have a stamp that is not after the one before, and are not shown",
@@ -89,7 +89,7 @@ impl BagView {
         let (sec, nanosec) = origin.to_sec_nanosec();
         setup.begin = format!("{sec}.{nanosec:09}");
         setup.notes = read.notes;
-        if !cfg.truth.is_empty() && read.regions.iter().all(|frames| !frames.has_truth()) {
+        if !cfg.truth().is_empty() && read.regions.iter().all(|frames| !frames.has_truth()) {
             setup.notes.push(
                 "no true force: the bag lacks the force sensor's topic, or annotations of when nothing touches the glove"
                     .to_owned(),
@@ -142,8 +142,8 @@ impl<'a> Keeping<'a> {
 
     /// The true force of a region at a stamp.
     fn truth(&self, region: usize, stamp: Stamp) -> Option<Newton> {
-        let source = self.cfg.truth_of_region[region];
-        let truth = self.labelled.truth_at(source, &[stamp], self.cfg.fusion.timing().max_gap)?;
+        let source = self.cfg.truth_of_region()[region];
+        let truth = self.labelled.truth_at(source, &[stamp], self.cfg.fusion().timing().max_gap)?;
         truth.first().copied().flatten().map(Newton::from)
     }
 
@@ -151,7 +151,7 @@ impl<'a> Keeping<'a> {
     fn files(&self, has_taxels: bool, has_features: bool) -> Result<Vec<Writing>, ViewError> {
         let n_taxels = |taxels: usize| if has_taxels { taxels } else { 0 };
         self.cfg
-            .fusion
+            .fusion()
             .regions()
             .iter()
             .map(|region| Writing::new(n_taxels(region.taxels.len()), has_features))
@@ -165,7 +165,7 @@ impl<'a> Keeping<'a> {
             let baseline = baselines.get(region.source.position()).and_then(Option::as_ref);
             RegionSetup::new(self.cfg, region_idx, n_taxels, baseline)
         };
-        self.cfg.fusion.regions().iter().enumerate().map(setup).collect()
+        self.cfg.fusion().regions().iter().enumerate().map(setup).collect()
     }
 }
 
@@ -180,12 +180,12 @@ fn computed(
     let bags = [request.bag.to_path_buf()];
     let recording = Recording { bags: &bags, zero: request.zero };
     let mut asked = cfg.clone();
-    asked.fusion = asked.fusion.with_kept_taxels(true);
+    asked.set_kept_taxels(true);
     let mut failed = None;
     let each = |tick: &Tick| {
         let mut at = 0;
         for estimate in &tick.estimates {
-            let taxels = at..at + cfg.fusion.regions()[estimate.region.position()].taxels.len();
+            let taxels = at..at + cfg.fusion().regions()[estimate.region.position()].taxels.len();
             at = taxels.end;
             let scalars = Scalars::of_estimate(estimate, kept.truth(estimate.region.position(), tick.stamp));
             let (reading, feature) = (&tick.taxels.reading[taxels.clone()], &tick.taxels.feature[taxels]);
@@ -198,9 +198,9 @@ fn computed(
     if let Some(failed) = failed {
         return Err(failed);
     }
-    let sources = cfg.fusion.tactile_source_idxs();
+    let sources = cfg.fusion().tactile_source_idxs();
     let baselines: Vec<_> = sources.map(|source| seen.core.baseline(source).cloned()).collect();
-    let mut models: Vec<String> = cfg.models.iter().map(|model| shown(&model.spec.path)).collect();
+    let mut models: Vec<String> = cfg.models().iter().map(|model| shown(&model.spec.path)).collect();
     models.sort();
     models.dedup();
     Ok(Read {
@@ -223,13 +223,13 @@ fn recorded(
     let bags: [PathBuf; 1] = [request.bag.to_path_buf()];
     let in_bag = |error: &dyn std::fmt::Display| SessionError::at(request.bag, error);
     let mut reader = BagReader::open(&bags)?;
-    let names: Vec<&str> = cfg.tactile.iter().map(|topic| topic.name.as_str()).collect();
+    let names: Vec<&str> = cfg.tactile().iter().map(|topic| topic.name.as_str()).collect();
     reader.scan(&names)?;
     let lacks = |name: &&&str| !reader.channels().iter().any(|channel| channel.topic == **name);
     let lacking = names.iter().find(lacks).map(ToString::to_string);
     let mut notes: Vec<String> = lacking.iter().map(|name| format!("no taxels: the bag has no topic {name}")).collect();
     let has_taxels = lacking.is_none();
-    let taxels = if has_taxels { cfg.tactile.clone() } else { Vec::new() };
+    let taxels = if has_taxels { cfg.tactile().to_vec() } else { Vec::new() };
     let topics = tactile_pose_fusion::bag::InputTopics {
         taxels,
         joints: Vec::new(),
@@ -250,7 +250,7 @@ fn recorded(
     let mut reader = BagReader::open(&bags)?;
     let mut files = kept.files(has_taxels, false)?;
     let mut contacts = ContactReader::default();
-    let (total, max_age_ns) = (reader.bytes_total(), nanos(cfg.fusion.timing().max_gap));
+    let (total, max_age_ns) = (reader.bytes_total(), nanos(cfg.fusion().timing().max_gap));
     loop {
         check(observer)?;
         observer.progress(reader.bytes_read(), total);
@@ -261,10 +261,10 @@ fn recorded(
         let array = contacts.read(&message).map_err(|error| in_bag(&format!("{topic}: {error}")))?;
         let stamp = Stamp::from(array.header.stamp);
         for state in &array.contacts {
-            let Some(idx) = cfg.fusion.regions().iter().position(|region| region.name == state.region) else {
+            let Some(idx) = cfg.fusion().regions().iter().position(|region| region.name == state.region) else {
                 continue;
             };
-            let region = &cfg.fusion.regions()[idx];
+            let region = &cfg.fusion().regions()[idx];
             let row = if has_taxels { rows[region.source.position()].at(stamp, max_age_ns)? } else { None };
             let reading: Vec<f32> = match (has_taxels, row) {
                 (false, _) => Vec::new(),
@@ -292,7 +292,7 @@ fn taxel_rows(
     bag: &Path,
     observer: &dyn Observer,
 ) -> Result<Vec<Rows>, ViewError> {
-    let sources = cfg.fusion.tactile_sources();
+    let sources = cfg.fusion().tactile_sources();
     let mut writing = sources.iter().map(|_| RowsWriting::new()).collect::<Result<Vec<_>, _>>()?;
     while let Some(message) = reader.next_message()? {
         check(observer)?;

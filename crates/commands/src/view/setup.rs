@@ -136,7 +136,7 @@ impl Setup {
 impl RegionSetup {
     /// A region of a configuration, with as many taxels as are shown of it.
     pub(super) fn new(cfg: &Config, region_idx: usize, n_taxels: usize, baseline: Option<&Baseline>) -> Self {
-        let (region, layout) = (&cfg.fusion.regions()[region_idx], &cfg.layouts[region_idx]);
+        let (region, layout) = (&cfg.fusion().regions()[region_idx], &cfg.layouts()[region_idx]);
         let zero = baseline.map(|baseline| region.taxels.iter().map(|&taxel_idx| baseline.median[taxel_idx]).collect());
         RegionSetup {
             name: region.name.clone(),
@@ -149,7 +149,7 @@ impl RegionSetup {
             period_s: None,
             force_on: region.contact.force_on.0,
             has: VALUES.into_iter().filter(|name| *name != "truth").collect(),
-            sign: if cfg.fusion.tactile_sources()[region.source.position()].inverted { -1 } else { 1 },
+            sign: if cfg.fusion().tactile_sources()[region.source.position()].inverted { -1 } else { 1 },
             zero: zero.filter(|_| n_taxels > 0),
             readings: Vec::new(),
             features: None,

@@ -112,7 +112,7 @@ impl Running {
 
     /// Estimates of the last second that were computed and not published, because something made them too late.
     fn late(&mut self) -> Option<Problem> {
-        let n_sources = self.engine.cfg.fusion.tactile_sources().len();
+        let n_sources = self.engine.cfg.fusion().tactile_sources().len();
         let n_outdated: u64 = (0..n_sources).map(|source_idx| self.order.n_outdated(source_idx)).sum();
         let n_waited = self.engine.outbox.stats().waited.load(Ordering::Relaxed);
         let [outdated, waited] = std::mem::replace(&mut self.n_late, [n_outdated, n_waited]);
@@ -238,7 +238,7 @@ impl Running {
         let missing: Vec<&str> = core.fusion.missing_joints().collect();
         values.push(("joints_never_seen".to_owned(), missing.join(", ")));
         values.push(("unrecorded".to_owned(), self.unrecorded.to_string()));
-        for (source_idx, source) in self.engine.cfg.fusion.tactile_sources().iter().enumerate() {
+        for (source_idx, source) in self.engine.cfg.fusion().tactile_sources().iter().enumerate() {
             let n_outdated = self.order.n_outdated(source_idx);
             values.push((format!("tactile.{}.not_published_outdated", source.name), n_outdated.to_string()));
         }

@@ -337,7 +337,7 @@ impl Seen {
     fn handle(&mut self, event: &Event<'_>, cfg: &Config) {
         let (key, age_ns) = match event {
             Event::Tactile(block) => {
-                let source = &cfg.fusion.tactile_sources()[block.source.position()];
+                let source = &cfg.fusion().tactile_sources()[block.source.position()];
                 let key = format!("tactile.{}", source.name);
                 if let Some(n_taxels) = block.values.len().checked_div(block.rows) {
                     self.taxels.insert(key.clone(), n_taxels);
@@ -345,7 +345,7 @@ impl Seen {
                 (key, block.received.nanos_since(block.stamp.offset(source.stamp_offset_ns)))
             }
             Event::Joints(sample) => {
-                let source = &cfg.fusion.joint_sources()[sample.source.position()];
+                let source = &cfg.fusion().joint_sources()[sample.source.position()];
                 let needed = cfg.needed_joints();
                 let known = self.joints.len();
                 if known < needed.len() + 256 {

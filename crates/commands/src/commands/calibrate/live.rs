@@ -66,7 +66,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let mut progress = Progress::steps("calibrate", duration.as_millis() as u64);
     let mut began = None::<Instant>;
     let waiting = Instant::now();
-    let judge = Fusion::new(cfg.fusion.clone(), models.regressors)?;
+    let judge = Fusion::new(cfg.fusion().clone(), models.regressors)?;
     let watched = Watched::new(&cfg, wanted.into_iter().flatten());
     let mut hand = Hand { listener, inputs: Inputs::new(bindings, watched) };
     loop {
@@ -100,7 +100,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
         };
         let known = press::ask(&live.press, &cfg, &mut recorder, &mut next)?;
         touches = recorder.gains(&cfg, (&donning, duration), calibrator.samples(), &known)?;
-        donning.force_gains = vec![None; cfg.fusion.regions().len()];
+        donning.force_gains = vec![None; cfg.fusion().regions().len()];
         touches.iter().for_each(|found| donning.force_gains[found.region] = Some(found.gain));
     }
     hand.listener.leave();
@@ -114,7 +114,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
         .joints
         .iter()
         .zip(&result.joint_span)
-        .filter(|(joint, _)| cfg.fusion.regions().iter().any(|region| region.joints.contains(joint)))
+        .filter(|(joint, _)| cfg.fusion().regions().iter().any(|region| region.joints.contains(joint)))
         .map(|(joint, span)| format!("{joint} {:.0}\u{b0}", span.to_degrees()))
         .collect();
     if !spans.is_empty() {

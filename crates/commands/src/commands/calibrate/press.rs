@@ -60,7 +60,7 @@ impl PressArgs {
 
     /// Refuses, before anything is measured, what can't be done.
     pub(super) fn check(&self, cfg: &Config, by_sensor: bool) -> Result<(), Failure> {
-        if by_sensor && cfg.truth.is_empty() {
+        if by_sensor && cfg.truth().is_empty() {
             return Err(Failure(
                 "--touches needs the true force: set truth_sources and truth.*.topic in the parameters, or tell the forces by --press"
                     .to_owned(),
@@ -71,7 +71,7 @@ impl PressArgs {
 }
 
 fn region_of(press: &Press, cfg: &Config) -> Result<String, Failure> {
-    let names: Vec<&str> = cfg.fusion.regions().iter().map(|region| region.name.as_str()).collect();
+    let names: Vec<&str> = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect();
     match (&press.region, names.as_slice()) {
         (Some(name), names) if names.contains(&name.as_str()) => Ok(name.clone()),
         (Some(name), names) => {
@@ -109,7 +109,7 @@ impl Recorder {
     ) -> Result<Self, Failure> {
         let mut topics: Vec<&String> = names.inputs.iter().map(|input| &input.topic).collect();
         let mut sensors = Vec::new();
-        for (sensor, truth) in cfg.truth.iter().enumerate() {
+        for (sensor, truth) in cfg.truth().iter().enumerate() {
             let tree = definitions.tree(&truth.type_name)?;
             let binding = TruthBinding::compile(&truth.fields, &tree)
                 .map_err(|error| Failure(format!("topic {}: {error}", truth.name)))?;
@@ -156,7 +156,7 @@ impl Recorder {
         samples: &[Sample],
         known: &KnownForces,
     ) -> Result<Vec<RegionTouches>, Failure> {
-        let core = Fusion::new(cfg.fusion.clone(), load_models(cfg)?.regressors)?;
+        let core = Fusion::new(cfg.fusion().clone(), load_models(cfg)?.regressors)?;
         live_force_gains(cfg, core, (donning, rest), samples.iter().map(Sample::event), &self.readings, known)
             .map_err(|reason| Failure(format!("no gain of the touches: {reason}")))
     }

@@ -73,7 +73,7 @@ impl Desk {
             let readings = bindings.into_iter().map(Reading::Samples).collect();
             inputs.push(RecordedTopic { topic, type_name, schema, hash, readings });
         }
-        for (idx, topic) in cfg.truth.iter().enumerate() {
+        for (idx, topic) in cfg.truth().iter().enumerate() {
             let tree = definitions.tree(&topic.type_name)?;
             let binding = TruthBinding::compile(&topic.fields, &tree)
                 .map_err(|error| Failure(format!("topic {}: {error}", topic.name)))?;
@@ -201,7 +201,7 @@ impl Desk {
                         self.senses.handle_taxels(block.source.position(), block.values, received)
                     }
                     Ok(Event::Joints(sample)) => {
-                        let scale = self.cfg.fusion.joint_sources()[sample.source.position()].scale;
+                        let scale = self.cfg.fusion().joint_sources()[sample.source.position()].scale;
                         let angles: Vec<f64> = sample.positions.iter().map(|position| position * scale).collect();
                         self.senses.handle_joints(sample.source.position(), sample.names, &angles, received);
                     }
@@ -210,7 +210,7 @@ impl Desk {
                 },
                 Reading::Truth(sensor, binding) => match binding.decode(&cdr, received) {
                     Ok((_, reading)) => {
-                        let force = Newton::from(self.cfg.truth_sources[*sensor].force(reading).0);
+                        let force = Newton::from(self.cfg.truth_sources()[*sensor].force(reading).0);
                         self.senses.handle_force(*sensor, force, received);
                         on_force(*sensor, force, received);
                     }
@@ -226,15 +226,15 @@ impl Desk {
 /// The sensors that the parameters name.
 fn layout(cfg: &Config) -> Layout {
     let mut joints: Vec<String> = Vec::new();
-    for joint in cfg.fusion.regions().iter().flat_map(|region| &region.joints) {
+    for joint in cfg.fusion().regions().iter().flat_map(|region| &region.joints) {
         if !joints.contains(joint) {
             joints.push(joint.clone());
         }
     }
     Layout {
-        taxels: cfg.fusion.tactile_sources().iter().map(|source| (source.name.clone(), source.n_taxels)).collect(),
-        joint_sources: cfg.fusion.joint_sources().iter().map(|source| source.name.clone()).collect(),
+        taxels: cfg.fusion().tactile_sources().iter().map(|source| (source.name.clone(), source.n_taxels)).collect(),
+        joint_sources: cfg.fusion().joint_sources().iter().map(|source| source.name.clone()).collect(),
         joints,
-        force: cfg.truth_sources.iter().map(|source| source.name.clone()).collect(),
+        force: cfg.truth_sources().iter().map(|source| source.name.clone()).collect(),
     }
 }
