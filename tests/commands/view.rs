@@ -307,11 +307,13 @@ fn a_browser_shows_it_and_scrubs_through_it_and_asks_nobody_else() {
     let playhead = |idx: usize| desktop["at"][idx]["plots"]["index"]["playhead"].as_f64().unwrap();
     assert!(playhead(0) < playhead(1) && playhead(1) < playhead(2), "the mark moves with the slider");
     let kinds: Vec<&String> = desktop["kinds"].as_object().unwrap().keys().collect();
-    assert_eq!(kinds, ["above", "sent"], "these models take no artifact out of the taxels");
+    assert_eq!(kinds, ["above", "corrected", "sent"], "these models take the artifact out of the taxels");
     let of_kind = |kind: &str| desktop["kinds"][kind]["index"]["taxels"][0].as_f64().unwrap();
     let frames = view.json("frame?t=98.125");
     assert_eq!(of_kind("sent"), frames[0]["reading"][0].as_f64().unwrap());
-    assert!((of_kind("above") - frames[0]["feature"][0].as_f64().unwrap()).abs() < 1e-4);
+    assert!((of_kind("corrected") - frames[0]["feature"][0].as_f64().unwrap()).abs() < 1e-4);
+    let zero = view.json("setup")["regions"][0]["zero"][0].as_f64().unwrap();
+    assert!((of_kind("above") - (frames[0]["reading"][0].as_f64().unwrap() - zero)).abs() < 1e-4);
     assert_eq!(desktop["stands_still"], true, "space pauses");
     let window = |name: &str| -> [f64; 2] { serde_json::from_value(desktop[name].clone()).unwrap() };
     let (whole, zoomed, dragged) = (window("whole"), window("zoomed"), window("dragged"));
@@ -345,4 +347,12 @@ fn taxels_without_their_artifact_are_shown_where_the_model_takes_it_out() {
     let Some(seen) = view.look(&["--times", "50.5"]) else { return };
     let kinds: Vec<&String> = seen["desktop"]["kinds"].as_object().unwrap().keys().collect();
     assert_eq!(kinds, ["above", "corrected", "sent"]);
+    // A model that takes nothing out is given what is above the zero.
+    let other = ["--params-file", "params/glove1.yaml", "--model", "models/glove1_pose_aware.onnx"];
+    let view = View::start(path, &[&[bag.to_str().unwrap()], &other[..]].concat());
+    let Some(seen) = view.look(&["--times", "50.5"]) else { return };
+    let kinds = &seen["desktop"]["kinds"];
+    assert!(kinds["corrected"].is_null() && !kinds["sent"].is_null(), "{kinds}");
+    let above = kinds["above"]["index"]["taxels"][0].as_f64().unwrap();
+    assert!((above - view.json("frame?t=50.5")[0]["feature"][0].as_f64().unwrap()).abs() < 1e-4);
 }
