@@ -116,7 +116,8 @@ impl State {
         let joint_at = |idx: usize| {
             let joints = joints.filter(|joints| idx < joints.stamps.len())?;
             Some(
-                joints.stamps[idx].saturating_add(cfg.fusion().joint_sources()[joints.source.position()].stamp_offset_ns),
+                joints.stamps[idx]
+                    .saturating_add(cfg.fusion().joint_sources()[joints.source.position()].stamp_offset_ns),
             )
         };
         let (mut taxel_idx, mut joint_idx) = (0, 0);
