@@ -1,5 +1,6 @@
 //! Records of one chunk, unpacked as they are needed so that a chunk of any size takes little memory.
 
+use std::alloc::Layout;
 use std::io::{self, Read};
 
 use mcap::McapError;
@@ -120,11 +121,27 @@ impl ChunkRecords {
                     return Err(ChunkTrouble::Damaged(format!("a record claims {len} bytes")));
                 }
                 Some(Err(error)) => {
-                    return Err(ChunkTrouble::Damaged(crate::bag::error::one_line(&error.to_string())));
+                    let why = crate::bag::error::one_line(&error.to_string());
+                    end_without_memory(&why, FEED);
+                    return Err(ChunkTrouble::Damaged(why));
                 }
             }
         }
     }
+}
+
+/// Ends the process, as any allocation does that fails, where a decompressor had no memory for `n_bytes` more: the input is
+/// not damaged then, and must not be told to be.
+pub(super) fn end_without_memory(why: &str, n_bytes: usize) {
+    if is_no_memory(why) {
+        let layout = Layout::array::<u8>(n_bytes).unwrap_or(Layout::new::<u8>());
+        std::alloc::handle_alloc_error(layout);
+    }
+}
+
+/// Whether this is how zstd or LZ4 name an allocation that failed.
+fn is_no_memory(why: &str) -> bool {
+    ["Allocation error", "allocation_failed"].iter().any(|name| why.contains(name))
 }
 
 /// Read at least a byte unless the source is at its end.
@@ -134,5 +151,18 @@ fn read_some(source: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             other => return other,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_decompressor_without_memory_is_told_from_damaged_input() {
+        let name = |code: usize| zstd::zstd_safe::get_error_name(0_usize.wrapping_sub(code)); // as zstd_errors.h numbers them
+        assert!(is_no_memory(name(64)), "{}", name(64));
+        assert!(is_no_memory("ERROR_allocation_failed"));
+        assert!(!is_no_memory(name(20)) && !is_no_memory("ERROR_frameType_unknown"), "{}", name(20));
     }
 }

@@ -1,9 +1,10 @@
 //! One file of a recording, whichever storage wrote it.
 
-use std::io::Read as _;
+use std::io::{self, Read as _};
 use std::path::Path;
 
 use super::channels::ChannelTable;
+use super::chunk;
 use super::file::{Context, McapFile};
 use super::head::{Head, MESSAGE_HEAD_LEN};
 use super::loss::Losses;
@@ -95,9 +96,14 @@ impl Storage {
 fn unpack(body: &mut Vec<u8>) -> Result<(), String> {
     let mut data = Vec::new();
     let decoder = zstd::stream::read::Decoder::with_buffer(&body[MESSAGE_HEAD_LEN..]);
-    let decoder = decoder.map_err(|error| super::one_line(&error.to_string()))?;
+    let said = |error: io::Error| {
+        let why = super::one_line(&error.to_string());
+        chunk::end_without_memory(&why, body.len());
+        why
+    };
+    let decoder = decoder.map_err(said)?;
     let read = decoder.take(RECORD_LIMIT as u64 + 1).read_to_end(&mut data);
-    read.map_err(|error| super::one_line(&error.to_string()))?;
+    read.map_err(said)?;
     if data.len() > RECORD_LIMIT {
         return Err(format!("it holds more than the limit of {RECORD_LIMIT} bytes"));
     }

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use tempfile::{NamedTempFile, TempPath};
 
+use super::chunk::end_without_memory;
 use super::{BagError, one_line};
 use crate::location::{self, Place, Reader};
 
@@ -73,11 +74,15 @@ impl Unpacked {
                     return Err(BagError::io(path, "read", error));
                 }
                 Err(error) if n_bytes == 0 => {
+                    end_without_memory(&error.to_string(), buffer.len());
                     let why = format!("it is packed with zstd and can't be unpacked: {}", one_line(&error.to_string()));
                     return Err(BagError::NotABag { path: path.to_path_buf(), why });
                 }
                 // Cut off or damaged: what is missing is said by who reads the rest.
-                Err(_) => break,
+                Err(error) => {
+                    end_without_memory(&error.to_string(), buffer.len());
+                    break;
+                }
             };
             n_bytes += n as u64;
             if n_bytes > limit {
