@@ -23,6 +23,7 @@ mod queue;
 mod region;
 mod regressor;
 
+use std::borrow::Cow;
 use std::collections::VecDeque;
 
 pub use artifact::{
@@ -46,8 +47,8 @@ pub use idx::{JointSourceIdx, ModelIdx, RegionIdx, TactileSourceIdx};
 pub use joints::JointCounters;
 pub use region::RegionCounters;
 pub use regressor::{
-    Contract, ForceAxes, ForceUnit, Forces, FrameSequence, PoseRange, RegressError, Regressor, SharedWindows,
-    TouchLevels, TouchOutput, WindowId, Windows,
+    Contract, ForceAxes, ForceUnit, Forces, FrameSequence, PoseRange, RegionTerms, RegressError, Regressor,
+    SharedWindows, TouchLevels, TouchOutput, WindowId, Windows,
 };
 
 use crate::units::{Stamp, nanos};
@@ -148,9 +149,10 @@ impl Fusion {
             let model = &mut models[region.model.position()];
             let place = Place { region: region_idx, model: region.model, lane: model.add_lane() };
             let contract = model.regressor.contract();
+            let contract = contract.of_region(&region.name).unwrap_or(Cow::Borrowed(contract)); // checked above
             let max_gap_ns = sources[region.source.position()].cutter.max_gap_ns();
             let source = &cfg.tactile_sources()[region.source.position()];
-            Region::new(place, region, source, contract, joint_idxs(region), max_gap_ns, cfg.following())
+            Region::new(place, region, source, &contract, joint_idxs(region), max_gap_ns, cfg.following())
         });
         Ok(Fusion {
             regions: regions.collect(),

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 pub use error::TrainingError;
-pub use folds::{HeldOutScores, HoldOut, check_folds, hold_out};
+pub use folds::{HeldOutScores, HoldOut, check_folds, check_hold_out, hold_out};
 pub use report::{Report, Run, SessionNotes, Test};
 
 use self::data::Data;
@@ -164,20 +164,32 @@ impl Request {
     }
 }
 
-/// The configuration of one region, without joints where the network takes none.
+/// The configuration of the named regions, or of the only one, without joints where the network takes none.
 ///
 /// # Errors
-/// [`TrainingError`] where the parameters have several regions and none is named, none of that name, or no joints that
-/// the network needs.
-pub fn for_region(cfg: Config, name: Option<&str>, kind: Kind) -> Result<Config, TrainingError> {
+/// [`TrainingError`] where the parameters have several regions and none is named, none of that name, no joints that
+/// the network needs, or where several are named for a network that serves one.
+pub fn for_regions(cfg: Config, named: &[String], kind: Kind) -> Result<Config, TrainingError> {
     let names = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect::<Vec<_>>().join(", ");
-    let found = match (name, cfg.fusion().regions().len()) {
-        (None, 1) => Some(RegionIdx::at(0)),
-        (None, n) => return Err(TrainingError::SeveralRegions { n, names }),
-        (Some(name), _) => cfg.fusion().region_named(name),
+    let mut found = Vec::new();
+    for name in named {
+        let no_such = || TrainingError::NoSuchRegion { name: name.clone(), names: names.clone() };
+        let idx = cfg.fusion().region_named(name).ok_or_else(no_such)?;
+        if found.contains(&idx) {
+            return Err(TrainingError::RegionTwice { name: name.clone() });
+        }
+        found.push(idx);
+    }
+    match (found.len(), cfg.fusion().regions().len()) {
+        (0, 1) => found.push(RegionIdx::at(0)),
+        (0, n) => return Err(TrainingError::SeveralRegions { n, names }),
+        (1, _) => {}
+        _ if kind != Kind::Adaptive => return Err(TrainingError::OneRegion { kind: kind.name() }),
+        _ => {}
+    }
+    let Some(only) = cfg.only_these(&found) else {
+        return Err(TrainingError::NoSuchRegion { name: named.join(","), names });
     };
-    let no_such = || TrainingError::NoSuchRegion { name: name.unwrap_or_default().to_owned(), names };
-    let only = found.and_then(|idx| cfg.only(idx)).ok_or_else(no_such)?;
     if !kind.needs_joints() {
         return Ok(only.without_pose());
     }
@@ -187,8 +199,8 @@ pub fn for_region(cfg: Config, name: Option<&str>, kind: Kind) -> Result<Config,
     }
 }
 
-/// Trains a model on recordings, each of one donning, and writes it with its report. `cfg` is that of one region
-/// ([`for_region`]); `on_step` is told of every step.
+/// Trains a model on recordings, each of one donning, and writes it with its report. `cfg` has the regions that it is
+/// to serve ([`for_regions`]); `on_step` is told of every step.
 ///
 /// # Errors
 /// [`TrainingError`] when a bag can't be trained on, the disk refuses, or the observer cancels: then the run can go on
@@ -249,9 +261,10 @@ fn train_without(
     })?;
     let card = ModelCard {
         rate_hz: data.rate_hz,
-        joints: cfg.fusion().regions()[0].joints.clone(),
+        joints: if data.regions.is_empty() { cfg.fusion().regions()[0].joints.clone() } else { Vec::new() },
         pose_range: data.pose_range.clone(),
         artifact: data.artifact.as_deref().cloned(),
+        regions: data.regions.clone(),
         touch: report.touch(),
         held_out: held_out.to_vec(),
         glove: data.glove.clone(),

@@ -11,6 +11,7 @@ mod recorded;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -24,8 +25,8 @@ pub use recorded::{Wanted, find, find_with};
 use crate::calibration::{Calibration, CalibrationFileError};
 use crate::config::Config;
 use crate::fusion::{
-    ArtifactFilter, ArtifactFit, Baseline, Contract, ForceGain, Fusion, ModelIdx, RegionIdx, SetupError,
-    TactileSourceIdx,
+    ArtifactFilter, ArtifactFit, Baseline, Contract, ForceGain, Fusion, RegionConfig, RegionIdx, RegionTerms,
+    SetupError, TactileSourceIdx,
 };
 
 /// SHA-256 of each model, by the model's name in the parameters.
@@ -38,6 +39,8 @@ pub struct KnownModels {
     pub hashes: ModelHashes,
     /// `[models]`, in the order of the configuration: the artifact model, if it has one.
     pub artifacts: Vec<Option<TimedArtifact>>,
+    /// `[models]`: the artifact models of a model of several regions, by the region's name.
+    pub of_regions: Vec<BTreeMap<String, TimedArtifact>>,
 }
 
 impl KnownModels {
@@ -47,14 +50,21 @@ impl KnownModels {
         for (name, sha256, contract) in models {
             known.hashes.insert(name.to_owned(), sha256.to_owned());
             known.artifacts.push(contract.artifact.clone().map(|artifact| (artifact, contract.rate_hz)));
+            let of_region = |terms: &RegionTerms| (Arc::clone(&terms.artifact), contract.rate_hz);
+            let of_regions = contract.regions.iter().map(|(name, terms)| (name.clone(), of_region(terms)));
+            known.of_regions.push(of_regions.collect());
         }
         known
     }
 
     /// `[regions]`: the artifact model of each region's model.
     fn artifacts_of_regions(&self, cfg: &Config) -> Vec<Option<TimedArtifact>> {
-        let of_region = |model: ModelIdx| self.artifacts.get(model.position()).cloned().flatten();
-        cfg.fusion().regions().iter().map(|region| of_region(region.model)).collect()
+        let of_region = |region: &RegionConfig| {
+            let model = region.model.position();
+            let of_several = self.of_regions.get(model).and_then(|of_regions| of_regions.get(&region.name).cloned());
+            of_several.or_else(|| self.artifacts.get(model).cloned().flatten())
+        };
+        cfg.fusion().regions().iter().map(of_region).collect()
     }
 }
 

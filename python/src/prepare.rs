@@ -136,7 +136,7 @@ pub(crate) fn init(
 #[pyo3(from_item_all)]
 pub(crate) struct Training {
     kind: String,
-    region: Option<String>,
+    regions: Vec<String>,
     truth: Option<String>,
     steps: Option<u64>,
     epochs: Option<f64>,
@@ -237,7 +237,10 @@ pub(crate) fn train(
         if hold_out.is_some() {
             training::check_folds(&request)?;
         }
-        let cfg = training::for_region(cfg, training.region.as_deref(), request.train.kind)?;
+        let cfg = training::for_regions(cfg, &training.regions, request.train.kind)?;
+        if hold_out.is_some() {
+            training::check_hold_out(&cfg)?;
+        }
         let bags = find_bags(&bags, watch)?;
         let mut on_step = |step: &_| watch.step(step);
         let report = training::run(&cfg, &bags, &request, watch, &mut on_step)?;

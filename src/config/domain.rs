@@ -202,9 +202,15 @@ impl Config {
     /// The same with a single region; `None` if it doesn't have that region. Sources and models stay, also those that no
     /// region uses any more.
     pub fn only(self, region: RegionIdx) -> Option<Self> {
-        let fusion = self.fusion.only(region)?;
-        let truth_of_region = vec![*self.truth_of_region.get(region.position())?];
-        let layouts = vec![self.layouts.get(region.position())?.clone()];
+        self.only_these(&[region])
+    }
+
+    /// The same with these regions, in this order; `None` if it doesn't have one of them, or none is given.
+    pub fn only_these(self, regions: &[RegionIdx]) -> Option<Self> {
+        let at = || regions.iter().map(|region| region.position());
+        let truth_of_region = at().map(|region| self.truth_of_region.get(region).copied()).collect::<Option<_>>()?;
+        let layouts = at().map(|region| self.layouts.get(region).cloned()).collect::<Option<_>>()?;
+        let fusion = self.fusion.only_these(regions)?;
         Some(Config { fusion, truth_of_region, layouts, ..self })
     }
 

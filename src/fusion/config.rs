@@ -271,14 +271,16 @@ impl FusionConfig {
 
     /// The same with a single region; `None` if it doesn't have that region. Sources and models keep their indices, also
     /// those that no region uses any more.
-    pub fn only(mut self, region: RegionIdx) -> Option<Self> {
-        let position = region.position();
-        if position >= self.regions.len() {
-            return None;
-        }
-        self.regions.truncate(position + 1);
-        self.regions.drain(..position);
-        Some(self)
+    pub fn only(self, region: RegionIdx) -> Option<Self> {
+        self.only_these(&[region])
+    }
+
+    /// The same with these regions, in this order; `None` if it doesn't have one of them, or none is given. Sources and models
+    /// keep their indices, also those that no region uses any more.
+    pub fn only_these(self, regions: &[RegionIdx]) -> Option<Self> {
+        let regions: Vec<RegionConfig> =
+            regions.iter().map(|region| self.regions.get(region.position()).cloned()).collect::<Option<_>>()?;
+        (!regions.is_empty()).then_some(FusionConfig { regions, ..self })
     }
 
     /// Streams of taxels.

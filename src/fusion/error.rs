@@ -41,6 +41,10 @@ pub enum SetupError {
     Rate { region: String, source_name: String, expected: f64, got: f64 },
     #[error("region.{region}: its model runs at {got} Hz; give it a rate above 0")]
     NoRate { region: String, got: f64 },
+    #[error(
+        "region.{region}: its model is of the regions {known}; name the region as one of them, or give it another model"
+    )]
+    OtherRegions { region: String, known: String },
     #[error("region.{region}: artifact of its model: {error}; export the model again")]
     ArtifactModel { region: String, error: ArtifactError },
     #[error("region.{region}.contact: force_off = {off} N must be below force_on = {on} N")]

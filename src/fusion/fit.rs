@@ -15,7 +15,12 @@ pub(super) fn check_region(
     let name = || region.name.clone();
     let (got, n_models) = (region.model.position(), regressors.len());
     let regressor = regressors.get(got).ok_or_else(|| SetupError::NoModel { region: name(), got, n_models })?;
-    let contract = regressor.contract();
+    let of_region = regressor.contract().of_region(&region.name);
+    let no_terms = || SetupError::OtherRegions {
+        region: name(),
+        known: regressor.contract().regions.keys().cloned().collect::<Vec<_>>().join(", "),
+    };
+    let contract = of_region.as_deref().ok_or_else(no_terms)?;
     check_contract(contract, region)?;
     if contract.n_taxels != region.taxels.len() {
         return Err(SetupError::Taxels { region: name(), expected: contract.n_taxels, got: region.taxels.len() });

@@ -1,5 +1,7 @@
 //! Interface of a force model for the fusion core: a contract that is known before the first window, and one batched run.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -98,6 +100,17 @@ impl ForceAxes {
     }
 }
 
+/// What a model that serves several regions has for one of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegionTerms {
+    /// Joint names in the order of the region's joints.
+    pub joints: Vec<String>,
+    /// Per joint, in their order; empty if the model doesn't have it.
+    pub pose_range: Vec<PoseRange>,
+    /// Effect of pose on the region's taxels.
+    pub artifact: Arc<ArtifactModel>,
+}
+
 /// Contract of a model: read from the file once, checked against the parameters at start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contract {
@@ -126,12 +139,37 @@ pub struct Contract {
     pub pose_range: Option<Vec<PoseRange>>,
     /// Minimum detectable force as measured when the model was trained, if the model has it.
     pub mdf: Option<Newton>,
+    /// By the name of the region, for a model of several regions: where pose acts on each in its own way. There is no `artifact` then,
+    /// no `joints` and no `pose_range`. Empty for any other model.
+    pub regions: BTreeMap<String, RegionTerms>,
 }
 
 impl Contract {
+    /// The contract of a region: that of the model, or what a model of several regions has for this one. `None` if it has
+    /// nothing for a region of this name.
+    pub fn of_region(&self, name: &str) -> Option<Cow<'_, Contract>> {
+        if self.regions.is_empty() {
+            return Some(Cow::Borrowed(self));
+        }
+        let RegionTerms { joints, pose_range, artifact } = self.regions.get(name)?.clone();
+        Some(Cow::Owned(Contract {
+            artifact: Some(artifact),
+            joints: Some(joints),
+            pose_range: Some(pose_range).filter(|ranges| !ranges.is_empty()),
+            regions: BTreeMap::new(),
+            ..self.clone()
+        }))
+    }
+
+    /// True if it takes the effect of pose out of taxels.
+    pub fn has_artifact(&self) -> bool {
+        self.artifact.is_some() || !self.regions.is_empty()
+    }
+
     /// Joint angles that a region needs: those of the pose input, and those that make the artifact.
     pub fn n_region_joints(&self) -> usize {
-        self.artifact.as_ref().map_or(self.n_joints, |artifact| artifact.n_joints)
+        let of_several = || self.regions.values().next().map(|region| &region.artifact);
+        self.artifact.as_ref().or_else(of_several).map_or(self.n_joints, |artifact| artifact.n_joints)
     }
 }
 

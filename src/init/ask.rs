@@ -65,6 +65,18 @@ pub enum InitError {
         /// Joints that the bags have.
         got: String,
     },
+    /// A model of other regions.
+    #[error(
+        "{model} was trained on the regions {known}, and {region} is none of them; leave --model out, then name its regions as the model does, and give the others a model of their own"
+    )]
+    ModelRegions {
+        /// The model.
+        model: String,
+        /// Its regions.
+        known: String,
+        /// The region that it doesn't know.
+        region: String,
+    },
     /// A question that nobody answers.
     #[error("{question} Nobody is there to ask: --yes takes the likeliest, {likeliest}")]
     Nobody {

@@ -102,8 +102,8 @@ pub(super) fn sources<'a>(
 }
 
 fn has_all(joints: &[String], model: Option<&ModelFile>) -> bool {
-    let wanted = model.and_then(|model| model.joints.as_ref());
-    wanted.is_some_and(|wanted| wanted.iter().all(|joint| joints.contains(joint)))
+    let mut wanted = model.into_iter().flat_map(|model| model.joints.iter().chain(model.regions.values()));
+    wanted.any(|wanted| wanted.iter().all(|joint| joints.contains(joint)))
 }
 
 fn of_angles<'a>(one: &'a JointCandidate, model: Option<&ModelFile>) -> Found<'a> {

@@ -28,7 +28,7 @@ pub(super) fn of(
     }
     let mut fitting: Vec<PathBuf> = Vec::new();
     for path in onnx_files(folder).into_iter().chain(onnx_files(&folder.join("models"))) {
-        let fits = |info: model::ModelInfo| fits(info.contract.n_taxels, info.contract.joints.as_deref(), bags);
+        let fits = |info: model::ModelInfo| fits(&info, bags);
         if model::inspect(&path).is_ok_and(fits) {
             fitting.push(path);
         }
@@ -55,7 +55,11 @@ pub(super) fn of(
 }
 
 /// Whether the bags have as many taxels, and the joints that the model names.
-fn fits(n_taxels: usize, joints: Option<&[String]>, bags: &[BagReport]) -> bool {
+fn fits(info: &model::ModelInfo, bags: &[BagReport]) -> bool {
+    let contract = &info.contract;
+    let n_taxels = contract.n_taxels;
+    let of_regions = contract.regions.values().map(|terms| &terms.joints);
+    let mut joints = contract.joints.iter().chain(of_regions).flatten();
     let taxels = bags.iter().flat_map(|bag| &bag.candidates.tactile);
     let mut taxels = taxels.filter(|one| one.likelihood == Likelihood::Likely);
     let has_taxels = taxels.any(|one| one.n_taxels == Some(n_taxels as u64));
@@ -65,7 +69,7 @@ fn fits(n_taxels: usize, joints: Option<&[String]>, bags: &[BagReport]) -> bool 
     let is_there = |joint: &String| {
         has_points && JOINTS.contains(&joint.as_str()) || angles().any(|angle| angle.name.as_ref() == Some(joint))
     };
-    has_taxels && joints.unwrap_or_default().iter().all(is_there)
+    has_taxels && joints.all(is_there)
 }
 
 fn onnx_files(folder: &Path) -> Vec<PathBuf> {
@@ -98,6 +102,7 @@ fn described(path: &Path, folder: &Path, why: String) -> Result<ModelFile, InitF
         n_taxels: contract.n_taxels,
         n_joints: contract.n_region_joints(),
         joints: contract.joints,
+        regions: contract.regions.into_iter().map(|(name, terms)| (name, terms.joints)).collect(),
         rate_hz: contract.rate_hz,
         n_force_axes: contract.axes.n(),
         why,

@@ -1,5 +1,7 @@
 //! Contents of the document, before it is written.
 
+use std::collections::BTreeMap;
+
 use crate::inspect::{BagReport, SourceLines, TactileCandidate};
 
 /// The model that is to be used.
@@ -13,12 +15,21 @@ pub struct ModelFile {
     pub n_joints: usize,
     /// Their names, in order, where it tells them.
     pub joints: Option<Vec<String>>,
+    /// Names of the joints of each region, for a model of several.
+    pub regions: BTreeMap<String, Vec<String>>,
     /// Frames a second.
     pub rate_hz: f64,
     /// Axes of its force: 1 or 3.
     pub n_force_axes: usize,
     /// Why it is this one.
     pub why: String,
+}
+
+impl ModelFile {
+    /// Names of the joints of a region, where the model tells them.
+    pub fn joints_of(&self, region: Option<&str>) -> Option<&Vec<String>> {
+        region.and_then(|region| self.regions.get(region)).or(self.joints.as_ref())
+    }
 }
 
 /// Candidates of all bags, each once: as the bag with most messages of it has it.

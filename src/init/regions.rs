@@ -29,6 +29,10 @@ pub(super) fn regions(
             let name = source.hand.filter(|_| sources.len() > 1).map_or(name.clone(), |hand| format!("{hand}_{name}"));
             let taken: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
             let name = free_name(&name, &taken);
+            if let Some(model) = model.filter(|model| !model.regions.is_empty() && !model.regions.contains_key(&name)) {
+                let known = model.regions.keys().cloned().collect::<Vec<_>>().join(", ");
+                return Err(InitError::ModelRegions { model: model.path.clone(), known, region: name });
+            }
             let (own, model_joints) = region_joints(part.finger, joints, model);
             if let Some(model) = model.filter(|model| model.n_joints > 0 && own.is_empty()) {
                 return Err(other_joints(model, &name, joints));
@@ -208,8 +212,7 @@ fn other_joints(model: &ModelFile, region: &str, sources: &[JointSource<'_>]) ->
     InitError::ModelJoints {
         model: model.path.clone(),
         expected: model
-            .joints
-            .as_ref()
+            .joints_of(Some(region))
             .map_or_else(|| format!("of {} joints", model.n_joints), |joints| joints.join(", ")),
         region: region.to_owned(),
         got: if all.is_empty() { "none".to_owned() } else { listed(&all) },
@@ -224,7 +227,7 @@ fn region_joints(
 ) -> (Vec<String>, Vec<String>) {
     let all: Vec<&String> = sources.iter().flat_map(|source| &source.joints).collect();
     let has = |wanted: &[String]| wanted.iter().all(|joint| all.contains(&joint));
-    if let Some(wanted) = model.and_then(|model| model.joints.as_ref()) {
+    if let Some(wanted) = model.and_then(|model| model.joints_of(of)) {
         let trained_on = wanted.iter().find_map(|joint| finger(joint));
         let own: Option<Vec<String>> = of.and_then(|of| wanted.iter().map(|joint| on_finger(joint, of)).collect());
         return match own {

@@ -114,6 +114,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
     };
     let window = checked_window(path, &tensors, window, n_taxels.max(n_joints))?;
     check_artifact(path, metadata, n_taxels)?;
+    check_regions(path, metadata, &tensors, n_taxels)?;
     check_joints(path, metadata, &tensors, n_joints)?;
     check_outputs(path, &spec.names)?;
     let axes = named(&outputs, &tensors.force).map_or(ForceAxes::Normal, |force| axes_of(&force));
@@ -157,6 +158,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
         has_base: tensors.base.is_some(),
         touch: tensors.touch.as_ref().map(|_| metadata.touch.unwrap_or_default()),
         artifact: metadata.artifact.clone().map(Arc::new),
+        regions: metadata.regions.clone(),
         joints: metadata.joints.clone(),
         pose_range: metadata.pose_range.clone(),
         mdf: metadata.mdf,
@@ -296,6 +298,36 @@ fn check_artifact(path: &Path, metadata: &Metadata, n_taxels: usize) -> Result<(
             format!("metadata artifact is of {} joints", artifact.n_joints),
             format!("metadata joints names {}", joints.as_ref().map_or(0, Vec::len)),
         ),
+    }
+}
+
+/// A model of several regions has what differs between them in metadata `regions` alone, and takes no angles itself.
+fn check_regions(path: &Path, metadata: &Metadata, tensors: &Tensors, n_taxels: usize) -> Result<(), ModelError> {
+    if metadata.regions.is_empty() {
+        return Ok(());
+    }
+    let conflict = |first: String, second: &str| {
+        let (path, remedy) = (path.to_path_buf(), "export it with metadata of its own".into());
+        Err(ModelError::Conflict { path, first, second: second.to_owned(), remedy })
+    };
+    if let Some((name, terms)) = metadata.regions.iter().find(|(_, terms)| terms.artifact.n_taxels != n_taxels) {
+        let first = format!("metadata regions is of {} taxels for {}", terms.artifact.n_taxels, one_line(name));
+        return conflict(first, &format!("the model takes {n_taxels}"));
+    }
+    let also = [
+        ("artifact", metadata.artifact.is_some()),
+        ("joints", metadata.joints.is_some()),
+        ("pose_range", metadata.pose_range.is_some()),
+    ];
+    if let Some((key, _)) = also.into_iter().find(|(_, is_there)| *is_there) {
+        return conflict(format!("metadata has {key}"), "metadata regions has it for each region");
+    }
+    match &tensors.pose {
+        Some(pose) => conflict(
+            format!("the model has the pose input {}", one_line(pose)),
+            "metadata regions is for models that take no angles themselves",
+        ),
+        None => Ok(()),
     }
 }
 

@@ -2,12 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::error::{ModelError, one_line};
 use super::onnx::StringStringEntryProto;
-use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchLevels, TouchOutput};
+use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, RegionTerms, TouchLevels, TouchOutput};
 use crate::units::{GramForce, Newton};
 
 /// Version of the tensor contract that this build supports, as in `tpf.contract`.
@@ -37,6 +39,8 @@ pub struct Metadata {
     pub pose_range: Option<Vec<PoseRange>>,
     /// `artifact`: model of the pose artifact in the taxels.
     pub artifact: Option<ArtifactModel>,
+    /// `regions`: joints, their ranges and the artifact of each region, for a model of several.
+    pub regions: BTreeMap<String, RegionTerms>,
     /// `touch`: levels of the touch output at which contact begins and ends.
     pub touch: Option<TouchOutput>,
     /// `metrics.mdf_gf`: minimum detectable force, measured after training.
@@ -79,6 +83,7 @@ impl Metadata {
             "joints" => self.joints = Some(joint_names(value)?),
             "pose_range" => self.pose_range = Some(pose_range(value)?),
             "artifact" => self.artifact = Some(artifact(value)?),
+            "regions" => self.regions = regions(value)?,
             "touch" => self.touch = Some(touch(value)?),
             "metrics" => self.mdf = mdf(value)?,
             // glove, trained_on and tool_version are free text. Keys of other tools are not ours to check.
@@ -113,22 +118,27 @@ fn joint_names(value: &str) -> Result<Vec<String>, String> {
     } else {
         value.split(',').map(|name| name.trim().to_string()).collect()
     };
+    distinct_names(names).ok_or_else(expected)
+}
+
+/// Names, if there are some, none of them empty or there twice.
+fn distinct_names(names: Vec<String>) -> Option<Vec<String>> {
     let distinct: BTreeSet<&String> = names.iter().collect();
-    if names.is_empty() || distinct.len() != names.len() || names.iter().any(String::is_empty) {
-        return Err(expected());
-    }
-    Ok(names)
+    let is_sound = !names.is_empty() && distinct.len() == names.len() && !names.iter().any(String::is_empty);
+    is_sound.then_some(names)
 }
 
 fn pose_range(value: &str) -> Result<Vec<PoseRange>, String> {
     let expected = || "a JSON array with [min, max] in rad for each joint, min not above max".to_string();
     let pairs: Vec<[f64; 2]> = serde_json::from_str(value).map_err(|_| expected())?;
+    ranges(pairs).filter(|ranges| !ranges.is_empty()).ok_or_else(expected)
+}
+
+/// Ranges from pairs of min and max, if these are so.
+fn ranges(pairs: Vec<[f64; 2]>) -> Option<Vec<PoseRange>> {
     let ranges = pairs.into_iter().map(|[min, max]| PoseRange { min, max }).collect::<Vec<_>>();
     let sound = |range: &PoseRange| range.min.is_finite() && range.max.is_finite() && range.min <= range.max;
-    if ranges.is_empty() || !ranges.iter().all(sound) {
-        return Err(expected());
-    }
-    Ok(ranges)
+    ranges.iter().all(sound).then_some(ranges)
 }
 
 fn artifact(value: &str) -> Result<ArtifactModel, String> {
@@ -136,6 +146,57 @@ fn artifact(value: &str) -> Result<ArtifactModel, String> {
     let artifact: ArtifactModel = serde_json::from_str(value).map_err(|error| expected(error.to_string()))?;
     artifact.check().map_err(|error| expected(error.to_string()))?;
     Ok(artifact)
+}
+
+/// A region of a model of several, as metadata has it.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RegionEntry {
+    joints: Vec<String>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pose_range: Vec<[f64; 2]>,
+    artifact: ArtifactModel,
+}
+
+fn regions(value: &str) -> Result<BTreeMap<String, RegionTerms>, String> {
+    let expected = |error: &str| {
+        format!(
+            "a JSON object with joints, pose_range and artifact for the name of each region, as `tpf train` writes it ({})",
+            one_line(error)
+        )
+    };
+    let entries: BTreeMap<String, RegionEntry> =
+        serde_json::from_str(value).map_err(|error| expected(&error.to_string()))?;
+    if entries.is_empty() {
+        return Err(expected("it names no region"));
+    }
+    let terms = |(name, entry): (String, RegionEntry)| -> Result<(String, RegionTerms), String> {
+        let of = |error: String| expected(&format!("{name}: {error}"));
+        let joints = distinct_names(entry.joints).ok_or_else(|| of("joints are not distinct names".to_owned()))?;
+        let pose_range = ranges(entry.pose_range).ok_or_else(|| of("a pose_range without min and max".to_owned()))?;
+        entry.artifact.check().map_err(|error| of(error.to_string()))?;
+        let n_joints = joints.len();
+        if entry.artifact.n_joints != n_joints || ![0, n_joints].contains(&pose_range.len()) {
+            return Err(of(format!(
+                "{n_joints} joints, {} in its pose_range, {} in its artifact",
+                pose_range.len(),
+                entry.artifact.n_joints
+            )));
+        }
+        Ok((name.clone(), RegionTerms { joints, pose_range, artifact: Arc::new(entry.artifact) }))
+    };
+    entries.into_iter().map(terms).collect()
+}
+
+/// Metadata `regions` of a model of several.
+pub fn regions_text(regions: &BTreeMap<String, RegionTerms>) -> String {
+    let entry = |terms: &RegionTerms| RegionEntry {
+        joints: terms.joints.clone(),
+        pose_range: terms.pose_range.iter().map(|range| [range.min, range.max]).collect(),
+        artifact: terms.artifact.as_ref().clone(),
+    };
+    let entries: BTreeMap<&String, RegionEntry> = regions.iter().map(|(name, terms)| (name, entry(terms))).collect();
+    serde_json::to_string(&entries).unwrap_or_default() // texts and numbers always are JSON
 }
 
 fn touch(value: &str) -> Result<TouchOutput, String> {
@@ -206,6 +267,22 @@ mod tests {
         assert_eq!(metadata.entries["glove"], "A");
     }
 
+    /// Metadata of a region with one taxel and one joint.
+    fn of_region(joints: &str) -> String {
+        let artifact = r#"{"n_taxels":1,"n_joints":1,"shapes":[1,2,3,4],"gain_variance":[1],"slip":0.3,"slip_common":0.3,"slip_time_s":90,"touch":[1],"residual":[1]}"#;
+        format!(r#"{{"thumb": {{{joints}, "artifact": {artifact}}}}}"#)
+    }
+
+    #[test]
+    fn what_is_written_of_regions_is_read_again() {
+        let text = of_region(r#""joints": ["ip"], "pose_range": [[-0.1, 1.5]]"#);
+        let regions = parse(&[("regions", &text)]).unwrap().regions;
+        assert_eq!(regions["thumb"].joints, ["ip"]);
+        assert_eq!(regions["thumb"].pose_range, [PoseRange { min: -0.1, max: 1.5 }]);
+        assert_eq!(regions["thumb"].artifact.shapes, [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(parse(&[("regions", &regions_text(&regions))]).unwrap().regions, regions);
+    }
+
     #[test]
     fn joints_may_be_separated_by_commas() {
         assert_eq!(parse(&[("joints", "mcp, pip ,dip")]).unwrap().joints.unwrap(), ["mcp", "pip", "dip"]);
@@ -243,6 +320,21 @@ mod tests {
                 r#"{"n_taxels":1,"n_joints":1,"shapes":[1,2,3],"gain_variance":[1],"slip":0.3,"slip_common":0.3,"slip_time_s":90,"touch":[1],"residual":[1]}"#,
                 "3 numbers in shapes, expected 4",
             ),
+            ("regions", "{}", "it names no region"),
+            ("regions", "[]", "joints, pose_range and artifact for the name of each region"),
+            ("regions", r#"{"thumb": {"joints": ["ip"]}}"#, "missing field `artifact`"),
+            ("regions", &of_region(r#""joints": ["ip", "ip"]"#), "thumb: joints are not distinct names"),
+            (
+                "regions",
+                &of_region(r#""joints": ["ip", "mcp"]"#),
+                "thumb: 2 joints, 0 in its pose_range, 1 in its artifact",
+            ),
+            (
+                "regions",
+                &of_region(r#""joints": ["ip"], "pose_range": [[1, 0]]"#),
+                "thumb: a pose_range without min and max",
+            ),
+            ("regions", &of_region(r#""joints": ["ip"]"#).replace("[1,2,3,4]", "[1]"), "thumb: 1 numbers in shapes"),
             ("touch", "0.5", "a JSON object with on and off"),
             ("touch", r#"{"on": 0.5}"#, "a JSON object with on and off"),
             ("touch", r#"{"on": 0.5, "off": 0.5}"#, "0 < off < on < 1"),

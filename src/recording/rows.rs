@@ -1,6 +1,6 @@
 //! Model input frame by frame, from the windows that the fusion core passes to a model.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -97,6 +97,7 @@ impl RowCollector {
             joints: None,
             pose_range: None,
             mdf: None,
+            regions: BTreeMap::new(),
         };
         let (sender, windows) = channel();
         let fusion = Fusion::new(cfg, vec![Box::new(Tap { contract, windows: sender })])?;

@@ -87,7 +87,7 @@ pub fn run_models(
     for (idx, core) in cores.into_iter().enumerate() {
         let mut fusion = Fusion::new(core.cfg.fusion().clone(), core.regressors)?;
         // The baseline belongs to the glove, the artifact to the model.
-        let tells_artifact = core.infos.iter().any(|info| info.contract.artifact.is_some());
+        let tells_artifact = core.infos.iter().any(|info| info.contract.has_artifact());
         match tells_artifact && idx > 0 {
             true => {
                 let degrader =

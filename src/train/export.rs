@@ -2,12 +2,14 @@
 //!
 //! Opset 17, dynamic batch, batch normalization and scales folded into the weights, the auxiliary decoder left out.
 
+use std::collections::BTreeMap;
+
 use serde_json::Value;
 
 use super::architecture::{Architecture, ContactAxes, DILATIONS, Kind, LSTM_HIDDEN, N_FEATURES, TAPS};
 use super::error::TrainError;
 use super::network::{NORM_EPSILON, Network};
-use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, TouchOutput};
+use crate::fusion::{ArtifactModel, ForceUnit, PoseRange, RegionTerms, TouchOutput};
 use crate::model::onnx::{Graph, Message, ModelProto};
 use crate::model::unit_name;
 
@@ -37,8 +39,10 @@ pub struct ModelCard {
     pub joints: Vec<String>,
     /// Per joint, the span of the training data, rad; may be empty if unknown.
     pub pose_range: Vec<PoseRange>,
-    /// The artifact model, for an adaptive network.
+    /// The artifact model, for an adaptive network of one region.
     pub artifact: Option<ArtifactModel>,
+    /// By the region's name, for an adaptive network of several: in place of `joints`, `pose_range` and `artifact`.
+    pub regions: BTreeMap<String, RegionTerms>,
     /// Thresholds at which the touch output is contact, for a network with one.
     pub touch: Option<TouchOutput>,
     /// Names of the sessions held out from its training, if it is one of several models scored on held-out sessions.
@@ -77,6 +81,15 @@ fn check_card(network: &Network, card: &ModelCard) -> Result<(), TrainError> {
         return refuse("metrics must be a JSON object".to_string());
     }
     let n_joints = match (&card.artifact, kind) {
+        (artifact, _) if !card.regions.is_empty() => {
+            let others = artifact.is_some() || !card.joints.is_empty() || !card.pose_range.is_empty();
+            if others || kind != Kind::Adaptive {
+                return refuse(
+                    "regions are for an adaptive network, in place of joints, pose_range and artifact".into(),
+                );
+            }
+            return Ok(());
+        }
         (Some(artifact), Kind::Adaptive) => artifact.n_joints,
         (None, Kind::Adaptive) => return refuse("an adaptive network needs its artifact model".to_string()),
         _ => n_joints,
@@ -103,7 +116,9 @@ fn metadata(network: &Network, card: &ModelCard) -> Vec<(&'static str, String)> 
         ("window", window.to_string()),
         ("taxels", n_taxels.to_string()),
     ];
-    if kind.needs_joints() {
+    if !card.regions.is_empty() {
+        entries.push(("regions", crate::model::metadata::regions_text(&card.regions)));
+    } else if kind.needs_joints() {
         entries.push(("joints", Value::from(card.joints.clone()).to_string()));
         if !card.pose_range.is_empty() {
             let ranges = card.pose_range.iter().map(|range| Value::from(vec![range.min, range.max]));

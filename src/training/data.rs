@@ -1,7 +1,8 @@
 //! Sessions, ready to be trained on.
 
+use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::load::TrainingLoader;
@@ -9,9 +10,9 @@ use super::report::SessionNotes;
 use super::{Request, TrainingError};
 use crate::config::Config;
 use crate::eval::Part;
-use crate::fusion::{ArtifactModel, ForceAxes, PoseRange};
+use crate::fusion::{ArtifactModel, ForceAxes, PoseRange, RegionTerms};
 use crate::observer::Observer;
-use crate::train::{ContactAxes, Dataset, Kind, Session, WindowSpec, fit_artifact, pose_range};
+use crate::train::{ContactAxes, Dataset, Kind, Session, TrainError, WindowSpec, fit_artifact, pose_range};
 
 /// Frames in a window; the paper's.
 const WINDOW: NonZeroUsize = NonZeroUsize::new(64).expect("it is above 0");
@@ -27,11 +28,20 @@ pub(super) struct Data {
     pub(super) notes: Vec<SessionNotes>,
     pub(super) rate_hz: f64,
     pub(super) glove: String,
-    /// Of the joints that a region needs; empty where it needs none.
+    /// Of the joints that a region needs; empty where it needs none, or where there are several regions.
     pub(super) pose_range: Vec<PoseRange>,
+    /// Of the region, where there is one.
     pub(super) artifact: Option<Arc<ArtifactModel>>,
+    /// By their names, where there are several.
+    pub(super) regions: BTreeMap<String, RegionTerms>,
     /// The axes of a force that has three.
     pub(super) axes: Option<ContactAxes>,
+}
+
+/// Which bags a region is trained on: those that have its true force.
+struct OfRegion<'c> {
+    loader: TrainingLoader<'c>,
+    bags: Vec<usize>,
 }
 
 impl Data {
@@ -42,37 +52,56 @@ impl Data {
         observer: &dyn Observer,
     ) -> Result<Self, TrainingError> {
         let kind = request.train.kind;
-        let mut loader = TrainingLoader::new(cfg, WINDOW, request.split, request.in_air.as_ref(), request.axes)?;
+        let cfgs: Vec<Config> = cfg.fusion().region_idxs().filter_map(|region| cfg.clone().only(region)).collect();
+        let mut loaded = of_regions(&cfgs, bags, request)?;
         note_on_axes(cfg, request, observer);
-        let n_passes = if kind == Kind::Adaptive { 2 } else { 1 };
-        let total = (n_passes * bags.len()) as u64;
-        let (mut artifact, mut ranges) = (None, Vec::new());
+        let is_one = loaded.len() == 1;
+        let n_reads = loaded.iter().map(|region| region.bags.len()).sum::<usize>() as u64;
+        let total = if kind == Kind::Adaptive { 2 * n_reads } else { n_reads };
+        let mut n_read = 0;
+        let mut count = || {
+            n_read += 1;
+            observer.progress(n_read, total);
+        };
+        let mut terms: BTreeMap<String, RegionTerms> = BTreeMap::new();
         if kind == Kind::Adaptive {
             // Once to learn what pose makes of the taxels, and once more by the core that takes it out.
-            let mut raw = Vec::new();
-            for (idx, bag) in bags.iter().enumerate() {
-                raw.push(loader.load(bag, observer)?.session);
-                observer.progress(idx as u64 + 1, total);
+            for OfRegion { loader, bags: of_region } in &mut loaded {
+                let mut raw = Vec::new();
+                for bag in &*of_region {
+                    raw.push(loader.load(&bags[*bag], observer)?.session);
+                    count();
+                }
+                let of_region = |error: TrainError| match is_one {
+                    true => TrainingError::Train(error),
+                    false => TrainingError::at(Path::new(&format!("region {}", loader.region())), &error),
+                };
+                let artifact = Arc::new(fit_artifact(&raw, loader.rate_hz()).map_err(of_region)?);
+                let (joints, name) = (loader.joints().to_vec(), loader.region().to_owned());
+                terms.insert(
+                    name,
+                    RegionTerms { joints, pose_range: pose_range(&raw), artifact: Arc::clone(&artifact) },
+                );
+                loader.take_out(artifact);
             }
-            let found = Arc::new(fit_artifact(&raw, loader.rate_hz())?);
-            artifact = Some(Arc::clone(&found));
-            ranges = pose_range(&raw);
-            loader = loader.with_artifact(found);
         }
-        let n_read = total - bags.len() as u64;
         let (mut sessions, mut notes): (Vec<Session>, Vec<SessionNotes>) = (Vec::new(), Vec::new());
-        for (idx, bag) in bags.iter().enumerate() {
-            let loaded = loader.load(bag, observer)?;
-            observer.progress(n_read + idx as u64 + 1, total);
-            notes.push(SessionNotes {
-                name: loaded.session.name().to_owned(),
-                user: loaded.notes.user,
-                glove: loaded.notes.glove,
-                synthetic: loaded.notes.synthetic,
-                frames: loaded.session.n_frames(),
-                frames_without_truth: loaded.n_without_truth,
-            });
-            sessions.push(loaded.session);
+        for OfRegion { loader, bags: of_region } in &loaded {
+            for &bag_idx in of_region {
+                let loaded = loader.load(&bags[bag_idx], observer)?;
+                count();
+                notes.push(SessionNotes {
+                    name: loaded.session.name().to_owned(),
+                    bag_idx,
+                    region: (!is_one).then(|| loader.region().to_owned()),
+                    user: loaded.notes.user,
+                    glove: loaded.notes.glove,
+                    synthetic: loaded.notes.synthetic,
+                    frames: loaded.session.n_frames(),
+                    frames_without_truth: loaded.n_without_truth,
+                });
+                sessions.push(loaded.session);
+            }
         }
         let glove =
             cfg.glove.clone().or_else(|| notes.iter().find_map(|notes| notes.glove.clone())).unwrap_or_default();
@@ -84,11 +113,14 @@ impl Data {
             needs_pose: kind.uses_pose(),
         };
         let dataset = Dataset::new(sessions, spec)?;
+        let (mut artifact, mut ranges) = (None, Vec::new());
         if kind.uses_pose() {
             ranges = dataset.pose_range();
+        } else if is_one && let Some((_, only)) = terms.pop_first() {
+            (artifact, ranges) = (Some(only.artifact), only.pose_range);
         }
-        let (rate_hz, axes) = (loader.rate_hz(), loader.axes());
-        let data = Data { dataset, notes, rate_hz, glove, pose_range: ranges, artifact, axes };
+        let (rate_hz, axes) = (loaded[0].loader.rate_hz(), loaded[0].loader.axes());
+        let data = Data { dataset, notes, rate_hz, glove, pose_range: ranges, artifact, regions: terms, axes };
         observer.note(&data.summary());
         Ok(data)
     }
@@ -99,8 +131,12 @@ impl Data {
 
     fn summary(&self) -> String {
         let n = self.notes.len();
+        let of_regions = match self.regions.len() {
+            0 => String::new(),
+            n => format!(" of {n} regions"),
+        };
         format!(
-            "{n} session{}{}: {} windows to train on; {} to pick the best step and {} kept for the test, which are every {EVAL_STRIDE}th of their parts",
+            "{n} session{}{}{of_regions}: {} windows to train on; {} to pick the best step and {} kept for the test, which are every {EVAL_STRIDE}th of their parts",
             if n == 1 { "" } else { "s" },
             if self.is_synthetic() { " (synthetic)" } else { "" },
             self.dataset.n_windows(Part::Train),
@@ -111,11 +147,10 @@ impl Data {
 
     /// The reading of a taxel under a light touch, on average.
     pub(super) fn touch_scale(&self) -> f32 {
-        let of = |artifact: &Arc<ArtifactModel>| {
-            let sum: f64 = artifact.touch.iter().map(|touch| touch.abs()).sum();
-            (LIGHT_TOUCH_GF * sum / artifact.n_taxels as f64) as f32
-        };
-        self.artifact.as_ref().map_or(1.0, of)
+        let artifacts = || self.artifact.iter().chain(self.regions.values().map(|terms| &terms.artifact));
+        let sum: f64 = artifacts().flat_map(|artifact| &artifact.touch).map(|touch| touch.abs()).sum();
+        let n_taxels: usize = artifacts().map(|artifact| artifact.n_taxels).sum();
+        if n_taxels == 0 { 1.0 } else { (LIGHT_TOUCH_GF * sum / n_taxels as f64) as f32 }
     }
 
     /// In words, for the model's own metadata.
@@ -124,6 +159,41 @@ impl Data {
         let what = if self.is_synthetic() { "synthetic sessions" } else { "sessions" };
         format!("{} {what}, data {}", self.notes.len(), &fingerprint[..16.min(fingerprint.len())])
     }
+}
+
+/// Each region with the bags that have its true force. A single region is trained on all bags, and refuses one without.
+fn of_regions<'c>(
+    cfgs: &'c [Config],
+    bags: &[PathBuf],
+    request: &'c Request,
+) -> Result<Vec<OfRegion<'c>>, TrainingError> {
+    let loader = |cfg| TrainingLoader::new(cfg, WINDOW, request.split, request.in_air.as_ref(), request.axes);
+    let loaders = cfgs.iter().map(loader).collect::<Result<Vec<_>, _>>()?;
+    let (first, others) = loaders.split_first().ok_or(TrainingError::SeveralRegions { n: 0, names: String::new() })?;
+    if let Some(other) = others.iter().find(|other| other.rate_hz() != first.rate_hz()) {
+        let [of_first, of_other] = [first, other].map(|loader| loader.region().to_owned());
+        let (first_hz, other_hz) = (first.rate_hz(), other.rate_hz());
+        return Err(TrainingError::Rates { first: of_first, other: of_other, first_hz, other_hz });
+    }
+    if others.is_empty() {
+        let every = |loader| OfRegion { loader, bags: (0..bags.len()).collect() };
+        return Ok(loaders.into_iter().map(every).collect());
+    }
+    let topics = bags.iter().map(|bag| TrainingLoader::topics(bag)).collect::<Result<Vec<_>, _>>()?;
+    let has = |bag: usize, loader: &TrainingLoader<'_>| topics[bag].contains(loader.truth_topic());
+    if let Some(bag) = (0..bags.len()).find(|bag| !loaders.iter().any(|loader| has(*bag, loader))) {
+        let topics = loaders.iter().map(TrainingLoader::truth_topic).collect::<Vec<_>>().join(", ");
+        return Err(TrainingError::NoTruthOfAny { path: bags[bag].display().to_string(), topics });
+    }
+    let of_region = |loader: TrainingLoader<'c>| {
+        let bags: Vec<usize> = (0..bags.len()).filter(|bag| has(*bag, &loader)).collect();
+        if bags.is_empty() {
+            let (region, topic) = (loader.region().to_owned(), loader.truth_topic().to_owned());
+            return Err(TrainingError::NoBag { region, topic });
+        }
+        Ok(OfRegion { loader, bags })
+    };
+    loaders.into_iter().map(of_region).collect()
 }
 
 /// Says that a true force of three axes is trained on for one only, where that is so.

@@ -41,6 +41,24 @@ pub enum TrainingError {
     SeveralRegions { n: usize, names: String },
     #[error("--region {name}: the parameters have {names}")]
     NoSuchRegion { name: String, names: String },
+    #[error("--region names {name} twice; give each region once")]
+    RegionTwice { name: String },
+    #[error("--kind {kind} is trained for one region; give one --region, or train --kind adaptive for several")]
+    OneRegion { kind: &'static str },
+    #[error(
+        "{path}: has no true force of any of these regions: it has no topic {topics}; leave the bag out, or name other regions"
+    )]
+    NoTruthOfAny { path: String, topics: String },
+    #[error("region {region}: no bag has a true force of it; leave it out of --region, or add a bag with {topic}")]
+    NoBag { region: String, topic: String },
+    #[error(
+        "regions {first} and {other} are trained for {first_hz} and {other_hz} frames/s; give both model.*.rate_hz alike"
+    )]
+    Rates { first: String, other: String, first_hz: f64, other_hz: f64 },
+    #[error(
+        "--hold-out needs one model for all regions of --region in the parameters, because it scores them by it; they have {n}"
+    )]
+    HoldOutModels { n: usize },
     #[error(
         "region.{region}.joints is empty and --kind {kind} needs joint angles; name the joints, or train --kind tactile-only"
     )]

@@ -1,6 +1,6 @@
 //! A model without each user, or without each donning, scored on what it never saw.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -77,9 +77,12 @@ pub fn hold_out(
         let fold = Request { output: fold_path(&request.output, group), ..request.clone() };
         fold.check()?;
         observer.note(&format!("without {what} {group}"));
+        let bags_out: BTreeSet<usize> = left_out.iter().map(|idx| sessions[*idx].bag_idx).collect();
         let kept: Vec<PathBuf> =
-            (0..bags.len()).filter(|idx| !left_out.contains(idx)).map(|idx| bags[idx].clone()).collect();
-        let names: Vec<String> = left_out.iter().map(|idx| sessions[*idx].name.clone()).collect();
+            (0..bags.len()).filter(|bag| !bags_out.contains(bag)).map(|bag| bags[bag].clone()).collect();
+        // A bag with several regions is there once for each.
+        let names: BTreeSet<String> = left_out.iter().map(|idx| sessions[*idx].name.clone()).collect();
+        let names: Vec<String> = names.into_iter().collect();
         train_without(cfg, &kept, &fold, &names, observer, on_step)?;
     }
     let scoring = evaluate::Request {
@@ -92,6 +95,15 @@ pub fn hold_out(
     let by = if hold_out == HoldOut::Users { GroupBy::User } else { GroupBy::Session };
     let scores = scored.models.last().and_then(|model| model.by.get(by.name())).cloned().unwrap_or_default();
     Ok(HeldOutScores { hold_out, n_groups: groups.len(), synthetic: scored.synthetic, scores })
+}
+
+/// Refuses to begin where the regions have models of their own in the parameters: [`hold_out`] scores them by one.
+///
+/// # Errors
+/// [`TrainingError::HoldOutModels`].
+pub fn check_hold_out(cfg: &Config) -> Result<(), TrainingError> {
+    let models: BTreeSet<_> = cfg.fusion().regions().iter().map(|region| region.model).collect();
+    if models.len() > 1 { Err(TrainingError::HoldOutModels { n: models.len() }) } else { Ok(()) }
 }
 
 /// Refuses to begin where a fold of the model is there already.

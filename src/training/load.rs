@@ -1,5 +1,6 @@
 //! From bags to sessions that can be trained on: every column by the core that also runs live.
 
+use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::Arc;
@@ -69,9 +70,14 @@ impl<'c> TrainingLoader<'c> {
         Ok(TrainingLoader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air, axes })
     }
 
-    /// The same, of taxels that this artifact was taken out of, followed as while the glove is worn.
-    pub(super) fn with_artifact(self, artifact: Arc<ArtifactModel>) -> Self {
-        TrainingLoader { artifact: Some(artifact), ..self }
+    /// From now on taxels are those that this artifact was taken out of, followed as while the glove is worn.
+    pub(super) fn take_out(&mut self, artifact: Arc<ArtifactModel>) {
+        self.artifact = Some(artifact);
+    }
+
+    /// Joints of its region, in their order, as the model is to name them.
+    pub(super) fn joints(&self) -> &[String] {
+        &self.cfg.fusion().regions()[self.region_idx].joints
     }
 
     /// The axes of a force that has three.
@@ -82,6 +88,22 @@ impl<'c> TrainingLoader<'c> {
     /// Model frames a second.
     pub(super) fn rate_hz(&self) -> f64 {
         self.rate_hz
+    }
+
+    /// Name of its region.
+    pub(super) fn region(&self) -> &str {
+        &self.cfg.fusion().regions()[self.region_idx].name
+    }
+
+    /// Topic of the true force.
+    pub(super) fn truth_topic(&self) -> &str {
+        &self.cfg.truth()[self.truth_idx].name
+    }
+
+    /// Topics of a bag.
+    pub(super) fn topics(bag: &Path) -> Result<BTreeSet<String>, TrainingError> {
+        let reader = BagReader::open(&[bag.to_path_buf()])?;
+        Ok(reader.channels().iter().map(|channel| channel.topic.clone()).collect())
     }
 
     /// Reads one bag.

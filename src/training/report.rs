@@ -24,6 +24,12 @@ const TEST_BATCH: usize = 4096;
 pub struct SessionNotes {
     /// Its name.
     pub name: String,
+    /// Position of its bag among those that were given.
+    #[serde(skip)]
+    pub bag_idx: usize,
+    /// Its region, where the model serves several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
     /// The wearer, where the recording says so.
     pub user: Option<String>,
     /// The glove, where the recording says so.

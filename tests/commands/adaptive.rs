@@ -267,6 +267,115 @@ fn the_model_is_inspected_as_what_it_is_and_runs_alike_in_both_runtimes() {
     assert!(ort.len() == rten.len() && alike);
 }
 
+/// Parameters of the synthetic hand whose fingers of these names have one model.
+fn write_hand(folder: &Path, fingers: &str) {
+    let hand = fs::read_to_string(format!("{ROOT}/params/hand1.yaml")).unwrap();
+    let mut text = hand.replace("regions: [index, middle, ring, little, thumb]", &format!("regions: [{fingers}]"));
+    for finger in ["index", "middle", "ring", "little", "thumb"] {
+        text = text.replace(&format!("        model: {finger}\n"), "        model: hand\n");
+        text = text.replace(
+            &format!("      {finger}: {{path: ../models/hand1_{finger}_adaptive.onnx, glove: synthetic-hand1}}\n"),
+            if finger == "index" { "      hand: {path: hand.onnx}\n" } else { "" },
+        );
+        if !fingers.contains(finger) {
+            let begin = text.find(&format!("      {finger}:\n        model: hand\n")).unwrap();
+            let end = begin + text[begin..].find(&format!("truth: {finger}_cell\n")).unwrap();
+            text.replace_range(begin..end + format!("truth: {finger}_cell\n").len(), "");
+        }
+    }
+    fs::write(folder.join("hand.yaml"), text).unwrap();
+}
+
+#[test]
+fn one_model_serves_several_regions_each_with_what_pose_makes_of_its_own_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // The load cell is under the index finger in the first session, under the middle finger in the second.
+    let simulate = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "2", "--minutes", "6", "--seed", "7"];
+    tpf(folder, &[&simulate[..], &["-o", "bags"]].concat()).ok();
+    write_hand(folder, "index, middle, ring");
+    let train = |region: &str, output: &str, more: &[&str]| {
+        let train = ["train", "bags", "--params-file", "hand.yaml", "--kind", "adaptive", "--region", region];
+        tpf(folder, &[&train[..], &["-o", output, "--steps", "300", "--batch", "16"], more].concat())
+    };
+    for (region, more, expected) in [
+        ("index,middle,ring", &[][..], "region ring: no bag has a true force of it"),
+        ("index,index", &[], "--region names index twice"),
+        ("index,nose", &[], "--region nose: the parameters have index, middle, ring"),
+        ("index,middle", &["--kind", "pose-aware"], "--kind pose-aware is trained for one region"),
+    ] {
+        let more: Vec<&str> = more.to_vec();
+        let asked = ["train", "bags", "--params-file", "hand.yaml", "--region", region, "-o", "no.onnx"];
+        let kind: &[&str] = if more.is_empty() { &["--kind", "adaptive"] } else { &more };
+        let refused = tpf(folder, &[&asked[..], kind].concat());
+        assert!(refused.failure().starts_with(expected), "{refused:?}");
+    }
+    let own = format!("{ROOT}/params/hand1.yaml");
+    let asked =
+        ["train", "bags", "--params-file", &own, "--region", "index,middle", "--kind", "adaptive", "-o", "no.onnx"];
+    let refused = tpf(folder, &[&asked[..], &["--hold-out", "donnings"]].concat());
+    assert!(refused.failure().starts_with("--hold-out needs one model for all regions"), "{refused:?}");
+
+    let run = train("index,middle", "hand.onnx", &[]).ok();
+    assert!(run.stderr.contains("2 sessions (synthetic) of 2 regions"), "{run:?}");
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("hand.report.json")).unwrap()).unwrap();
+    let trained: Vec<_> = report["sessions"].as_array().unwrap().iter().map(|session| &session["region"]).collect();
+    assert_eq!(trained, ["index", "middle"]);
+    // Each region has what it would have alone.
+    let metadata = |model: &str| tpf(folder, &["inspect", model, "--json"]).ok().json()[0]["metadata"].clone();
+    let json =
+        |text: &serde_json::Value| -> serde_json::Value { serde_json::from_str(text.as_str().unwrap()).unwrap() };
+    let regions = json(&metadata("hand.onnx")["regions"]);
+    tpf(
+        folder,
+        &[
+            "train",
+            "bags/hand1_user01_session2",
+            "--params-file",
+            "hand.yaml",
+            "--kind",
+            "adaptive",
+            "--region",
+            "middle",
+            "-o",
+            "middle.onnx",
+            "--steps",
+            "2",
+            "--batch",
+            "16",
+        ],
+    )
+    .ok();
+    assert_eq!(regions["middle"]["artifact"], json(&metadata("middle.onnx")["artifact"]));
+    assert_eq!(regions["middle"]["joints"], json(&metadata("middle.onnx")["joints"]));
+    assert_ne!(regions["middle"]["artifact"], regions["index"]["artifact"]);
+    let told = tpf(folder, &["inspect", "hand.onnx"]).ok().stdout;
+    assert!(told.contains("region middle its joints: middle_dip, middle_pip"), "{told}");
+
+    // A region that it was not trained on is refused; the others have forces, and scores.
+    let replay = ["replay", "bags/hand1_user01_session2", "--params-file", "hand.yaml", "-o", "out.mcap", "--json"];
+    let refused = tpf(folder, &replay);
+    assert!(refused.failure().contains("region.ring: its model is of the regions index, middle"), "{refused:?}");
+    write_hand(folder, "index, middle");
+    let summary = tpf(folder, &[&replay[..], &["-p", "calibration.insist:=true"]].concat()).ok().json();
+    for region in 0..2 {
+        assert!(summary["regions"][region]["estimates"].as_u64().unwrap() > 20_000, "{summary:#}");
+    }
+    let states: Vec<ContactState> = states(folder);
+    let learned =
+        |name: &str| states.iter().any(|s| s.region == name && s.adaptation == ContactState::ADAPTATION_LEARNING);
+    assert!(learned("index") && learned("middle"));
+    let scored = ["eval", "bags", "--params-file", "hand.yaml", "--json", "-p", "calibration.insist:=true"];
+    let scored = tpf(folder, &scored).ok().json();
+    assert_eq!(scored["table"]["gloves"], serde_json::json!(["hand1/index", "hand1/middle"]));
+    // A parameter file for the whole hand can't be made for it.
+    let init = ["init", "bags/hand1_user01_session2", "--model", "hand.onnx", "--yes", "-o", "made.yaml"];
+    let made = tpf(folder, &init);
+    let expected = "hand.onnx was trained on the regions index, middle, and ring is none of them";
+    assert!(made.failure().contains(expected), "{made:?}");
+}
+
 #[test]
 fn training_without_joints_says_what_is_missing() {
     let folder = trained();

@@ -290,10 +290,14 @@ fn a_hand_replays_and_is_scored_finger_by_finger() {
     let bag = "hand/hand1_user01_session2";
     let replay = ["replay", bag, "--params-file", params, "-o", "out.mcap", "--json"];
     let summary = tpf(folder, &replay).ok().json();
-    for (region, name) in ["index", "middle", "ring", "little", "thumb"].into_iter().enumerate() {
-        let of_region = &summary["regions"][region];
-        assert_eq!(of_region["name"], name);
-        assert!(of_region["estimates"].as_u64().unwrap() > 9_000, "{of_region:#}");
+    let shared = format!("{ROOT}/params/hand1_shared.yaml"); // one model for all fingers
+    let replay = ["replay", bag, "--params-file", &shared, "-o", "shared.mcap", "--json"];
+    for summary in [summary, tpf(folder, &replay).ok().json()] {
+        for (region, name) in ["index", "middle", "ring", "little", "thumb"].into_iter().enumerate() {
+            let of_region = &summary["regions"][region];
+            assert_eq!(of_region["name"], name);
+            assert!(of_region["estimates"].as_u64().unwrap() > 9_000, "{of_region:#}");
+        }
     }
     let scored = ["eval", "hand", "--whole", "--json", "--params-file", params];
     let scored = tpf(folder, &scored).ok().json();

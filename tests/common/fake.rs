@@ -35,6 +35,7 @@ pub fn contract(window: usize, n_taxels: usize, n_joints: usize) -> Contract {
         artifact: None,
         pose_range: None,
         mdf: None,
+        regions: Default::default(),
     }
 }
 

@@ -47,7 +47,7 @@ fn graph(model: &mut ModelProto) -> &mut GraphProto {
 #[test]
 fn every_shipped_model_is_run_by_our_own_code() {
     let shipped = models_in("models");
-    assert_eq!(shipped.len(), 14, "{shipped:?}");
+    assert_eq!(shipped.len(), 15, "{shipped:?}");
     for path in shipped {
         let info = load(&path, BackendChoice::Auto).unwrap().info;
         assert_eq!(runs(&info), RuntimeName::Builtin, "{} {:?}", path.display(), info.not_builtin);

@@ -184,6 +184,7 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
                 joints: ["a", "b", "c"].map(str::to_owned).to_vec(),
                 pose_range: Vec::new(),
                 artifact: (kind == Kind::Adaptive).then(artifact),
+                regions: Default::default(),
                 touch: None,
                 held_out: Vec::new(),
                 glove: "test".to_owned(),

@@ -3,15 +3,18 @@
 use crate::common;
 use crate::train_common;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use common::parity::Parity;
 use serde_json::json;
 use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::fusion::{
-    ARTIFACT_BASIS, ArtifactModel, ForceAxes, ForceUnit, Forces, PoseRange, TouchLevels, TouchOutput, Windows,
+    ARTIFACT_BASIS, ArtifactModel, ForceAxes, ForceUnit, Forces, PoseRange, RegionTerms, TouchLevels, TouchOutput,
+    Windows,
 };
 use tactile_pose_fusion::model::{self, BackendChoice, ModelError, ModelSpec};
 use tactile_pose_fusion::train::*;
@@ -28,6 +31,7 @@ fn card(kind: Kind) -> ModelCard {
         pose_range: joints.iter().map(|_| PoseRange { min: -0.5, max: 1.5 }).collect(),
         joints,
         artifact: (kind == Kind::Adaptive).then(artifact),
+        regions: BTreeMap::new(),
         touch: (kind == Kind::Adaptive).then(touch),
         held_out: Vec::new(),
         glove: "bench".into(),
@@ -226,6 +230,46 @@ fn an_adaptive_model_tells_its_artifact_and_needs_one() {
     let without = ModelCard { artifact: None, ..card(Kind::Adaptive) };
     let refused = onnx_model(&network, &without, GraphForm::Fast).unwrap_err().to_string();
     assert!(refused.contains("needs its artifact model"), "{refused}");
+}
+
+#[test]
+fn a_model_of_several_regions_has_the_terms_of_each_and_of_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.onnx");
+    let (network, _) = trained(Kind::Adaptive);
+    let of_one = card(Kind::Adaptive);
+    let terms = |slip: f64, joints: [&str; 2]| RegionTerms {
+        joints: joints.map(str::to_owned).to_vec(),
+        pose_range: of_one.pose_range.clone(),
+        artifact: Arc::new(ArtifactModel { slip, ..artifact() }),
+    };
+    let regions: BTreeMap<String, RegionTerms> =
+        [("index", terms(0.1, ["a", "b"])), ("thumb", terms(0.2, ["c", "d"]))].map(|(n, t)| (n.to_owned(), t)).into();
+    let card = ModelCard {
+        regions: regions.clone(),
+        artifact: None,
+        joints: Vec::new(),
+        pose_range: Vec::new(),
+        ..of_one.clone()
+    };
+    std::fs::write(&path, onnx_model(&network, &card, GraphForm::Fast).unwrap()).unwrap();
+    let contract = model::inspect(&path).unwrap().contract;
+    assert_eq!(contract.regions, regions, "to the last bit");
+    assert!(contract.artifact.is_none() && contract.joints.is_none() && contract.pose_range.is_none());
+    assert!(contract.has_artifact());
+    assert_eq!(contract.n_region_joints(), 2);
+    let of_thumb = contract.of_region("thumb").unwrap();
+    assert_eq!(of_thumb.artifact.as_ref().unwrap().slip, 0.2);
+    assert_eq!(of_thumb.joints.as_deref(), Some(&["c".to_owned(), "d".to_owned()][..]));
+    assert_eq!(of_thumb.pose_range.as_ref().unwrap().len(), 2);
+    assert!(contract.of_region("ring").is_none());
+    // In place of those of one region, and only where pose is taken out of taxels.
+    for (card, kind) in
+        [(ModelCard { artifact: of_one.artifact, ..card.clone() }, Kind::Adaptive), (card, Kind::PoseAware)]
+    {
+        let refused = onnx_model(&trained(kind).0, &card, GraphForm::Fast).unwrap_err().to_string();
+        assert!(refused.contains("regions are for an adaptive network"), "{refused}");
+    }
 }
 
 #[test]

@@ -141,7 +141,7 @@ def train(
     params: Parameters | Path,
     *,
     kind: Literal["pose-aware", "tactile-only", "early-fusion", "adaptive"] = "pose-aware",
-    region: str | None = None,
+    region: Union[str, Sequence[str], None] = None,
     truth: str | None = None,
     steps: int | None = None,
     epochs: float | None = None,
@@ -175,7 +175,8 @@ def train(
         params: A parameter file, or `Parameters`.
         kind: What to train: `"adaptive"` follows the artifact of pose while the glove is worn, `"pose-aware"` is the
             paper's network, the others are what it is compared with.
-        region: Which region of the parameters to train for, where they have several.
+        region: Which region of the parameters to train for, where they have several. For `"adaptive"` also several, which
+            the model then serves: what pose makes of the taxels is learned for each.
         truth: Topic of the true force instead of the one in the parameters.
         steps: Steps in all; without it 5000, and 20000 for `"adaptive"`.
         epochs: Passes over the training windows, in place of `steps`.
@@ -211,7 +212,7 @@ def train(
     """
     training = {
         "kind": kind,
-        "region": region,
+        "regions": [region] if isinstance(region, str) else list(region or ()),
         "truth": truth,
         "steps": steps,
         "epochs": epochs,

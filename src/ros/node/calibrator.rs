@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::config::Config;
 use crate::fusion::{
     ArtifactFit, Baseline, BaselineBuilder, CalibrationLimits, Contract, Event, Fusion, JointSample, JointSourceIdx,
-    TactileBlock, TactileSource, TactileSourceIdx,
+    RegionConfig, TactileBlock, TactileSource, TactileSourceIdx,
 };
 use crate::msg::{CalibrateFeedback, CalibrateResult, Duration as WireDuration};
 use crate::units::{NANOS_PER_SEC, Newton, Stamp, nanos};
@@ -221,8 +221,11 @@ impl Calibrator {
         limits: CalibrationLimits,
         before: &[Option<ArtifactFit>],
     ) -> Result<Vec<Option<ArtifactFit>>, ZeroError> {
-        let of_region = |contract: &Contract| contract.artifact.clone().map(|artifact| (artifact, contract.rate_hz));
-        let artifacts: Vec<_> = judge.contracts().map(of_region).collect();
+        let of_region = |(contract, region): (&Contract, &RegionConfig)| {
+            let contract = contract.of_region(&region.name)?;
+            Some((contract.artifact.clone()?, contract.rate_hz))
+        };
+        let artifacts: Vec<_> = judge.contracts().zip(judge.config().regions()).map(of_region).collect();
         let rest = vec![vec![EVER]; baselines.len()];
         let times = ArtifactTimes { most: self.duration, least_s: limits.min_s };
         let mut collector = ArtifactCollector::new(self.cfg.fusion(), &artifacts, baselines, &rest, times)?;

@@ -28,9 +28,10 @@ pub(super) struct Args {
     params: ParamArgs,
     #[command(flatten)]
     in_air: InAirArgs,
-    /// Which region of the parameters to train for, where they have several
-    #[arg(long, value_name = "NAME")]
-    region: Option<String>,
+    /// Which region of the parameters to train for, where they have several. For adaptive also several of them, which the model
+    /// then serves: what pose makes of the taxels is learned for each
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    region: Vec<String>,
     /// Topic of the true force, instead of the one in the parameters
     #[arg(long, value_name = "TOPIC")]
     truth: Option<String>,
@@ -168,7 +169,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let kind = request.train.kind;
     let cfg = args.params.load_with_truth(args.truth.as_deref())?;
-    let cfg = training::for_region(cfg, args.region.as_deref(), kind)?;
+    let cfg = training::for_regions(cfg, &args.region, kind)?;
+    if args.hold_out.is_some() {
+        training::check_hold_out(&cfg)?;
+    }
     interrupt::listen();
     let bags = find_bags(&args.bags)?;
     let shown = Shown { bar: Mutex::new(None), kind };

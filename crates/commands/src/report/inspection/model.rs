@@ -32,15 +32,19 @@ pub fn text(model: &ModelInfo) -> String {
     );
     line("window", &format!("{} frames", contract.window));
     line("taxels", &contract.n_taxels.to_string());
+    for (name, terms) in &contract.regions {
+        line(&format!("region {}", printable(name)), &format!("its joints: {}", terms.joints.join(", ")));
+    }
     line(
         "joints",
         &match (&contract.joints, contract.n_region_joints()) {
+            _ if !contract.regions.is_empty() => "of each region, as above".to_owned(),
             (_, 0) => "none: a model without pose".to_owned(),
             (Some(joints), n) => format!("{n}: {}", joints.join(", ")),
             (None, n) => format!("{n}, which the model doesn't name"),
         },
     );
-    if contract.artifact.is_some() {
+    if contract.has_artifact() {
         line("artifact", "told: what these joints make of the taxels is taken out of them, and followed");
     }
     line("rate", &format!("{} Hz, {}", number(contract.rate_hz), origin(model.rate_from)));
@@ -49,7 +53,7 @@ pub fn text(model: &ModelInfo) -> String {
         line("force", "three axes: x, y, z in the frame of the patch; contact is decided on the part along its normal");
     }
     let base = match (contract.has_base, contract.n_joints) {
-        (false, 0) if contract.artifact.is_some() => {
+        (false, 0) if contract.has_artifact() => {
             "not given: where pose is missing, the artifact of the last angles is used"
         }
         (true, _) => "given: force of the tactile branch alone, used where pose is missing",
