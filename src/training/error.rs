@@ -37,7 +37,9 @@ pub enum TrainingError {
     Cancelled(#[from] Cancelled),
     #[error("{path}: {reason}")]
     At { path: String, reason: String },
-    #[error("the parameters have {n} regions, a model is trained for one: give --region {names}")]
+    #[error(
+        "the parameters have {n} regions; give --region with the one to train for, of {names}; --kind adaptive takes several"
+    )]
     SeveralRegions { n: usize, names: String },
     #[error("--region {name}: the parameters have {names}")]
     NoSuchRegion { name: String, names: String },
