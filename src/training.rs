@@ -167,8 +167,8 @@ impl Request {
 /// The configuration of the named regions, or of the only one, without joints where the network takes none.
 ///
 /// # Errors
-/// [`TrainingError`] where the parameters have several regions and none is named, none of that name, no joints that
-/// the network needs, or where several are named for a network that serves one.
+/// [`TrainingError`] where the parameters have several regions and none is named, none of that name, one twice, or no joints
+/// that the network needs.
 pub fn for_regions(cfg: Config, named: &[String], kind: Kind) -> Result<Config, TrainingError> {
     let names = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect::<Vec<_>>().join(", ");
     let mut found = Vec::new();
@@ -183,8 +183,6 @@ pub fn for_regions(cfg: Config, named: &[String], kind: Kind) -> Result<Config, 
     match (found.len(), cfg.fusion().regions().len()) {
         (0, 1) => found.push(RegionIdx::at(0)),
         (0, n) => return Err(TrainingError::SeveralRegions { n, names }),
-        (1, _) => {}
-        _ if kind != Kind::Adaptive => return Err(TrainingError::OneRegion { kind: kind.name() }),
         _ => {}
     }
     let Some(only) = cfg.only_these(&found) else {

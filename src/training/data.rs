@@ -179,6 +179,9 @@ fn of_regions<'c>(
         let every = |loader| OfRegion { loader, bags: (0..bags.len()).collect() };
         return Ok(loaders.into_iter().map(every).collect());
     }
+    if request.train.kind != Kind::Adaptive {
+        return Err(TrainingError::OneRegion { kind: request.train.kind.name() });
+    }
     let topics = bags.iter().map(|bag| TrainingLoader::topics(bag)).collect::<Result<Vec<_>, _>>()?;
     let has = |bag: usize, loader: &TrainingLoader<'_>| topics[bag].contains(loader.truth_topic());
     if let Some(bag) = (0..bags.len()).find(|bag| !loaders.iter().any(|loader| has(*bag, loader))) {
