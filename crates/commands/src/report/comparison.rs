@@ -86,6 +86,7 @@ fn apart_by(distance: f64, of: &FieldValue) -> String {
     match of {
         FieldValue::Force(_) => format!("{distance:.3e} N"),
         FieldValue::Nanos(_) => format!("{:.3} ms", distance * 1e-6),
+        FieldValue::Wrench(_) => format!("{distance:.3e} N or N m"),
         _ => format!("{distance:.3e}"),
     }
 }
@@ -105,7 +106,10 @@ fn at(moment: &Moment) -> String {
 fn value(value: &FieldValue) -> String {
     match value {
         FieldValue::Force(force) => format!("{force:.6} N"),
-        FieldValue::Wrench(wrench) => wrench.map(|part| format!("{part:.6}")).join(" "),
+        FieldValue::Wrench(wrench) => {
+            let [x, y, z, about_x, about_y, about_z] = wrench.map(|part| format!("{part:.6}"));
+            format!("{x} {y} {z} N, {about_x} {about_y} {about_z} N m")
+        }
         FieldValue::Nanos(nanos) => Stamp(*nanos).to_string(),
         FieldValue::State(state) => state.to_string(),
         FieldValue::Bits(bits) => Flags::from_bits(*bits).to_string(),
