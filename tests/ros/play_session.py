@@ -83,7 +83,22 @@ while not matched():
     rclpy.spin_once(node, timeout_sec=0.05)
 time.sleep(3.0)  # the node's half of discovery has no event here; on a busy machine it takes a while
 
-first = None
+# The most frames on their way at once: on a busy machine, more than a history holds would be lost. And how long to wait for
+# answers in all, s: frames may have none.
+AHEAD, PATIENCE_S = 300, 60
+waited_s = 0.0
+
+
+def wait_for_answers(n_frames):
+    global waited_s
+    began = time.monotonic()
+    while n_frames - len(wrenches) > AHEAD and waited_s + time.monotonic() - began < PATIENCE_S:
+        receive()
+        time.sleep(0.0005)
+    waited_s += time.monotonic() - began
+
+
+first, n_frames = None, 0
 started = time.monotonic()
 for topic, log_time, message in bag.samples(bag_path, taxels, joints):
     first = log_time if first is None else first
@@ -91,6 +106,8 @@ for topic, log_time, message in bag.samples(bag_path, taxels, joints):
     while time.monotonic() - started < (log_time - first) * 1e-9 / speed:
         receive()
         time.sleep(0.0005)
+    wait_for_answers(n_frames)
+    n_frames += topic == taxels
     stamp = message.header.stamp
     if who == "cyclone":
         header = messages.Header(messages.Time(stamp.sec, stamp.nanosec), "")
@@ -107,9 +124,12 @@ for topic, log_time, message in bag.samples(bag_path, taxels, joints):
         out = JointState(name=list(message.name), position=list(message.position))
         out.header.stamp.sec, out.header.stamp.nanosec = stamp.sec, stamp.nanosec
         joint_publisher.publish(out)
-quiet = time.monotonic() + 1.0
-while time.monotonic() < quiet:
+ended = time.monotonic()
+quiet, n_answers = ended + 1.0, 0
+while time.monotonic() < min(quiet, ended + 60):
     receive()
+    if n_answers != len(wrenches) + len(contacts):
+        quiet, n_answers = time.monotonic() + 1.0, len(wrenches) + len(contacts)
     time.sleep(0.002)
 print(json.dumps({"wrenches": wrenches, "contacts": contacts}))
 rclpy.shutdown()
