@@ -13,7 +13,11 @@ use crate::fusion::{Contract, SharedWindows};
 const N: usize = 3;
 
 /// Forces in batches of 1 and of 3 may differ by rounding, because kernels for other sizes add in another order.
-const BATCH_TOLERANCE: f32 = 1e-4; // of the largest force of the trial
+/// Share of the largest force of the trial, or of the force that its readings would have by the steepest slope of all trials.
+const BATCH_TOLERANCE: f32 = 1e-4;
+
+/// Readings up to this size give log odds of touch whose rounding changes no probability by more than the tolerance.
+const USUAL_READING: f32 = 4095.0;
 
 /// A base that doesn't depend on the pose has the same bits for any pose. The tolerance leaves room for graph
 /// optimizers.
@@ -33,7 +37,7 @@ const WINDOW_NAMES: [&str; N] = ["a small trial window", "a window of zeros", "a
 /// [`ModelError::Runtime`], [`ModelError::NonFiniteOutput`], [`ModelError::NoProbability`], [`ModelError::MixesWindows`],
 /// [`ModelError::Convention`].
 pub(super) fn check(path: &Path, session: &mut InferenceSession, terms: &Terms) -> Result<Vec<String>, ModelError> {
-    let (mut base_moves, mut notes) = (false, Vec::new());
+    let (mut base_moves, mut notes, mut slope) = (false, Vec::new(), 0.0_f32);
     for (idx, scale) in SCALES.iter().enumerate() {
         let trial = Trial::new(&terms.contract, scale);
         let names = terms.tensors.outputs();
@@ -59,12 +63,19 @@ pub(super) fn check(path: &Path, session: &mut InferenceSession, terms: &Terms) 
             check_probability(path, &names[touch_idx], &batched[touch_idx])?;
         }
         let forces = batched.iter().enumerate().filter(|(idx, _)| Some(*idx) != touch_idx);
-        let forces = forces.flat_map(|(_, output)| output).filter(|value| value.is_finite());
-        let largest = forces.fold(SMALLEST_SCALE, |largest, value| largest.max(value.abs()));
+        let forces: Vec<&Vec<f32>> = forces.map(|(_, output)| output).collect();
+        if scale.most() >= 1.0 {
+            slope = forces.iter().fold(slope, |slope, output| slope.max(moved_from_zero(output) / scale.most()));
+        }
+        let finite = forces.into_iter().flatten().filter(|value| value.is_finite());
+        let largest = finite.fold(SMALLEST_SCALE, |largest, value| largest.max(value.abs()));
+        // Terms that large may cancel, and rounding is a share of the terms.
+        let largest_terms = largest.max(slope * scale.most());
+        let largest_odds = (scale.most() / USUAL_READING).max(1.0);
         for window_idx in 0..N {
             let alone = run(path, session, names.len(), trial.window(window_idx))?;
             for (idx, ((name, batched), alone)) in names.iter().zip(&batched).zip(&alone).enumerate() {
-                let size = if Some(idx) == touch_idx { 1.0 } else { largest };
+                let size = if Some(idx) == touch_idx { largest_odds } else { largest_terms };
                 let batched = batched.chunks(session.axes_of(idx)).nth(window_idx).unwrap_or_default();
                 let mut pairs = batched.iter().copied().zip(alone.iter().copied());
                 if let Some((batched, alone)) =
@@ -139,6 +150,14 @@ fn differ(a: f32, b: f32, tolerance: f32) -> bool {
         (true, true) => (a - b).abs() > tolerance,
         (a, b) => a != b,
     }
+}
+
+/// How far the largest force of a batch lies from that of its window of zeros.
+fn moved_from_zero(output: &[f32]) -> f32 {
+    let of_window = output.len() / N;
+    let zero = output[of_window..].iter().take(of_window).cycle();
+    let moved = output.iter().zip(zero).map(|(force, zero)| (force - zero).abs());
+    moved.filter(|moved| moved.is_finite()).fold(0.0, f32::max)
 }
 
 /// Checks the paper's convention: the residual branch predicts the artifact, which is subtracted.

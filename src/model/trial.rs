@@ -11,6 +11,13 @@ pub(super) struct Scale {
     angles: Angles,
 }
 
+impl Scale {
+    /// The largest reading, of either sign.
+    pub(super) fn most(&self) -> f32 {
+        self.taxels[0].abs().max(self.taxels[1].abs())
+    }
+}
+
 /// Range of the joint angles.
 enum Angles {
     /// Range of the training data, or ±0.5 rad if the model doesn't give it.
