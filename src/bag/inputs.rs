@@ -47,6 +47,14 @@ pub struct InputTopics {
     pub message_definitions: Option<PathBuf>,
 }
 
+impl InputTopics {
+    /// Those of taxels and of annotations alone.
+    pub fn taxels_alone(self) -> Self {
+        let none = BTreeSet::new();
+        InputTopics { joints: vec![], truth: vec![], joint_sources: vec![], needed: none, ..self }
+    }
+}
+
 /// A part of a message, as the core or its judge takes it.
 #[derive(Debug, Clone)]
 pub enum Input<'a> {
@@ -105,6 +113,8 @@ pub struct Inputs {
     roles: BTreeMap<usize, (String, Vec<Role>)>,
     counters: BTreeMap<String, TopicCounters>,
     joint_names: BTreeSet<String>,
+    /// One a joint source.
+    joints: Vec<JointNames>,
     /// One a joint source, of the joints that are needed.
     angles: Vec<AngleWatch>,
     /// One a joint source: what `/tf` and `/tf_static` tell.
@@ -113,6 +123,28 @@ pub struct Inputs {
     message: MessageParts,
     /// By source: messages that were for it, and the others.
     shares: BTreeMap<(&'static str, usize), Share>,
+}
+
+/// The names of a source's message, which mostly are those of the one before.
+#[derive(Debug, Clone, Default)]
+struct JointNames {
+    names: Vec<String>,
+    /// Positions of those that some region needs.
+    needed: Vec<usize>,
+}
+
+impl JointNames {
+    /// Takes the names of a message. Returns whether they are others than before.
+    fn differ(&mut self, names: &[String], needed: &BTreeSet<String>) -> bool {
+        if self.names == names {
+            return false;
+        }
+        names.clone_into(&mut self.names);
+        let positions =
+            names.iter().enumerate().filter(|(_, name)| needed.contains(*name)).map(|(position, _)| position);
+        self.needed = positions.collect();
+        true
+    }
 }
 
 #[derive(Debug)]
@@ -142,10 +174,12 @@ impl Inputs {
         }
         let angles = topics.joint_sources.iter().map(|source| AngleWatch::new(source.scale)).collect();
         let frames = topics.joints.iter().map(|_| FrameStore::default()).collect();
+        let n_joint_sources = topics.joint_sources.len();
         let mut inputs = Inputs {
             topics,
             definitions: reader.definitions().clone(),
             angles,
+            joints: vec![JointNames::default(); n_joint_sources],
             roles: BTreeMap::new(),
             counters: BTreeMap::new(),
             joint_names: BTreeSet::new(),
@@ -186,16 +220,17 @@ impl Inputs {
             },
             Role::Samples(binding) => match binding.decode(message.data, received) {
                 Ok(event) => {
-                    let names = if let Event::Joints(sample) = &event { sample.names } else { &[] };
                     if let Event::Joints(sample) = &event {
-                        let needed = &self.topics.needed;
-                        let angles = sample.names.iter().map(String::as_str).zip(sample.positions.iter().copied());
-                        self.angles[sample.source.position()].handle(angles.filter(|(name, _)| needed.contains(*name)));
-                    }
-                    for name in names {
-                        if self.joint_names.len() < MAX_JOINT_NAMES && !self.joint_names.contains(name) {
-                            self.joint_names.insert(name.clone());
+                        let joints = &mut self.joints[sample.source.position()];
+                        if joints.differ(sample.names, &self.topics.needed) {
+                            let left = MAX_JOINT_NAMES - self.joint_names.len();
+                            let new = sample.names.iter().filter(|name| !self.joint_names.contains(*name));
+                            let new: Vec<String> = new.take(left).cloned().collect();
+                            self.joint_names.extend(new);
                         }
+                        let angles = joints.needed.iter();
+                        let angles = angles.map(|idx| (sample.names[*idx].as_str(), sample.positions[*idx]));
+                        self.angles[sample.source.position()].handle(angles);
                     }
                     (Input::Event(event), Ok(()))
                 }

@@ -351,13 +351,19 @@ impl FieldPlan {
         let mut filled = 0;
         let outcome = self.run(cdr, |leaf, reader| {
             for _ in 0..leaf.texts(reader)? {
-                let text = reader.utf8()?;
-                match out.get_mut(filled) {
-                    Some(slot) => {
-                        slot.clear();
-                        slot.push_str(text);
+                let start = reader.clone();
+                let bytes = reader.text()?;
+                // Names are mostly those of the message before, which are known to be UTF-8.
+                if out.get(filled).is_none_or(|before| before.as_bytes() != bytes) {
+                    *reader = start;
+                    let text = reader.utf8()?;
+                    match out.get_mut(filled) {
+                        Some(slot) => {
+                            slot.clear();
+                            slot.push_str(text);
+                        }
+                        None => out.push(text.to_owned()),
                     }
-                    None => out.push(text.to_owned()),
                 }
                 filled += 1;
             }

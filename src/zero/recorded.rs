@@ -101,7 +101,8 @@ fn from_bag(
     pose: Option<PoseDegrader>,
 ) -> Result<Zero, ZeroError> {
     let mut reader = BagReader::open(bags)?;
-    let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;
+    Inputs::new(input_topics(cfg), &mut reader)?; // refuses a recording that lacks a topic
+    let mut inputs = Inputs::new(input_topics(cfg).taxels_alone(), &mut reader)?;
     inputs.read_only_these(&mut reader);
     let limits = limits(&cfg.calibration);
     let Baselines { baselines, spans_s: seconds, rest, goes_on } =

@@ -396,17 +396,21 @@ impl ArtifactFilter {
     fn predict(&mut self, elapsed_s: f64) {
         let first = self.model.n_gains();
         let left = (-elapsed_s / self.model.slip_time_s).exp();
-        for column in 0..first {
-            for row in 0..first {
-                let kept = self.covariance[(row, column)] * left * left;
-                self.covariance[(row, column)] = kept + self.slip[(row, column)] * (1.0 - left * left);
+        let n = self.state.len();
+        let mut slip = self.slip.as_slice().chunks_exact(first);
+        for column in self.covariance.as_mut_slice().chunks_exact_mut(n) {
+            let (of_gains, of_touches) = column.split_at_mut(first);
+            match slip.next() {
+                Some(slip) => {
+                    for (value, slip) in of_gains.iter_mut().zip(slip) {
+                        *value = *value * left * left + slip * (1.0 - left * left);
+                    }
+                    of_touches.iter_mut().for_each(|value| *value *= left);
+                }
+                None => of_gains.iter_mut().for_each(|value| *value *= left),
             }
-            for touch in first..self.state.len() {
-                self.covariance[(touch, column)] *= left;
-                self.covariance[(column, touch)] *= left;
-            }
-            self.state[column] *= left;
         }
+        self.state.as_mut_slice()[..first].iter_mut().for_each(|gain| *gain *= left);
         self.widen_touch(TOUCH_WALK * elapsed_s);
     }
 
@@ -432,13 +436,9 @@ impl ArtifactFilter {
 
     /// Variance of the state from `first` on, along `scratch`.
     fn variance_along_scratch(&self, first: usize) -> f64 {
-        let mut variance = 0.0;
-        for (column, right) in self.scratch.iter().enumerate().skip(first) {
-            let rows = self.covariance.column(column);
-            let seen = rows.iter().zip(&self.scratch).skip(first).map(|(value, left)| value * left);
-            variance += right * seen.sum::<f64>();
-        }
-        variance
+        let along = self.scratch.as_slice();
+        let columns = self.covariance.as_slice().chunks_exact(along.len()).zip(along).skip(first);
+        columns.map(|(rows, right)| right * dot(&rows[first..], &along[first..])).sum()
     }
 
     /// Updates the state by the measurement of one taxel. Noise of taxels is independent, so one after the other is the same
@@ -446,10 +446,16 @@ impl ArtifactFilter {
     fn take(&mut self, taxel: usize) {
         let (joints, first) = (self.model.n_joints, self.model.n_gains());
         let gains = taxel * joints..(taxel + 1) * joints;
-        for row in 0..self.state.len() {
-            let of_gains = gains.clone().map(|gain| self.covariance[(row, gain)] * self.block_shapes[gain]);
-            self.scratch[row] = of_gains.sum::<f64>() + self.covariance[(row, first + taxel)];
+        let n = self.state.len();
+        let column = |idx: usize| idx * n..(idx + 1) * n;
+        let covariance = self.covariance.as_slice();
+        let seen = self.scratch.as_mut_slice();
+        seen.fill(0.0);
+        for gain in gains.clone() {
+            let shape = self.block_shapes[gain];
+            seen.iter_mut().zip(&covariance[column(gain)]).for_each(|(sum, value)| *sum += value * shape);
         }
+        seen.iter_mut().zip(&covariance[column(first + taxel)]).for_each(|(sum, value)| *sum += value);
         let seen = gains.map(|gain| self.block_shapes[gain] * self.scratch[gain]).sum::<f64>();
         let variance = seen + self.scratch[first + taxel] + self.noise[taxel];
         if variance.is_nan() || variance < self.noise[taxel] {
@@ -489,10 +495,11 @@ impl ArtifactFilter {
     /// The update by one number: `scratch` is its covariance with the state, `variance` that of the innovation.
     fn update(&mut self, innovation: f64, variance: f64) {
         self.state.axpy(innovation / variance, &self.scratch, 1.0);
-        for (column, right) in self.scratch.iter().enumerate() {
+        // Slices, because the compiler makes vectors of them: this is where the filter spends its time.
+        let seen = self.scratch.as_slice();
+        for (column, right) in self.covariance.as_mut_slice().chunks_exact_mut(seen.len()).zip(seen) {
             let share = right / variance;
-            let column = self.covariance.column_mut(column);
-            column.into_iter().zip(&self.scratch).for_each(|(value, left)| *value -= left * share);
+            column.iter_mut().zip(seen).for_each(|(value, left)| *value -= left * share);
         }
     }
 
@@ -514,4 +521,18 @@ impl ArtifactFilter {
             }
         }
     }
+}
+
+/// Sum of the products of two vectors of the same length, in four sums side by side.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, a_rest) = a.as_chunks::<4>();
+    let (b, b_rest) = b.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums[0] + sums[1] + (sums[2] + sums[3]) + rest
 }
