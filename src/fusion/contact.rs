@@ -107,6 +107,11 @@ impl ContactDetector {
         self.run_frames = 0;
     }
 
+    /// Probability of touch from which there is contact, if contact is decided on it.
+    pub fn touch_on(&self) -> Option<f64> {
+        self.thresholds.touch_levels(self.output.as_ref()).map(|levels| levels.on)
+    }
+
     /// The thresholds in force.
     pub fn thresholds(&self) -> &ContactThresholds {
         &self.thresholds

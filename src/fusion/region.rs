@@ -15,7 +15,12 @@ use super::idx::{ModelIdx, RegionIdx};
 use super::joints::{JointTimelines, PoseTrust};
 use super::queue::{Answer, ModelForce};
 use super::regressor::{Contract, PoseRange};
-use crate::units::{NANOS_PER_SEC, Newton, Stamp};
+use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
+
+/// A touch that is held was seen by the model for so long, ns, and below this probability, log odds of -3, the model denies it.
+/// Chosen on validation data (docs/validation).
+const SEEN_NS: f64 = 0.3e9;
+const DENIED_TOUCH: f64 = 0.047_425_873_177_566_78;
 
 /// Counters of a region's frames, by outcome. Every frame is counted in `estimates` or in exactly one of the five after it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -68,6 +73,8 @@ pub(super) struct Readiness {
     pub(super) artifact_change: Option<f64>,
     /// Log odds by which a touch must be clearer than the model says.
     pub(super) touch_margin: f64,
+    /// Touch that the artifact filter sees without doubt, gF.
+    pub(super) held_gf: Option<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -113,6 +120,8 @@ pub(super) struct Region {
     faulty: bool,
     /// Gain of the model's forces, from known touches of this donning.
     gain: Option<ForceGain>,
+    /// Frames in which the model saw the touch that goes on.
+    seen_frames: u32,
     /// Faults of its taxels at the current frame.
     faults: Flags,
     /// True if the window was emptied since the last frame. Contact learns of it with the next one, because frames from
@@ -156,6 +165,7 @@ impl Region {
             pose: vec![0.0; n_joints],
             faulty: false,
             gain: None,
+            seen_frames: 0,
             faults: Flags::default(),
             was_reset: false,
             max_gap_ns,
@@ -256,7 +266,18 @@ impl Region {
         let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
         let artifact_change = self.artifact_change();
         let touch_margin = self.artifact.as_ref().map_or(0.0, ArtifactFilter::touch_margin);
-        Readiness { run: true, base_only, after_reset, pose_age_ns, flags, adaptation, artifact_change, touch_margin }
+        let held_gf = self.artifact.as_ref().and_then(ArtifactFilter::held_touch_gf);
+        Readiness {
+            run: true,
+            base_only,
+            after_reset,
+            pose_age_ns,
+            flags,
+            adaptation,
+            artifact_change,
+            touch_margin,
+            held_gf,
+        }
     }
 
     /// Adds its taxels of the frame that [`Region::handle_frame`] was given last.
@@ -286,6 +307,9 @@ impl Region {
             None => (None, None, None),
         };
         let (mut force, mut tangential) = self.along_and_across(given);
+        if let Some(held) = self.hold(readiness, &mut touch) {
+            force = force.map(|force| if force < held { held } else { force }); // and NaN stays
+        }
         let (mut force_base, base_tangential) = self.along_and_across(given_base);
         let forces = [force, force_base]
             .into_iter()
@@ -331,6 +355,29 @@ impl Region {
         }
     }
 
+    /// Holds a touch that the model saw for as long as the artifact filter sees it, unless the model denies it: the model
+    /// sees a fraction of a second, in which a light touch that is held looks like an artifact. Raises the probability of touch
+    /// to that of contact, and returns the force that the filter sees.
+    fn hold(&mut self, readiness: &Readiness, touch: &mut Option<f64>) -> Option<Newton> {
+        let of_contact = touch.as_mut().zip(self.contact.touch_on()).filter(|_| !readiness.after_reset);
+        let Some((touch, on)) = of_contact else {
+            self.seen_frames = 0;
+            return None;
+        };
+        if *touch >= on {
+            self.seen_frames = self.seen_frames.saturating_add(1);
+            return None;
+        }
+        let was_seen = f64::from(self.seen_frames) * self.frame_ns >= SEEN_NS;
+        let Some(held_gf) = readiness.held_gf.filter(|_| was_seen && *touch >= DENIED_TOUCH) else {
+            self.seen_frames = 0;
+            return None;
+        };
+        *touch = on;
+        let gain = self.gain.map_or(1.0, |known| known.gain);
+        Some(Newton(gain * Newton::from(GramForce(held_gf)).0))
+    }
+
     /// Normal and tangential force of what the model gave, in this donning. The gain of the donning is that of all axes:
     /// known touches tell how much the glove feels, and change no direction.
     fn along_and_across(&self, given: Option<ModelForce>) -> (Option<Newton>, Option<[Newton; 3]>) {
@@ -350,8 +397,18 @@ impl Region {
         let after_reset = std::mem::take(&mut self.was_reset);
         let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
         let artifact_change = self.artifact_change();
-        let (run, base_only, touch_margin) = (false, false, 0.0);
-        Readiness { run, base_only, after_reset, pose_age_ns, flags, adaptation, artifact_change, touch_margin }
+        let (run, base_only, touch_margin, held_gf) = (false, false, 0.0, None);
+        Readiness {
+            run,
+            base_only,
+            after_reset,
+            pose_age_ns,
+            flags,
+            adaptation,
+            artifact_change,
+            touch_margin,
+            held_gf,
+        }
     }
 
     fn artifact_change(&self) -> Option<f64> {

@@ -164,10 +164,11 @@ fn for_a_minute(force_gf: f64) -> impl Fn(f64) -> f64 {
 #[test]
 fn a_touch_that_is_held_for_a_minute_in_a_moving_hand_is_kept() {
     for (glove, tracking, force_gf) in [
-        (1, Tracking::Markers, 20.0),
+        (1, Tracking::Markers, 10.0),
         (1, Tracking::Markers, 40.0),
         (1, Tracking::Camera, 40.0),
-        (3, Tracking::Markers, 60.0),
+        (2, Tracking::Markers, 20.0),
+        (3, Tracking::Markers, 40.0),
         (3, Tracking::Camera, 60.0),
     ] {
         for user in USERS {

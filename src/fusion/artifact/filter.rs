@@ -51,6 +51,12 @@ const DOUBT_S: f64 = 1.0;
 const DOUBT_ODDS: f64 = 10.0;
 const TOLERATED_ODDS: f64 = 0.4;
 
+/// A touch of so many deviations, and of the least force that counts as touch, gF, is held for as long as the measurements
+/// are not older than this, s.
+const HELD_DEVIATIONS: f64 = 5.0;
+const LEAST_HELD: f64 = 2.5;
+const HELD_FOR_S: f64 = 0.25;
+
 /// How far a gain may go from its calibration, in standard deviations of its slip.
 const MAX_DEVIATIONS: f64 = 3.0;
 
@@ -117,6 +123,8 @@ pub struct ArtifactFilter {
     is_capped: bool,
     /// True if a touch was larger than its uncertainty at the last measurement.
     sees_touch: bool,
+    /// True if it was larger by far.
+    sees_held: bool,
     innovation: Vec<f64>,
     noise: Vec<f64>,
     /// `[taxels]`: variance of what noise of the joint angles puts into each.
@@ -145,6 +153,7 @@ impl ArtifactFilter {
             n_without_pose: 0,
             is_capped: false,
             sees_touch: false,
+            sees_held: false,
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
             pose_noise: vec![0.0; n],
@@ -232,7 +241,7 @@ impl ArtifactFilter {
             self.covariance.column_mut(touch).fill(0.0);
         }
         self.widen_touch(UNKNOWN_VARIANCE);
-        self.sees_touch = false;
+        (self.sees_touch, self.sees_held) = (false, false);
     }
 
     /// Takes the artifact out of a frame, `n_frames` after the last one, and learns from it.
@@ -285,6 +294,12 @@ impl ArtifactFilter {
         let touches = self.state.iter().skip(self.model.n_gains());
         let along: f64 = self.model.touch.iter().zip(touches).map(|(pattern, touch)| pattern * touch).sum();
         along / self.pattern_square()
+    }
+
+    /// A touch that is beyond doubt for the filter, gF, which remembers for how long it has lasted.
+    pub fn held_touch_gf(&self) -> Option<f64> {
+        let is_recent = f64::from(self.n_since) * self.frame_s <= HELD_FOR_S;
+        (self.sees_held && is_recent && self.following == Following::On).then(|| self.touch_gf())
     }
 
     /// Log odds by which a touch must be clearer than the network says, because joint angles are noisier than those that it was
@@ -480,7 +495,9 @@ impl ArtifactFilter {
             self.scratch[first + taxel] = *pattern;
         }
         let deviation = self.variance_along_scratch(first).max(0.0).sqrt() / self.pattern_square();
-        self.sees_touch = self.touch_gf() >= FAINT_TOUCH.max(FAINT_DEVIATIONS * deviation);
+        let touch = self.touch_gf();
+        self.sees_touch = touch >= FAINT_TOUCH.max(FAINT_DEVIATIONS * deviation);
+        self.sees_held = touch >= LEAST_HELD.max(HELD_DEVIATIONS * deviation);
         if self.sees_touch {
             return;
         }

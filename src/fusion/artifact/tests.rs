@@ -325,3 +325,33 @@ fn noise_of_the_angles_is_not_learned_as_a_change_of_gains() {
         );
     }
 }
+
+#[test]
+fn a_touch_beyond_doubt_is_told_for_as_long_as_it_is_measured() {
+    for seed in 0..5 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 30.0, |_| 0.0);
+        assert_eq!(filter.held_touch_gf(), None, "seed {seed}: in the air");
+        finger.feel(&mut filter, 10.0, |_| 15.0);
+        let held = filter.held_touch_gf();
+        assert!(held.is_some_and(|held| (10.0..20.0).contains(&held)), "seed {seed}: {held:?} of 15 gF");
+        let mut lost = filter.clone();
+        let without_angles = |filter: &mut ArtifactFilter, finger: &mut Finger, n: usize| {
+            for _ in 0..n {
+                let mut tactile = finger.frame(15.0).0;
+                filter.correct(&mut tactile, None, 1, true);
+            }
+        };
+        without_angles(&mut lost, &mut finger, 15);
+        assert!(lost.held_touch_gf().is_some(), "seed {seed}: for a moment without angles");
+        without_angles(&mut lost, &mut finger, 30);
+        assert_eq!(lost.held_touch_gf(), None, "seed {seed}: 0.45 s without angles");
+        filter.restart();
+        assert_eq!(filter.held_touch_gf(), None, "seed {seed}: after a gap");
+        let mut frozen = Finger::new(seed);
+        let mut filter = frozen.calibrated(Following::Frozen);
+        frozen.feel(&mut filter, 10.0, |_| 15.0);
+        assert_eq!(filter.held_touch_gf(), None, "seed {seed}: gains that are not followed");
+    }
+}
