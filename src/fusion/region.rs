@@ -262,22 +262,9 @@ impl Region {
                 flags.insert(Flags::POSE_OUT_OF_RANGE);
             }
         }
-        let after_reset = std::mem::take(&mut self.was_reset);
-        let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
-        let artifact_change = self.artifact_change();
         let touch_margin = self.artifact.as_ref().map_or(0.0, ArtifactFilter::touch_margin);
         let held_gf = self.artifact.as_ref().and_then(ArtifactFilter::held_touch_gf);
-        Readiness {
-            run: true,
-            base_only,
-            after_reset,
-            pose_age_ns,
-            flags,
-            adaptation,
-            artifact_change,
-            touch_margin,
-            held_gf,
-        }
+        Readiness { run: true, base_only, touch_margin, held_gf, ..self.no_estimate(flags, pose_age_ns) }
     }
 
     /// Adds its taxels of the frame that [`Region::handle_frame`] was given last.
@@ -374,15 +361,13 @@ impl Region {
             return None;
         };
         *touch = on;
-        let gain = self.gain.map_or(1.0, |known| known.gain);
-        Some(Newton(gain * Newton::from(GramForce(held_gf)).0))
+        Some(self.of_donning(GramForce(held_gf).into()))
     }
 
     /// Normal and tangential force of what the model gave, in this donning. The gain of the donning is that of all axes:
     /// known touches tell how much the glove feels, and change no direction.
     fn along_and_across(&self, given: Option<ModelForce>) -> (Option<Newton>, Option<[Newton; 3]>) {
-        let gain = self.gain.map_or(1.0, |known| known.gain);
-        let of_donning = |force: Newton| Newton(gain * force.0);
+        let of_donning = |force| self.of_donning(force);
         match given {
             None => (None, None),
             Some(ModelForce::Normal(force)) => (Some(of_donning(force)), None),
@@ -391,6 +376,10 @@ impl Region {
                 (Some(of_donning(along)), Some(across.map(of_donning)))
             }
         }
+    }
+
+    fn of_donning(&self, force: Newton) -> Newton {
+        Newton(self.gain.map_or(1.0, |known| known.gain) * force.0)
     }
 
     fn no_estimate(&mut self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {

@@ -207,6 +207,7 @@ impl ArtifactFilter {
             self.covariance[(taxel * joints + row, taxel * joints + column)] += value;
         }
         self.widen_touch(CALIBRATED_VARIANCE);
+        (self.sees_touch, self.sees_held) = (false, false);
     }
 
     /// The calibration with the gains as they are now, to be taken up again in the same donning.
