@@ -255,6 +255,7 @@ impl Running {
         let core = self.core.as_mut().ok_or("the node is not configured any more; configure it and calibrate again")?;
         donning.install(&mut core.fusion).map_err(|error| error.to_string())?;
         core.calibration = Some(from);
+        self.watched.handle_zero();
         Ok(())
     }
 
@@ -360,7 +361,7 @@ impl Running {
                         self.engine.outbox.log(Severity::Info, format!("tactile source {name} is back"));
                     }
                     for estimate in &tick.estimates {
-                        self.watched.outcomes.handle(estimate);
+                        self.watched.handle_estimate(estimate);
                     }
                     let of = Some(Origin { stamp: tick.stamp, received: arrived });
                     let recorder = self.engine.recorder.as_ref();
@@ -444,6 +445,7 @@ impl Running {
             && self.engine.recorder.is_some()
         {
             core.fusion.handle_end();
+            self.said_stale.clear(); // frames that waited for angles say nothing of their source
             self.drain(self.received);
             let Some(outgoing) = &mut self.outgoing else { return };
             let received = outgoing.received();

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::health::{Announcer, InputHealth, JointChange, Outcomes, Problem, TactileChange};
 use crate::config::Config;
-use crate::fusion::{Event, Fusion, JointSource, SourceFault, TactileSource, TactileSourceIdx};
+use crate::fusion::{Estimate, Event, Flags, Fusion, JointSource, SourceFault, TactileSource, TactileSourceIdx};
 use crate::msg::AngleWatch;
 use crate::msg::binding::SampleBinding;
 use crate::ros::wire::graph::{Endpoint, Wanted, why_not_received};
@@ -25,6 +25,8 @@ const STOPPED: Duration = Duration::from_millis(500);
 pub struct Watched {
     pub(crate) inputs: Vec<InputHealth>,
     pub(crate) outcomes: Outcomes,
+    /// `[regions]`: true until the window is full again after a new zero.
+    renewing: Vec<bool>,
     pub(crate) announcer: Announcer,
     wanted: Vec<Wanted>,
     tactile: Vec<TactileSource>,
@@ -64,6 +66,7 @@ impl Watched {
             inputs: wanted.iter().map(|wanted| InputHealth::new(&wanted.key, &wanted.topic)).collect(),
             angles: cfg.fusion().joint_sources().iter().map(|source| AngleWatch::new(source.scale)).collect(),
             outcomes: Outcomes::default(),
+            renewing: vec![false; cfg.fusion().regions().len()],
             announcer: Announcer::default(),
             wanted,
             tactile: cfg.fusion().tactile_sources().to_vec(),
@@ -84,8 +87,27 @@ impl Watched {
     pub(crate) fn begin(&mut self, now: Duration) {
         (self.begun, self.reported) = (now, now);
         self.outcomes = Outcomes::default();
+        self.renewing.fill(false);
         self.lost.fill(0);
         self.capped_since = None;
+    }
+
+    /// Records a new zero: windows begin anew, which is no fault of the inputs.
+    pub(crate) fn handle_zero(&mut self) {
+        self.renewing.fill(true);
+    }
+
+    /// Records the outcome of a frame.
+    pub(crate) fn handle_estimate(&mut self, estimate: &Estimate) {
+        let renewing = self.renewing.get_mut(estimate.region.position());
+        match renewing.filter(|renewing| **renewing) {
+            Some(_) if estimate.flags.contains(Flags::WARMUP) => self.outcomes.n_renewed += 1,
+            Some(renewing) => {
+                *renewing = false;
+                self.outcomes.handle(estimate);
+            }
+            None => self.outcomes.handle(estimate),
+        }
     }
 
     /// How long artifacts have been at their limit of distance from the calibration, by the frames of a report.

@@ -106,7 +106,7 @@ impl Inputs {
 
     /// Counts estimates.
     pub(super) fn handle_estimates(&mut self, estimates: &[Estimate]) {
-        estimates.iter().for_each(|estimate| self.watched.outcomes.handle(estimate));
+        estimates.iter().for_each(|estimate| self.watched.handle_estimate(estimate));
     }
 
     /// The estimates since the last call, and the number that the core would make.

@@ -7,6 +7,8 @@ use crate::fusion::{Adaptation, Estimate, Flags};
 pub struct Outcomes {
     /// Frames, one per region and tick.
     pub n: u64,
+    /// Beside them, frames of windows that began anew with a new zero: the node's own doing.
+    pub n_renewed: u64,
     /// Those with a force.
     pub n_with_force: u64,
     /// Those with a force and without a flag.
@@ -54,8 +56,12 @@ impl Outcomes {
 
     /// Fraction of `n_expected` frames that are good, 0 to 1. Missing frames count like those without a force.
     pub fn share(&self, n_expected: f64) -> f64 {
-        let n = n_expected.max(self.n as f64);
-        if n < 1.0 { 0.0 } else { (self.n_good as f64 / n).min(1.0) }
+        let n = (n_expected - self.n_renewed as f64).max(self.n as f64);
+        match n < 1.0 {
+            true if self.n_renewed > 0 => 1.0,
+            true => 0.0,
+            false => (self.n_good as f64 / n).min(1.0),
+        }
     }
 
     /// Number of frames with each flag, the most frequent first, and number of missing frames: `STALE_POSE 100, WARMUP
@@ -64,7 +70,7 @@ impl Outcomes {
         let mut flags: Vec<(&str, u64)> = self.flags.iter().copied().filter(|(_, n)| *n > 0).collect();
         flags.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
         let mut texts: Vec<String> = flags.iter().map(|(name, n)| format!("{n} frames {name}")).collect();
-        let n_missing = n_expected - self.n as f64;
+        let n_missing = n_expected - (self.n + self.n_renewed) as f64;
         if n_missing > 0.1 * n_expected {
             texts.push(format!("{n_missing:.0} frames missing"));
         }
@@ -118,6 +124,16 @@ mod tests {
         assert_eq!(outcomes.reasons(105.0), "20 frames STALE_POSE, 10 frames WARMUP", "a tick more or less");
         assert_eq!(outcomes.worst(), Some("STALE_POSE"));
         assert_eq!((Outcomes::default().share(0.0), Outcomes::default().worst()), (0.0, None));
+    }
+
+    #[test]
+    fn windows_that_begin_anew_with_a_new_zero_lower_no_share() {
+        let good = Estimate { force: Some(Newton(1.0)), ..Estimate::default() };
+        let mut outcomes = Outcomes { n_renewed: 63, ..Outcomes::default() };
+        assert_eq!(outcomes.share(60.0), 1.0, "nothing else was to come");
+        (0..36).for_each(|_| outcomes.handle(&good));
+        assert_eq!((outcomes.share(100.0), outcomes.reasons(100.0)), (36.0 / 37.0, String::new()));
+        assert_eq!(outcomes.share(163.0), 0.36, "what is missing beside them counts");
     }
 
     #[test]
