@@ -108,8 +108,12 @@ impl Monitored {
 
     /// Arrays a second.
     pub fn rate_hz(&self, now: Stamp) -> f64 {
-        let recent = self.arrivals.iter().filter(|(at, _)| now.nanos_since(*at) <= SPAN_NS).count();
-        recent as f64 * NANOS_PER_SEC as f64 / SPAN_NS as f64
+        let recent = || self.arrivals.iter().map(|(at, _)| *at).filter(|at| now.nanos_since(*at) <= SPAN_NS);
+        let (Some(first), Some(last)) = (recent().min(), recent().max()) else { return 0.0 };
+        // Until the newest one: a listener that looks now and then has not seen those that came since.
+        let is_silent = now.nanos_since(last) as f64 > SILENT_S * NANOS_PER_SEC as f64;
+        let span_ns = if is_silent { now.nanos_since(first) } else { last.nanos_since(first) };
+        (recent().count() - 1) as f64 * NANOS_PER_SEC as f64 / span_ns.max(1) as f64
     }
 
     /// Stamp to arrival: median and 99th percentile of the last seconds, ms.
@@ -144,5 +148,27 @@ impl Monitored {
             None => "nothing came yet".to_owned(),
         };
         format!("{}  {:.0} Hz  {latency}", self.topic, self.rate_hz(now))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::msg::to_cdr;
+
+    #[test]
+    fn a_rate_is_that_of_what_came_until_the_newest_and_falls_once_nothing_comes() {
+        let mut node = Monitored::new("/contacts", "/node".to_owned());
+        let ms = |ms: i64| Stamp(ms * 1_000_000);
+        assert_eq!(node.rate_hz(ms(0)), 0.0);
+        let array = to_cdr(&ContactArray::default());
+        (0..300).for_each(|frame| node.handle_contacts(&array, ms(10 * frame)));
+        // Looked at between two messages, and by a listener that has not seen the last 120 ms.
+        for now in [2990, 2995, 3110] {
+            assert!((node.rate_hz(ms(now)) - 100.0).abs() < 0.1, "{} Hz", node.rate_hz(ms(now)));
+        }
+        let silent = node.rate_hz(ms(3990));
+        assert!((40.0..60.0).contains(&silent), "{silent} Hz");
+        assert_eq!(node.rate_hz(ms(5100)), 0.0);
     }
 }
