@@ -77,6 +77,10 @@ pub(super) fn for_other_fingers(truths: &mut Vec<TruthSource>, regions: &mut [Re
         };
         *topic = topic.replace(known, finger);
         *why = format!("CHECK: not in these bags; named as that of the {known} finger");
+        for (key, _, why) in other.lines.iter_mut().filter(|(key, _, why)| *key != "topic" && !why.is_empty()) {
+            let check = if why.starts_with("CHECK") { "CHECK: " } else { "" };
+            *why = format!("{check}{key} as that of the {known} finger");
+        }
         other.name = only.name.replace(known, finger);
         other.finger = Some(finger);
         region.truth = Some(other.name.clone());

@@ -119,6 +119,32 @@ fn a_whole_hand_has_a_region_a_finger_each_with_its_own_joints_and_force() {
 }
 
 #[test]
+fn what_was_seen_of_one_fingers_load_cell_is_not_said_of_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let args = [
+        "simulate",
+        "--glove",
+        "hand1",
+        "--users",
+        "1",
+        "--sessions",
+        "1",
+        "--minutes=2",
+        "--finger",
+        "index",
+        "--seed",
+        "7",
+    ];
+    tpf(folder, &[&args[..], &["-o", "sessions"]].concat()).ok();
+    init(folder, "sessions/hand1_user01_session1", &["--yes"]).ok();
+    let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
+    let of_others = text.matches("CHECK: not in these bags; named as that of the index finger").count();
+    let seen = text.lines().filter(|line| line.contains("field: wrench.force.z") && line.contains("correlation"));
+    assert_eq!((of_others, seen.count(), load(folder).truth_sources().len()), (4, 1, 5), "{text}");
+}
+
+#[test]
 fn points_of_a_hand_become_its_joint_angles() {
     let forms = [
         ("openxr", "/hand/poses", "openxr"),
