@@ -59,6 +59,13 @@ impl<'a> ExportLoader<'a> {
         let needs_truth = if self.request.needs_truth { NeedsTruth::All } else { NeedsTruth::Tared };
         let cfg = annotated(self.cfg, &[bag.to_path_buf()], self.request.in_air, self.observer)?;
         let labelled = Labelled::read(bag, &cfg, None, needs_truth, self.observer)?;
+        if labelled.is_untared() {
+            self.observer.warn(&format!(
+                "{}: no true force is written, because no stage annotations on {} tell where nothing touches the glove to tare the force sensor: give --in-air FROM..TO or --zero-load-below FORCE",
+                bag.display(),
+                cfg.stage_topic
+            ));
+        }
         let in_bag = |error: ExportError| match error.to_string() {
             text if text.starts_with(&bag.display().to_string()) => error,
             _ => ExportError::in_bag(bag, &error),

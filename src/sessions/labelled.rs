@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::SessionError;
 use crate::bag::{BagReader, InputTopics, Inputs};
 use crate::config::Config;
-use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TareCurve, ZeroLoadCheck};
+use crate::eval::{Asked, Cuts, Origin, Part, ScoredFrames, Scoring, Split, TOUCH, TareCurve, ZeroLoadCheck};
 use crate::fusion::{ContactThresholds, ForceGain, GainError};
 use crate::msg::Stage;
 use crate::observer::{Observer, check};
@@ -51,6 +51,8 @@ pub struct Labelled {
     /// `[force sensors]`; `None` if the bag lacks its topic.
     truth: Vec<Option<Truth>>,
     missing: Vec<String>,
+    /// True if the bag has force sensors that can't be tared, because annotations are missing.
+    is_untared: bool,
     /// `[force sensors]`: end of its known touches. Frames before it are not scored.
     heads: Vec<Option<Stamp>>,
 }
@@ -121,9 +123,11 @@ impl Labelled {
                 missing.push(format!("no true force, so no scores: the bag has no topic {}", absent.join(", ")));
             }
         }
+        let mut is_untared = false;
         if annotations.is_empty() && !is_estimates_alone {
             let lack = format!("no stage annotations on {}", cfg.stage_topic);
             if needs == NeedsTruth::Tared {
+                is_untared = !tracks.is_empty();
                 tracks.clear();
             } else if !tracks.is_empty() {
                 return Err(in_bag(&format!(
@@ -146,7 +150,12 @@ impl Labelled {
             truth[idx] = Some(Truth { track, tare, axes });
         }
         let heads = vec![None; truth.len()];
-        Ok(Labelled { notes, annotations, told: cfg.told_stages.clone(), cuts, truth, missing, heads })
+        Ok(Labelled { notes, annotations, told: cfg.told_stages.clone(), cuts, truth, missing, is_untared, heads })
+    }
+
+    /// True if the bag has force sensors that are left out, because no annotations tell where to tare them.
+    pub fn is_untared(&self) -> bool {
+        self.is_untared
     }
 
     /// The labels if the first `n` touches of each force sensor are used to fit force gains. Only the frames after them
@@ -339,10 +348,11 @@ impl Labelled {
         }
         if check.n_touch > check.n_samples / 100 {
             warnings.push(format!(
-                "{}: {} of {} readings at zero load are above the touch threshold after taring, up to {:.1} gF: look at annotations and force sensor",
+                "{}: {} of {} readings of the force sensor at zero load are {} or more after taring, up to {:.1} gF, and count as touch: touches, BA, F1 and MDF are wrong where that is its noise; filter it, or correct when nothing touches the glove",
                 bag.display(),
                 check.n_touch,
                 check.n_samples,
+                TOUCH,
                 check.largest_gf
             ));
         }

@@ -113,6 +113,20 @@ fn what_is_told_does_what_annotations_do() {
 }
 
 #[test]
+fn a_table_without_the_true_force_says_so() {
+    let folder = workplace();
+    let folder = folder.path();
+    let export = |more: &[&str]| {
+        let out = [&["--csv", "frames.csv", "--overwrite", "--calibrate-first", "5"], more].concat();
+        run(folder, "export", "told", &out).ok().stderr
+    };
+    let said = export(&[]);
+    assert!(said.contains("no true force is written, because no stage annotations on /stage tell where"), "{said}");
+    let said = export(&BELOW);
+    assert!(!said.contains("no true force"), "{said}");
+}
+
+#[test]
 fn a_low_true_force_tells_it_bag_by_bag() {
     let folder = workplace();
     let folder = folder.path();
