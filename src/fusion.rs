@@ -28,7 +28,7 @@ use std::collections::VecDeque;
 
 pub use artifact::{
     ARTIFACT_BASIS, Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel,
-    DonningFrames, Following, HISTORY_S, JointHistory, learn_artifact,
+    DonningFrames, Following, HISTORY_S, JointHistory, TOUCH_INPUTS, learn_artifact,
 };
 pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_loaded};
 pub use config::{

@@ -41,6 +41,12 @@ pub const VALIDATION_SHARE: f64 = 0.08;
 /// Share of the training windows in the air that get a light touch, for an adaptive model.
 const LIGHT_TOUCHES: f32 = 0.2;
 
+/// Copies of each session with held touches, for an adaptive model: one of each kind.
+const HELD_TOUCHES: usize = 4;
+
+/// Most copies of a session: each takes as much memory as the session.
+const MAX_HELD_TOUCHES: usize = 64;
+
 /// Steps of an adaptive model: its small network still improves where the paper's no longer does.
 const ADAPTIVE_STEPS: u64 = 20_000;
 
@@ -56,6 +62,9 @@ pub struct Request {
     /// Weights of the auxiliary loss to try, one after the other: the model with the smallest validation loss is kept.
     /// Empty for that of [`train`](Self::train).
     pub lambdas: Vec<f32>,
+    /// Copies of each session in whose air light touches are held, for an adaptive model: its network also gets what the filter
+    /// knows of touch. 0 for one that gets the taxels alone.
+    pub held_touches: usize,
     /// Frames from one training window to the next.
     pub stride: usize,
     /// Axes of the force: the normal force, or all three, for which the true force must have them.
@@ -91,6 +100,7 @@ impl Request {
             },
             epochs: None,
             lambdas: Vec::new(),
+            held_touches: if is_adaptive { HELD_TOUCHES } else { 0 },
             stride: 1,
             axes: ForceAxes::Normal,
             in_air: None,
@@ -112,8 +122,12 @@ impl Request {
         if path.extension().is_none_or(|extension| extension != "onnx") {
             return Err(TrainingError::NotOnnx { path });
         }
-        if self.train.light_touches > 0.0 && self.train.kind != Kind::Adaptive {
+        let adds_touches = self.train.light_touches > 0.0 || self.held_touches > 0;
+        if adds_touches && self.train.kind != Kind::Adaptive {
             return Err(TrainingError::LightTouches);
+        }
+        if self.held_touches > MAX_HELD_TOUCHES {
+            return Err(TrainingError::HeldTouches { got: self.held_touches, most: MAX_HELD_TOUCHES });
         }
         location::only_here(&path).map_err(|error| TrainingError::at(&path, &error))?;
         if self.axes == ForceAxes::Patch && self.train.kind == Kind::Adaptive {

@@ -30,6 +30,9 @@ pub const ARTIFACT_BASIS: usize = 4;
 /// Time constants of the means over a joint's past, s: skin and foam that settle within a movement, and over a grasp.
 pub const HISTORY_S: [f64; 2] = [0.35, 2.5];
 
+/// Columns that a network gets after the taxels if its artifact model has [`touch_inputs`](ArtifactModel::touch_inputs).
+pub const TOUCH_INPUTS: usize = 4;
+
 /// The most gains that are followed: the cost of a step grows with their square.
 const MAX_GAINS: usize = 400;
 
@@ -55,6 +58,10 @@ pub struct ArtifactModel {
     pub touch: Vec<f64>,
     /// `[taxels]`, taxel units squared: variance of what shapes and gains don't explain without load.
     pub residual: Vec<f64>,
+    /// True if the network also gets what the filter knows of touch: [`TOUCH_INPUTS`] columns after the taxels
+    /// ([`ArtifactFilter::write_touch`]).
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub touch_inputs: bool,
 }
 
 /// An artifact model, a fit of it or a state that can't be used.
@@ -63,6 +70,16 @@ pub struct ArtifactModel {
 pub struct ArtifactError(pub(super) String);
 
 impl ArtifactModel {
+    /// Columns of a network's tactile input beside the taxels.
+    pub fn n_touch_inputs(&self) -> usize {
+        if self.touch_inputs { TOUCH_INPUTS } else { 0 }
+    }
+
+    /// Columns of a network's tactile input.
+    pub fn n_columns(&self) -> usize {
+        self.n_taxels + self.n_touch_inputs()
+    }
+
     /// Number of gains.
     pub fn n_gains(&self) -> usize {
         self.n_taxels * self.n_joints

@@ -113,7 +113,9 @@ pub(super) struct Region {
     n_input_joints: usize,
     window: FeatureWindow,
     last: Option<LastGood>,
+    n_taxels: usize,
     last_tactile: Vec<f32>,
+    /// Columns of the model's tactile input: the taxels first.
     tactile: Vec<f32>,
     between: Vec<f32>,
     pose: Vec<f32>,
@@ -143,7 +145,7 @@ impl Region {
         max_gap_ns: i64,
         following: Following,
     ) -> Self {
-        let (n_taxels, n_joints, n_input_joints) = (cfg.taxels.len(), joints.len(), contract.n_joints);
+        let (n_columns, n_joints, n_input_joints) = (contract.n_columns(), joints.len(), contract.n_joints);
         let filter_of = |model: &_| ArtifactFilter::new(std::sync::Arc::clone(model), contract.rate_hz, following);
         Region {
             place,
@@ -157,11 +159,12 @@ impl Region {
             corrected: None,
             frame_ns: NANOS_PER_SEC as f64 / contract.rate_hz,
             n_input_joints,
-            window: FeatureWindow::new(contract.window, n_taxels, n_input_joints),
+            window: FeatureWindow::new(contract.window, n_columns, n_input_joints),
             last: None,
-            last_tactile: vec![0.0; n_taxels],
-            tactile: vec![0.0; n_taxels],
-            between: vec![0.0; n_taxels],
+            n_taxels: cfg.taxels.len(),
+            last_tactile: vec![0.0; n_columns],
+            tactile: vec![0.0; n_columns],
+            between: vec![0.0; n_columns],
             pose: vec![0.0; n_joints],
             faulty: false,
             gain: None,
@@ -272,7 +275,7 @@ impl Region {
         kept.reading.extend(taxels.iter().map(|&taxel_idx| frame.values[taxel_idx]));
         let is_input = |last: &LastGood| last.epoch == frame.epoch && last.number == frame.number;
         match self.last.as_ref().is_some_and(is_input) {
-            true => kept.feature.extend_from_slice(&self.tactile),
+            true => kept.feature.extend_from_slice(&self.tactile[..taxels.len()]),
             false => kept.feature.extend(taxels.iter().map(|_| f32::NAN)),
         }
     }
@@ -428,7 +431,9 @@ impl Region {
         let n_frames = (elapsed_ns as f64 / self.frame_ns).round().clamp(1.0, f64::from(i32::MAX)) as i32;
         let may_learn = trust == PoseTrust::Fresh && self.faults.is_empty() && !self.faulty;
         let pose = (trust != PoseTrust::Stale).then_some(self.pose.as_slice());
-        self.adaptation = artifact.correct(&mut self.tactile, pose, n_frames, may_learn);
+        let (tactile, touch) = self.tactile.split_at_mut(self.n_taxels);
+        self.adaptation = artifact.correct(tactile, pose, n_frames, may_learn);
+        artifact.write_touch(touch);
     }
 
     /// Interpolates the frames that are missing since the last good one; whether there were any.

@@ -166,10 +166,18 @@ impl Contract {
         self.artifact.is_some() || !self.regions.is_empty()
     }
 
+    /// Columns of the tactile input in a frame: the taxels, and what the artifact filter knows of touch if the network gets it.
+    pub fn n_columns(&self) -> usize {
+        self.n_taxels + self.any_artifact().map_or(0, |artifact| artifact.n_touch_inputs())
+    }
+
+    fn any_artifact(&self) -> Option<&Arc<ArtifactModel>> {
+        self.artifact.as_ref().or_else(|| self.regions.values().next().map(|region| &region.artifact))
+    }
+
     /// Joint angles that a region needs: those of the pose input, and those that make the artifact.
     pub fn n_region_joints(&self) -> usize {
-        let of_several = || self.regions.values().next().map(|region| &region.artifact);
-        self.artifact.as_ref().or_else(of_several).map_or(self.n_joints, |artifact| artifact.n_joints)
+        self.any_artifact().map_or(self.n_joints, |artifact| artifact.n_joints)
     }
 }
 
@@ -178,7 +186,7 @@ impl Contract {
 pub struct Windows<'a> {
     /// Number of windows `N`.
     pub n: usize,
-    /// `[N, window, taxels]`, row-major, baseline-subtracted.
+    /// `[N, window, columns]`, row-major: baseline-subtracted taxels, and the other [columns](Contract::n_columns).
     pub tactile: &'a [f32],
     /// `[N, window, joints]`, row-major, rad; empty for a model without a pose input.
     pub pose: &'a [f32],
@@ -224,7 +232,7 @@ pub struct SharedWindows<'a> {
     pub starts: &'a [usize],
     /// `[N]`: where each window belongs, or empty if that is not known. Then no window continues one of an earlier call.
     pub ids: &'a [WindowId],
-    /// `[frames, taxels]`, row-major, baseline-subtracted.
+    /// `[frames, columns]`, row-major: baseline-subtracted taxels, and the other [columns](Contract::n_columns).
     pub tactile: &'a [f32],
     /// `[frames, joints]`, row-major, rad; empty for a model without a pose input.
     pub pose: &'a [f32],

@@ -137,10 +137,11 @@ impl Builtin {
     fn run_stretch(&self, job: Job<'_>, worker: &mut Worker) {
         let Job { windows: SharedWindows { starts, tactile, pose, .. }, force, base, touch } = job;
         let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return };
-        let Contract { window, n_taxels, n_joints, .. } = self.contract;
+        let Contract { window, n_joints, .. } = self.contract;
+        let n_columns = self.contract.n_columns();
         let n_frames = last + window.get() - first;
         let frames = |values: &'_ [f32], width: usize| first * width..((last + window.get()) * width).min(values.len());
-        let frames = (&tactile[frames(tactile, n_taxels)], &pose[frames(pose, n_joints)]);
+        let frames = (&tactile[frames(tactile, n_columns)], &pose[frames(pose, n_joints)]);
         let Worker { known, scratch, forces } = worker;
         self.network.begin(known, 1, n_frames);
         self.network.run(known, frames, last - first + 1, scratch, forces);

@@ -23,7 +23,7 @@ use super::paper::{Decoder, Dense, TAPS, check_operators};
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Causal {
     pub(super) window: usize,
-    pub(super) n_taxels: usize,
+    pub(super) n_columns: usize,
     /// Divisors of the taxels: of the linear ones, and of those that are squashed.
     pub(super) scales: [f32; 2],
     pub(super) layers: Vec<Layer>,
@@ -86,7 +86,7 @@ struct Value {
 }
 
 struct Walk<'g> {
-    n_taxels: usize,
+    n_columns: usize,
     constants: BTreeMap<&'g str, &'g TensorProto>,
     values: BTreeMap<&'g str, Value>,
     scales: Option<[f32; 2]>,
@@ -119,7 +119,7 @@ impl<'g> Walk<'g> {
         }
         let taxels = Value { what: What::Taxels, frames: terms.contract.window.get() };
         let mut walk = Walk {
-            n_taxels: terms.contract.n_taxels,
+            n_columns: terms.contract.n_columns(),
             constants,
             values: BTreeMap::from([(terms.tensors.tactile.as_str(), taxels)]),
             scales: None,
@@ -270,7 +270,7 @@ impl<'g> Walk<'g> {
         let n_in = match x.what {
             What::Both(scales) if self.layers.is_empty() => {
                 self.scales = Some(scales);
-                2 * self.n_taxels
+                2 * self.n_columns
             }
             What::Layer(_) => self.layers.last()?.dense.dims[0],
             _ => return None,
@@ -359,7 +359,7 @@ impl<'g> Walk<'g> {
         };
         let (force, touch) = (decoder(force)?, decoder(touch)?);
         let causal =
-            Causal { window, n_taxels: self.n_taxels, scales: self.scales?, layers: self.layers, force, touch };
+            Causal { window, n_columns: self.n_columns, scales: self.scales?, layers: self.layers, force, touch };
         (causal.n_seen() <= window).then_some(causal)
     }
 }

@@ -38,7 +38,7 @@ const BLOCK: usize = 48;
 #[derive(Debug)]
 pub(super) struct Network {
     window: usize,
-    n_taxels: usize,
+    n_columns: usize,
     n_joints: usize,
     body: Body,
 }
@@ -84,7 +84,7 @@ pub(super) struct Scratch {
 
 impl Network {
     /// Builds the network with these weights. `None` if the windows are too short to have an interior.
-    pub(super) fn new(paper: &Paper, n_taxels: usize, n_joints: usize) -> Option<Self> {
+    pub(super) fn new(paper: &Paper, n_columns: usize, n_joints: usize) -> Option<Self> {
         let head = match &paper.head {
             paper::Head::Touch(decoder) => Head::Touch(Decoder::new(decoder)),
             paper::Head::Fused(decoder) => Head::Fused(Decoder::new(decoder)),
@@ -94,7 +94,7 @@ impl Network {
         };
         (paper.window > 2 * REACH).then(|| Network {
             window: paper.window,
-            n_taxels,
+            n_columns,
             n_joints: paper.pose.as_ref().map_or(0, |_| n_joints),
             body: Body::Paper(Box::new(PaperBody {
                 window: paper.window,
@@ -108,7 +108,7 @@ impl Network {
     /// Builds the causal network with these weights.
     pub(super) fn causal(found: &found::Causal) -> Self {
         let body = Body::Causal(Box::new(causal::Causal::new(found)));
-        Network { window: found.window, n_taxels: found.n_taxels, n_joints: 0, body }
+        Network { window: found.window, n_columns: found.n_columns, n_joints: 0, body }
     }
 
     /// Forgets all frames. The next call of `run` brings `n_frames` frames of `n_lanes` lanes, later calls one frame

@@ -67,7 +67,7 @@ pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<OnnxRuntime, String> {
         pose: terms.tensors.pose.clone(),
         options: (1..=outputs.len()).map(|n| select(&outputs[..n])).collect::<Result<_, _>>().map_err(said)?,
         outputs,
-        sizes: [contract.n_taxels, contract.n_joints],
+        sizes: [contract.n_columns(), contract.n_joints],
     })
 }
 
@@ -92,10 +92,10 @@ impl Runtime for OnnxRuntime {
     }
 
     fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
-        let [n_taxels, n_joints] = self.sizes;
-        let window = windows.tactile.len() / (windows.n * n_taxels).max(1);
+        let [n_columns, n_joints] = self.sizes;
+        let window = windows.tactile.len() / (windows.n * n_columns).max(1);
         let said = |e: ort::Error| format!("ONNX Runtime: {e}");
-        let tactile = TensorRef::from_array_view(([windows.n, window, n_taxels], windows.tactile)).map_err(said)?;
+        let tactile = TensorRef::from_array_view(([windows.n, window, n_columns], windows.tactile)).map_err(said)?;
         let mut inputs: Vec<(&str, SessionInputValue<'_>)> = vec![(&self.tactile, tactile.into())];
         if let Some(pose) = &self.pose {
             let values = TensorRef::from_array_view(([windows.n, window, n_joints], windows.pose)).map_err(said)?;

@@ -206,7 +206,7 @@ impl Trial {
             pose
         };
         for (values, n) in
-            [(&mut frames.tactile, of_one(contract.n_taxels)), (&mut frames.pose, of_one(contract.n_joints))]
+            [(&mut frames.tactile, of_one(contract.n_columns())), (&mut frames.pose, of_one(contract.n_joints))]
         {
             values[n..2 * n].fill(0.0);
         }

@@ -52,7 +52,7 @@ pub(super) fn open(bytes: &[u8], terms: &Terms) -> Result<Rten, String> {
         pose: terms.tensors.pose.as_ref().map(node).transpose()?,
         outputs: terms.tensors.outputs().iter().map(node).collect::<Result<_, _>>()?,
         options: RunOptions::default().with_thread_pool(Some(Arc::new(pool))),
-        sizes: [contract.n_taxels, contract.n_joints],
+        sizes: [contract.n_columns(), contract.n_joints],
         graph,
     })
 }
@@ -63,9 +63,9 @@ impl Runtime for Rten {
     }
 
     fn infer(&mut self, windows: Windows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
-        let [n_taxels, n_joints] = self.sizes;
-        let window = windows.tactile.len() / (windows.n * n_taxels).max(1);
-        let tactile = NdTensorView::from_data([windows.n, window, n_taxels], windows.tactile);
+        let [n_columns, n_joints] = self.sizes;
+        let window = windows.tactile.len() / (windows.n * n_columns).max(1);
+        let tactile = NdTensorView::from_data([windows.n, window, n_columns], windows.tactile);
         let mut inputs = vec![(self.tactile, tactile.into())];
         if let Some(pose) = self.pose {
             inputs.push((pose, NdTensorView::from_data([windows.n, window, n_joints], windows.pose).into()));

@@ -72,12 +72,13 @@ impl InferenceSession {
     pub(super) fn infer(&mut self, windows: SharedWindows<'_>, outputs: &mut [Vec<f32>]) -> Result<(), String> {
         outputs.iter_mut().for_each(Vec::clear);
         check(windows, &self.contract)?;
-        let Contract { window, n_taxels, n_joints, .. } = self.contract;
+        let Contract { window, n_joints, .. } = self.contract;
+        let n_columns = self.contract.n_columns();
         let mut done = 0;
         for starts in windows.starts.chunks(self.max_batch) {
             let part = Windows {
                 n: starts.len(),
-                tactile: one_below_the_other(windows.tactile, starts, window.get(), n_taxels, &mut self.tactile),
+                tactile: one_below_the_other(windows.tactile, starts, window.get(), n_columns, &mut self.tactile),
                 pose: one_below_the_other(windows.pose, starts, window.get(), n_joints, &mut self.pose),
             };
             self.runtime.infer(part, outputs).map_err(|said| one_line(&said))?;
@@ -103,12 +104,13 @@ impl InferenceSession {
 /// Refuses windows that reach beyond their frames, and frames of another size than the model's input.
 pub(super) fn check(windows: SharedWindows<'_>, contract: &Contract) -> Result<(), String> {
     let SharedWindows { starts, ids, tactile, pose } = windows;
-    let n_frames = tactile.len() / contract.n_taxels.max(1);
+    let n_columns = contract.n_columns();
+    let n_frames = tactile.len() / n_columns.max(1);
     let fits = |len: usize, width: usize| n_frames * width == len;
-    if !fits(tactile.len(), contract.n_taxels) || !fits(pose.len(), contract.n_joints) {
+    if !fits(tactile.len(), n_columns) || !fits(pose.len(), contract.n_joints) {
         return Err(format!(
             "expected frames of {} tactile and {} pose numbers, got {} and {}",
-            contract.n_taxels,
+            n_columns,
             contract.n_joints,
             tactile.len(),
             pose.len(),

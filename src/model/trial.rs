@@ -50,7 +50,7 @@ impl Frames {
     pub(super) fn new(contract: &Contract, scale: &Scale, n_frames: usize) -> Self {
         let mut random = Lcg::new();
         let mut within = |[min, max]: [f32; 2]| min + (max - min) * random.next_unit();
-        let tactile = (0..n_frames * contract.n_taxels).map(|_| within(scale.taxels)).collect();
+        let tactile = (0..n_frames * contract.n_columns()).map(|_| within(scale.taxels)).collect();
         let ranges = contract.pose_range.as_deref().unwrap_or_default();
         let span = |joint: usize| match scale.angles {
             Angles::Trained => ranges.get(joint).map_or([-0.5, 0.5], |range| [range.min as f32, range.max as f32]),

@@ -16,7 +16,8 @@ use crate::units::Stamp;
 pub struct Rows {
     /// `[n]`
     pub stamp: Vec<Stamp>,
-    /// `[n, T]` row-major, with the baseline subtracted.
+    /// `[n, columns]` row-major: taxels with the baseline subtracted, and what the artifact filter knows of touch if the artifact
+    /// model says that networks get it.
     pub tactile: Vec<f32>,
     /// `[n, P]` row-major, rad.
     pub pose: Vec<f32>,
@@ -32,7 +33,7 @@ pub struct Rows {
 #[derive(Debug)]
 pub struct RowCollector {
     window: usize,
-    n_taxels: usize,
+    n_columns: usize,
     n_joints: usize,
     windows: Receiver<(Vec<f32>, Vec<f32>)>,
     recent: VecDeque<(i64, Stamp)>,
@@ -54,11 +55,11 @@ impl Regressor for Tap {
     }
 
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
-        let Contract { window, n_taxels, n_joints, .. } = self.contract;
-        let window = window.get();
+        let (window, n_columns, n_joints) =
+            (self.contract.window.get(), self.contract.n_columns(), self.contract.n_joints);
         for &start in windows.starts {
             let of_window = |values: &[f32], width: usize| values[start * width..(start + window) * width].to_vec();
-            let sent = self.windows.send((of_window(windows.tactile, n_taxels), of_window(windows.pose, n_joints)));
+            let sent = self.windows.send((of_window(windows.tactile, n_columns), of_window(windows.pose, n_joints)));
             sent.map_err(|_| RegressError("the collector of model input is gone".to_owned()))?;
         }
         out.clear();
@@ -99,11 +100,12 @@ impl RowCollector {
             mdf: None,
             regions: BTreeMap::new(),
         };
+        let n_columns = contract.n_columns();
         let (sender, windows) = channel();
         let fusion = Fusion::new(cfg, vec![Box::new(Tap { contract, windows: sender })])?;
         let collector = RowCollector {
             window: window.get(),
-            n_taxels,
+            n_columns,
             n_joints,
             windows,
             recent: VecDeque::new(),
@@ -137,7 +139,7 @@ impl RowCollector {
         let n_new = known.map_or(self.window, |new| new.max(0) as usize);
         self.last = Some(tick.number);
         let skip = self.window - n_new;
-        self.rows.tactile.extend_from_slice(&tactile[skip * self.n_taxels..]);
+        self.rows.tactile.extend_from_slice(&tactile[skip * self.n_columns..]);
         self.rows.pose.extend_from_slice(&pose[skip * self.n_joints..]);
         for back in (0..n_new as i64).rev() {
             self.rows.stamp.push(self.stamp_of(tick.number - back).unwrap_or(tick.stamp));

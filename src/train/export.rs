@@ -80,6 +80,14 @@ fn check_card(network: &Network, card: &ModelCard) -> Result<(), TrainError> {
     if !card.metrics.is_object() {
         return refuse("metrics must be a JSON object".to_string());
     }
+    let artifacts = card.artifact.iter().chain(card.regions.values().map(|terms| &*terms.artifact));
+    for artifact in artifacts.filter(|artifact| artifact.n_columns() != network.architecture.n_taxels) {
+        let (n_taxels, n_touch) = (artifact.n_taxels, artifact.n_touch_inputs());
+        return refuse(format!(
+            "the artifact model is of {n_taxels} taxels and {n_touch} columns of touch, the network of {} in all",
+            network.architecture.n_taxels
+        ));
+    }
     let n_joints = match (&card.artifact, kind) {
         (artifact, _) if !card.regions.is_empty() => {
             let others = artifact.is_some() || !card.joints.is_empty() || !card.pose_range.is_empty();
@@ -109,12 +117,14 @@ fn check_card(network: &Network, card: &ModelCard) -> Result<(), TrainError> {
 
 fn metadata(network: &Network, card: &ModelCard) -> Vec<(&'static str, String)> {
     let Architecture { kind, window, n_taxels, .. } = network.architecture;
+    let of_several = || card.regions.values().next().map(|terms| &*terms.artifact);
+    let n_touch_inputs = card.artifact.as_ref().or_else(of_several).map_or(0, ArtifactModel::n_touch_inputs);
     let mut entries = vec![
         ("tpf.contract", crate::model::metadata::CONTRACT_VERSION.to_string()),
         ("unit", unit_name(ForceUnit::GramForce).to_string()),
         ("rate_hz", card.rate_hz.to_string()),
         ("window", window.to_string()),
-        ("taxels", n_taxels.to_string()),
+        ("taxels", n_taxels.saturating_sub(n_touch_inputs).to_string()),
     ];
     if !card.regions.is_empty() {
         entries.push(("regions", crate::model::metadata::regions_text(&card.regions)));

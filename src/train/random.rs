@@ -12,10 +12,13 @@ pub(super) enum Stream {
     Epoch(u64),
     /// The light touches that are added in a step.
     LightTouch(u64),
+    /// The held touches of a copy of a session.
+    HeldTouch(u64),
 }
 
-/// The half of the streams that light touches have.
+/// The half of the streams that light touches have, and the quarter of held touches.
 const LIGHT_TOUCH: u64 = 1 << 63;
+const HELD_TOUCH: u64 = 1 << 62;
 
 /// A stream of random numbers.
 pub(super) struct Random(ChaCha8Rng);
@@ -27,8 +30,9 @@ impl Random {
         let mut rng = ChaCha8Rng::from_seed(key);
         rng.set_stream(match stream {
             Stream::Weights => 0,
-            Stream::Epoch(epoch) => epoch.wrapping_add(1) & (LIGHT_TOUCH - 1),
+            Stream::Epoch(epoch) => epoch.wrapping_add(1) & (HELD_TOUCH - 1),
             Stream::LightTouch(step) => LIGHT_TOUCH | step,
+            Stream::HeldTouch(copy) => HELD_TOUCH | (copy & (HELD_TOUCH - 1)),
         });
         Random(rng)
     }

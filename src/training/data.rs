@@ -11,8 +11,10 @@ use super::{Request, TrainingError};
 use crate::config::Config;
 use crate::eval::Part;
 use crate::fusion::{ArtifactModel, ForceAxes, PoseRange, RegionTerms};
-use crate::observer::Observer;
-use crate::train::{ContactAxes, Dataset, Kind, Session, TrainError, WindowSpec, fit_artifact, pose_range};
+use crate::observer::{self, Observer};
+use crate::train::{
+    ContactAxes, Dataset, Kind, Session, TouchedSession, TrainError, WindowSpec, fit_artifact, pose_range,
+};
 
 /// Frames in a window; the paper's.
 const WINDOW: NonZeroUsize = NonZeroUsize::new(64).expect("it is above 0");
@@ -26,6 +28,8 @@ const LIGHT_TOUCH_GF: f64 = 10.0;
 pub(super) struct Data {
     pub(super) dataset: Dataset,
     pub(super) notes: Vec<SessionNotes>,
+    /// Copies of the sessions with held touches.
+    n_copies: usize,
     pub(super) rate_hz: f64,
     pub(super) glove: String,
     /// Of the joints that a region needs; empty where it needs none, or where there are several regions.
@@ -64,6 +68,7 @@ impl Data {
             observer.progress(n_read, total);
         };
         let mut terms: BTreeMap<String, RegionTerms> = BTreeMap::new();
+        let mut raws: Vec<Vec<Session>> = Vec::new();
         if kind == Kind::Adaptive {
             // Once to learn what pose makes of the taxels, and once more by the core that takes it out.
             for OfRegion { loader, bags: of_region } in &mut loaded {
@@ -76,20 +81,33 @@ impl Data {
                     true => TrainingError::Train(error),
                     false => TrainingError::at(Path::new(&format!("region {}", loader.region())), &error),
                 };
-                let artifact = Arc::new(fit_artifact(&raw, loader.rate_hz()).map_err(of_region)?);
+                let mut artifact = fit_artifact(&raw, loader.rate_hz()).map_err(of_region)?;
+                artifact.touch_inputs = request.held_touches > 0;
+                let artifact = Arc::new(artifact);
                 let (joints, name) = (loader.joints().to_vec(), loader.region().to_owned());
                 terms.insert(
                     name,
                     RegionTerms { joints, pose_range: pose_range(&raw), artifact: Arc::clone(&artifact) },
                 );
                 loader.take_out(artifact);
+                raws.push(raw);
             }
         }
         let (mut sessions, mut notes): (Vec<Session>, Vec<SessionNotes>) = (Vec::new(), Vec::new());
-        for OfRegion { loader, bags: of_region } in &loaded {
-            for &bag_idx in of_region {
+        let mut copies = Vec::new();
+        for (region_idx, OfRegion { loader, bags: of_region }) in loaded.iter().enumerate() {
+            for (idx, &bag_idx) in of_region.iter().enumerate() {
                 let loaded = loader.load(&bags[bag_idx], observer)?;
                 count();
+                if let Some((terms, fit)) = terms.get(loader.region()).zip(loaded.fit.as_ref()) {
+                    let (raw, rate_hz) = (&raws[region_idx][idx], loader.rate_hz());
+                    let touched = TouchedSession { raw, artifact: &terms.artifact, fit, rate_hz };
+                    for copy in 0..request.held_touches {
+                        observer::check(observer)?;
+                        let number = sessions.len() * request.held_touches + copy;
+                        copies.extend(touched.copy(request.train.seed, number)?);
+                    }
+                }
                 notes.push(SessionNotes {
                     name: loaded.session.name().to_owned(),
                     bag_idx,
@@ -112,6 +130,8 @@ impl Data {
             outputs: 1,
             needs_pose: kind.uses_pose(),
         };
+        let n_copies = copies.len();
+        sessions.extend(copies);
         let dataset = Dataset::new(sessions, spec)?;
         let (mut artifact, mut ranges) = (None, Vec::new());
         if kind.uses_pose() {
@@ -120,7 +140,8 @@ impl Data {
             (artifact, ranges) = (Some(only.artifact), only.pose_range);
         }
         let (rate_hz, axes) = (loaded[0].loader.rate_hz(), loaded[0].loader.axes());
-        let data = Data { dataset, notes, rate_hz, glove, pose_range: ranges, artifact, regions: terms, axes };
+        let data =
+            Data { dataset, notes, n_copies, rate_hz, glove, pose_range: ranges, artifact, regions: terms, axes };
         observer.note(&data.summary());
         Ok(data)
     }
@@ -135,8 +156,12 @@ impl Data {
             0 => String::new(),
             n => format!(" of {n} regions"),
         };
+        let copies = match self.n_copies {
+            0 => String::new(),
+            n => format!(", and {n} copies with held light touches"),
+        };
         format!(
-            "{n} session{}{}{of_regions}: {} windows to train on; {} to pick the best step and {} kept for the test, which are every {EVAL_STRIDE}th of their parts",
+            "{n} session{}{}{of_regions}{copies}: {} windows to train on; {} to pick the best step and {} kept for the test, which are every {EVAL_STRIDE}th of their parts",
             if n == 1 { "" } else { "s" },
             if self.is_synthetic() { " (synthetic)" } else { "" },
             self.dataset.n_windows(Part::Train),

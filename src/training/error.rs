@@ -70,9 +70,11 @@ pub enum TrainingError {
     )]
     NoTruth { region: String },
     #[error(
-        "--light-touches is for --kind adaptive: the taxels of other models keep the artifact of pose, which a touch doesn't add to"
+        "--light-touches and --held-touches are for --kind adaptive: the taxels of other models keep the artifact of pose, which a touch doesn't add to"
     )]
     LightTouches,
+    #[error("--held-touches is {got}, expected 0 to {most} copies of each session")]
+    HeldTouches { got: usize, most: usize },
     #[error(
         "--kind adaptive gives the normal force only; for --axes 3 train --kind pose-aware, tactile-only or early-fusion"
     )]

@@ -9,7 +9,7 @@ use super::TrainingError;
 use crate::bag::{BagReader, Inputs};
 use crate::config::Config;
 use crate::eval::{Split, TruthError};
-use crate::fusion::{ArtifactModel, Following, ForceAxes};
+use crate::fusion::{ArtifactFilter, ArtifactFit, ArtifactModel, Following, ForceAxes, RegionIdx};
 use crate::observer::{self, Observer};
 use crate::recording::{self, Labels, Listener, Notes, RowCollector, Rows, aligned, input_topics, read};
 use crate::sessions::{InAir, SessionError, annotated, session_name};
@@ -43,6 +43,8 @@ pub(super) struct LoadedSession {
     pub(super) notes: Notes,
     /// Frames that could be used but for the truth, which was not measured there.
     pub(super) n_without_truth: usize,
+    /// Its artifact, as its calibration found it.
+    pub(super) fit: Option<ArtifactFit>,
 }
 
 impl<'c> TrainingLoader<'c> {
@@ -136,6 +138,7 @@ impl<'c> TrainingLoader<'c> {
         let (mut rows, fusion) = RowCollector::new(fusion, self.window, self.rate_hz, artifact)?;
         let mut cores = [fusion];
         zero.install(&mut cores[0])?;
+        let fit = cores[0].artifact(RegionIdx::at(0)).and_then(ArtifactFilter::fit);
         let mut labels = Labels::new(&self.cfg.truth_sources()[self.truth_idx..=self.truth_idx]);
         let listener = Listener::<SessionError> {
             on_tick: &mut |_, tick| rows.handle_tick(tick),
@@ -164,7 +167,7 @@ impl<'c> TrainingLoader<'c> {
                 ),
             ));
         }
-        let found = self.session(session_name(bag), &labels, rows.finish(), observer);
+        let found = self.session(session_name(bag), &labels, rows.finish(), fit, observer);
         found.map_err(|error| TrainingError::at(bag, &error))
     }
 
@@ -174,11 +177,12 @@ impl<'c> TrainingLoader<'c> {
         name: String,
         labels: &Labels,
         rows: Rows,
+        fit: Option<ArtifactFit>,
         observer: &dyn Observer,
     ) -> Result<LoadedSession, TrainingError> {
         let region = &self.cfg.fusion().regions()[self.region_idx];
         let n_joints = if self.artifact.is_some() { 0 } else { region.joints.len() };
-        let n_taxels = region.taxels.len();
+        let n_taxels = self.artifact.as_ref().map_or(region.taxels.len(), |artifact| artifact.n_columns());
         let track = &labels.truth[0];
         let end = track.span().map_or(Stamp(i64::MIN), |(_, last)| last);
         let zero_load = recording::zero_load(&labels.annotations, end);
@@ -219,6 +223,6 @@ impl<'c> TrainingLoader<'c> {
             frames.part.push(part);
             frames.epoch.push(epoch);
         }
-        Ok(LoadedSession { session: Session::new(frames)?, notes: labels.notes.clone(), n_without_truth })
+        Ok(LoadedSession { session: Session::new(frames)?, notes: labels.notes.clone(), n_without_truth, fit })
     }
 }

@@ -28,7 +28,9 @@ fn trained() -> &'static Path {
             let bags = [bag(path, 1), bag(path, 2)].map(|bag| bag.to_str().unwrap().to_owned());
             let train =
                 ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "model.onnx"];
-            let run = tpf(path, &[&train[..], &["--steps", "400", "--batch", "16", "--seed", "1"]].concat()).ok();
+            // On the taxels alone, which takes few steps to learn.
+            let quickly = ["--steps", "400", "--batch", "16", "--seed", "1", "--held-touches", "0"];
+            let run = tpf(path, &[&train[..], &quickly].concat()).ok();
             assert!(run.stderr.contains("touch 0."), "{run:?}");
             folder
         })
@@ -71,6 +73,38 @@ fn an_adaptive_model_finds_touch_on_a_user_it_does_not_know_and_best_when_it_fol
     let by_force = |more: &[&str]| balanced_accuracy(&[&["--touch", "force"], more].concat());
     let (followed, left) = (by_force(&[]), by_force(&["-p", "adaptation:=none"]));
     assert!(followed > 0.95 && 1.0 - followed < 0.6 * (1.0 - left), "{followed} followed, {left} where it is left");
+}
+
+#[test]
+fn a_network_that_gets_touch_is_trained_on_copies_with_held_touches_and_finds_touch() {
+    let folder = trained();
+    let bags = [bag(folder, 1), bag(folder, 2)].map(|bag| bag.to_str().unwrap().to_owned());
+    let out = tempfile::tempdir().unwrap();
+    let out = out.path();
+    let train = ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "told.onnx"];
+    let run = tpf(out, &[&train[..], &["--steps", "300", "--batch", "16", "--held-touches", "3"]].concat()).ok();
+    assert!(run.stderr.contains("2 sessions (synthetic), and 6 copies with held light touches: "), "{run:?}");
+    let report: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("told.report.json")).unwrap()).unwrap();
+    assert_eq!((report["held_touches"].as_u64(), report["sessions"].as_array().unwrap().len()), (Some(3), 2));
+    let told = tpf(out, &["inspect", "told.onnx"]).ok().stdout;
+    assert!(told.contains("float32 [N, 64, 10]") && told.contains("gets what is known of touch"), "{told}");
+    let eval = ["eval", bags[0].as_str(), "--params-file", PARAMS, "--model", "told.onnx", "--whole", "--json"];
+    let found = |more: &[&str]| find(&tpf(out, &[&eval[..], more].concat()).ok().json(), "ba").unwrap();
+    let (followed, frozen) = (found(&[]), found(&["-p", "adaptation:=frozen"]));
+    assert!(followed > 0.93 && frozen > 0.7, "{followed} followed, {frozen} frozen");
+    // The same command gives the same bytes; only an adaptive model gets touches.
+    tpf(out, &[&train[..8], &["again.onnx", "--steps", "300", "--batch", "16", "--held-touches", "3"]].concat()).ok();
+    assert!(std::fs::read(out.join("told.onnx")).unwrap() == std::fs::read(out.join("again.onnx")).unwrap());
+    for (kind, n, expected) in [
+        ("pose-aware", "1", "--light-touches and --held-touches are for --kind adaptive"),
+        ("adaptive", "65", "--held-touches is 65, expected 0 to 64 copies of each session"),
+    ] {
+        let refused =
+            ["train", &bags[0], "--params-file", PARAMS, "--kind", kind, "--held-touches", n, "-o", "no.onnx"];
+        let refused = tpf(out, &refused);
+        assert!(refused.failure().contains(expected), "{refused:?}");
+    }
 }
 
 #[test]

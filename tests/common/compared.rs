@@ -20,7 +20,7 @@ pub struct Frames {
 pub fn frames(contract: &Contract, seed: usize, taxels: [f32; 2], angle: f32) -> Frames {
     let n_frames = N + contract.window.get() - 1;
     let unit = |at: usize| ((at * 7919 + seed * 104_729 + 13) as f64 * 0.754_877_666).fract() as f32;
-    let tactile = (0..n_frames * contract.n_taxels).map(|at| taxels[0] + (taxels[1] - taxels[0]) * unit(at));
+    let tactile = (0..n_frames * contract.n_columns()).map(|at| taxels[0] + (taxels[1] - taxels[0]) * unit(at));
     let pose = (0..n_frames * contract.n_joints).map(|at| angle * (2.0 * unit(at + 1_000_003) - 1.0));
     Frames { tactile: tactile.collect(), pose: pose.collect() }
 }

@@ -47,7 +47,7 @@ impl Regressor for Sum {
     fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
         out.force.clear();
         out.base.clear();
-        let (t, p, l) = (self.contract.n_taxels, self.contract.n_joints, self.contract.window.get());
+        let (t, p, l) = (self.contract.n_columns(), self.contract.n_joints, self.contract.window.get());
         for &start in windows.starts {
             let tactile = &windows.tactile[start * t..(start + l) * t];
             let pose = &windows.pose[start * p..(start + l) * p];

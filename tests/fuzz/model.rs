@@ -198,10 +198,10 @@ fn run(input: &[u8]) -> Answer {
         super::one_line(note);
     }
     let contract = info.contract;
-    assert!(contract.window.get() * contract.n_taxels.max(contract.n_joints) <= 1 << 22);
+    assert!(contract.window.get() * contract.n_columns().max(contract.n_joints) <= 1 << 22);
     assert!(contract.mdf.is_none_or(|mdf| mdf.0.is_finite()) && contract.rate_hz > 0.0);
     // Whatever a file says of itself, the core keeps up with it.
-    if contract.window.get() * (contract.n_taxels + contract.n_joints) <= 1 << 12 {
+    if contract.window.get() * (contract.n_columns() + contract.n_joints) <= 1 << 12 {
         let joints: Vec<String> =
             contract.joints.clone().unwrap_or_else(|| (0..contract.n_joints).map(|idx| idx.to_string()).collect());
         let mut region = fake::region("index", &(0..contract.n_taxels).collect::<Vec<_>>(), &[]);

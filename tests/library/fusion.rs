@@ -753,6 +753,7 @@ fn artifact() -> std::sync::Arc<ArtifactModel> {
         slip_time_s: 90.0,
         touch: vec![10.0],
         residual: vec![25.0], // 0.5 gF; of less, the curve of a quick bend counts as noise of its angle
+        touch_inputs: false,
     })
 }
 
@@ -786,6 +787,57 @@ fn estimates(core: &mut Fusion, samples: &[Sample]) -> Vec<Estimate> {
         }
     }
     estimates
+}
+
+/// Keeps the newest frame of the window that it gets last.
+#[derive(Debug)]
+struct Keeper {
+    contract: Contract,
+    newest: std::sync::Arc<std::sync::Mutex<Vec<f32>>>,
+}
+
+impl Regressor for Keeper {
+    fn contract(&self) -> &Contract {
+        &self.contract
+    }
+
+    fn run(&mut self, windows: SharedWindows<'_>, out: &mut Forces) -> Result<(), RegressError> {
+        let width = self.contract.n_columns();
+        let end = windows.starts.last().map_or(0, |start| start + self.contract.window.get());
+        *self.newest.lock().unwrap() = windows.tactile[(end - 1) * width..end * width].to_vec();
+        out.clear();
+        out.force.resize(windows.starts.len(), 0.0);
+        Ok(())
+    }
+}
+
+#[test]
+fn a_network_that_gets_touch_has_it_beside_the_taxels() {
+    let told = ArtifactModel { touch_inputs: true, ..ArtifactModel::clone(&artifact()) };
+    let contract = Contract { has_base: false, artifact: Some(told.into()), ..contract(4, 1, 0) };
+    assert_eq!((contract.n_taxels, contract.n_columns(), contract.n_region_joints()), (1, 1 + TOUCH_INPUTS, 1));
+    let newest = std::sync::Arc::default();
+    let keeper = || Box::new(Keeper { contract: contract.clone(), newest: std::sync::Arc::clone(&newest) });
+    let cfg = config(1, vec![region("tip", &[0], &["dip"])]);
+    let mut core = fusion(cfg.clone(), vec![keeper()]);
+    core.handle_artifact(RegionIdx::at(0), fit(1.2)).unwrap();
+    estimates(&mut core, &bending(0, 1000));
+    let in_air = newest.lock().unwrap().clone();
+    assert!(in_air[..2].iter().all(|value| value.abs() < 20.0) && in_air[2] < 30.0, "{in_air:?}");
+    let touching = bending(1000, 300).into_iter().map(|sample| match sample {
+        Sample::Tactile { at_ns, mut values } => {
+            values[0] += 200.0;
+            Sample::Tactile { at_ns, values }
+        }
+        joints => joints,
+    });
+    estimates(&mut core, &touching.collect::<Vec<_>>());
+    let touched = newest.lock().unwrap().clone();
+    assert!((touched[0] - 200.0).abs() < 30.0 && (touched[1] - 200.0).abs() < 30.0, "{touched:?}");
+    // Four taxels more are no touch, and a model of as many columns without it is of five taxels.
+    let five = config(5, vec![region("tip", &[0, 1, 2, 3, 4], &["dip"])]);
+    let refused = Fusion::new(five, vec![keeper()]).unwrap_err();
+    assert!(matches!(refused, SetupError::Taxels { expected: 1, got: 5, .. }), "{refused}");
 }
 
 #[test]

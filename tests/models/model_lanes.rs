@@ -30,7 +30,7 @@ fn lanes(contract: &Contract, n: usize) -> Vec<Lane> {
     (0..n)
         .map(|lane| Lane {
             sequence: FrameSequence::default(),
-            tactile: values(lane, contract.n_taxels, 300.0),
+            tactile: values(lane, contract.n_columns(), 300.0),
             pose: values(lane, contract.n_joints, 1.2),
         })
         .collect()
@@ -58,11 +58,11 @@ fn stretch(model: &mut Model, lane: &Lane) -> Vec<Bits> {
 
 /// One call: of some lanes, the window that begins at some frame, one below the other.
 fn call(model: &mut Model, lanes: &[Lane], windows: &[(usize, usize)], forces: &mut Forces) -> Vec<Bits> {
-    let Contract { window, n_taxels, n_joints, .. } = *model.regressor.contract();
-    let window = window.get();
+    let contract = model.regressor.contract();
+    let (window, n_columns, n_joints) = (contract.window.get(), contract.n_columns(), contract.n_joints);
     let (mut tactile, mut pose) = (Vec::new(), Vec::new());
     for &(lane, first) in windows {
-        tactile.extend_from_slice(&lanes[lane].tactile[first * n_taxels..(first + window) * n_taxels]);
+        tactile.extend_from_slice(&lanes[lane].tactile[first * n_columns..(first + window) * n_columns]);
         pose.extend_from_slice(&lanes[lane].pose[first * n_joints..(first + window) * n_joints]);
     }
     let starts: Vec<usize> = (0..windows.len()).map(|idx| idx * window).collect();
@@ -73,7 +73,7 @@ fn call(model: &mut Model, lanes: &[Lane], windows: &[(usize, usize)], forces: &
 
 /// Frames that sensors don't send, but software might.
 fn spoil(lanes: &mut [Lane], contract: &Contract) {
-    let width = contract.n_taxels;
+    let width = contract.n_columns();
     for (lane, frame, value) in [(0, 80, f32::NAN), (1, 20, f32::INFINITY), (2, 90, f32::NEG_INFINITY), (3, 70, -0.0)] {
         lanes[lane].tactile[frame * width] = value;
     }
@@ -165,7 +165,7 @@ fn a_frame_that_is_no_number_reaches_every_window_that_holds_it_and_no_other() {
     for frame in [contract.window.get() - 1, contract.window.get() + 20] {
         let holds = |first: usize| (first..first + contract.window.get()).contains(&frame);
         let mut spoiled = lanes(&contract, 2);
-        spoiled[0].tactile[frame * contract.n_taxels + 1] = f32::NAN;
+        spoiled[0].tactile[frame * contract.n_columns() + 1] = f32::NAN;
         spoiled[1].pose[frame * contract.n_joints + 1] = f32::NAN;
         let nan = f32::NAN.to_bits();
         for (first, (force, base, _)) in stretch(&mut model, &spoiled[0]).into_iter().enumerate() {
@@ -202,6 +202,6 @@ fn frames_that_change_within_a_sequence_are_found_in_debug_builds() {
     let mut lanes = lanes(&contract, 1);
     let mut forces = Forces::default();
     call(&mut model, &lanes, &[(0, 0)], &mut forces);
-    lanes[0].tactile[contract.n_taxels] += 1.0;
+    lanes[0].tactile[contract.n_columns()] += 1.0;
     call(&mut model, &lanes, &[(0, 1)], &mut forces);
 }

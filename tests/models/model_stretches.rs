@@ -52,7 +52,7 @@ impl Input {
             let value = |at: usize| ((at / width * 7 + at % width * 13) as f32 * 0.13).sin().abs() * scale(at / width);
             (0..n_frames * width).map(value).collect()
         };
-        let tactile = frames(contract.n_taxels, &|frame| if frame % 300 < 100 { 2.0 } else { 400.0 });
+        let tactile = frames(contract.n_columns(), &|frame| if frame % 300 < 100 { 2.0 } else { 400.0 });
         let pose = if contract.n_joints > 0 { frames(contract.n_joints, &|_| 1.2) } else { Vec::new() };
         Input { starts, tactile, pose }
     }
@@ -149,6 +149,7 @@ fn artifact() -> tactile_pose_fusion::fusion::ArtifactModel {
         slip_time_s: 30.0,
         touch: vec![0.2; 5],
         residual: vec![1.0; 5],
+        touch_inputs: false,
     }
 }
 

@@ -5,6 +5,7 @@
 //! touch. A touch that begins or ends is an innovation along the pattern of touches that the state did not expect: it widens
 //! the touches alone. A touch that is no larger than its own uncertainty is taken for none.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
@@ -125,6 +126,10 @@ pub struct ArtifactFilter {
     sees_touch: bool,
     /// True if it was larger by far.
     sees_held: bool,
+    /// Standard deviation of the touch at the last measurement, gF.
+    touch_deviation: f64,
+    /// Standard deviation of what gains that are not known better leave of the artifact, as a touch, at the last measurement, gF.
+    left_deviation: f64,
     innovation: Vec<f64>,
     noise: Vec<f64>,
     /// `[taxels]`: variance of what noise of the joint angles puts into each.
@@ -154,6 +159,8 @@ impl ArtifactFilter {
             is_capped: false,
             sees_touch: false,
             sees_held: false,
+            touch_deviation: UNKNOWN_VARIANCE.sqrt(),
+            left_deviation: 0.0,
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
             pose_noise: vec![0.0; n],
@@ -207,7 +214,7 @@ impl ArtifactFilter {
             self.covariance[(taxel * joints + row, taxel * joints + column)] += value;
         }
         self.widen_touch(CALIBRATED_VARIANCE);
-        (self.sees_touch, self.sees_held) = (false, false);
+        (self.sees_touch, self.sees_held, self.touch_deviation) = (false, false, CALIBRATED_VARIANCE.sqrt());
     }
 
     /// The calibration with the gains as they are now, to be taken up again in the same donning.
@@ -242,7 +249,7 @@ impl ArtifactFilter {
             self.covariance.column_mut(touch).fill(0.0);
         }
         self.widen_touch(UNKNOWN_VARIANCE);
-        (self.sees_touch, self.sees_held) = (false, false);
+        (self.sees_touch, self.sees_held, self.touch_deviation) = (false, false, UNKNOWN_VARIANCE.sqrt());
     }
 
     /// Takes the artifact out of a frame, `n_frames` after the last one, and learns from it.
@@ -285,7 +292,7 @@ impl ArtifactFilter {
         match learns && !self.sees_touch {
             false => self.idle(),
             true if self.is_capped => Adaptation::Capped,
-            true if self.touch_margin() > 0.0 => Adaptation::Noisy,
+            true if self.margin_of_noise() > 0.0 => Adaptation::Noisy,
             true => Adaptation::Learning,
         }
     }
@@ -297,15 +304,43 @@ impl ArtifactFilter {
         along / self.pattern_square()
     }
 
+    /// Writes what it knows of touch, for a network that gets it: the touch at the last measurement, its standard deviation, how
+    /// much noise of the joint angles adds, and the standard deviation of what gains that are not known better leave of the
+    /// artifact at this pose. Where there is no recent measurement, the touch is 0, and its deviation that of an unknown one.
+    ///
+    /// # Shapes
+    /// `out`: `[TOUCH_INPUTS]`, taxel units: what a taxel reads of so much touch on average.
+    pub fn write_touch(&self, out: &mut [f32]) {
+        let is_known = self.following == Following::On && self.fit.is_some() && self.is_recent();
+        let (touch, deviation) = match is_known {
+            true => (self.touch_gf(), self.touch_deviation.min(UNKNOWN_VARIANCE.sqrt())),
+            false => (0.0, UNKNOWN_VARIANCE.sqrt()),
+        };
+        let left = if is_known { self.left_deviation } else { 0.0 };
+        let noise = UNKNOWN_VARIANCE.sqrt() * self.doubt.ln_1p();
+        let reading = self.model.touch.iter().map(|touch| touch.abs()).sum::<f64>() / self.model.n_taxels as f64;
+        for (out, touch) in out.iter_mut().zip([touch, deviation, noise, left]) {
+            *out = (reading * touch) as f32;
+        }
+    }
+
+    fn is_recent(&self) -> bool {
+        f64::from(self.n_since) * self.frame_s <= HELD_FOR_S
+    }
+
     /// A touch that is beyond doubt for the filter, gF, which remembers for how long it has lasted.
     pub fn held_touch_gf(&self) -> Option<f64> {
-        let is_recent = f64::from(self.n_since) * self.frame_s <= HELD_FOR_S;
-        (self.sees_held && is_recent && self.following == Following::On).then(|| self.touch_gf())
+        (self.sees_held && self.is_recent() && self.following == Following::On).then(|| self.touch_gf())
     }
 
     /// Log odds by which a touch must be clearer than the network says, because joint angles are noisier than those that it was
-    /// trained with: what they leave of the artifact looks like light touches. Zero with a good tracker.
+    /// trained with: what they leave of the artifact looks like light touches. Zero with a good tracker, and for a network that
+    /// gets the noise itself.
     pub fn touch_margin(&self) -> f64 {
+        if self.model.touch_inputs { 0.0 } else { self.margin_of_noise() }
+    }
+
+    fn margin_of_noise(&self) -> f64 {
         (DOUBT_ODDS * self.doubt.ln_1p() - TOLERATED_ODDS).max(0.0)
     }
 
@@ -443,18 +478,20 @@ impl ArtifactFilter {
             }
             self.scratch[first + taxel] = *pattern;
         }
+        self.left_deviation = self.variance_along_scratch(0..first).max(0.0).sqrt() / square;
         let noise = self.model.touch.iter().zip(&self.noise).map(|(k, noise)| k * k * noise).sum::<f64>();
-        let deviation = (self.variance_along_scratch(0) + noise).max(0.0).sqrt() / square;
+        let deviation = (self.variance_along_scratch(0..self.state.len()) + noise).max(0.0).sqrt() / square;
         if change.abs() > ONSET_DEVIATIONS * deviation {
             self.widen_touch(4.0 * change * change);
         }
     }
 
-    /// Variance of the state from `first` on, along `scratch`.
-    fn variance_along_scratch(&self, first: usize) -> f64 {
+    /// Variance of a part of the state, along `scratch`.
+    fn variance_along_scratch(&self, part: Range<usize>) -> f64 {
         let along = self.scratch.as_slice();
-        let columns = self.covariance.as_slice().chunks_exact(along.len()).zip(along).skip(first);
-        columns.map(|(rows, right)| right * dot(&rows[first..], &along[first..])).sum()
+        let columns = self.covariance.as_slice().chunks_exact(along.len()).zip(along);
+        let of_part = columns.take(part.end).skip(part.start);
+        of_part.map(|(rows, right)| right * dot(&rows[part.clone()], &along[part.clone()])).sum()
     }
 
     /// Updates the state by the measurement of one taxel. Noise of taxels is independent, so one after the other is the same
@@ -495,8 +532,9 @@ impl ArtifactFilter {
         for (taxel, pattern) in self.model.touch.iter().enumerate() {
             self.scratch[first + taxel] = *pattern;
         }
-        let deviation = self.variance_along_scratch(first).max(0.0).sqrt() / self.pattern_square();
+        let deviation = self.variance_along_scratch(first..self.state.len()).max(0.0).sqrt() / self.pattern_square();
         let touch = self.touch_gf();
+        self.touch_deviation = deviation;
         self.sees_touch = touch >= FAINT_TOUCH.max(FAINT_DEVIATIONS * deviation);
         self.sees_held = touch >= LEAST_HELD.max(HELD_DEVIATIONS * deviation);
         if self.sees_touch {

@@ -16,7 +16,7 @@ use crate::model::paper::TAPS;
 /// The network. Its weights are laid out for matrix products over many frames.
 #[derive(Debug)]
 pub(super) struct Causal {
-    n_taxels: usize,
+    n_columns: usize,
     scales: [f32; 2],
     /// Frames at the beginning of a window that its force doesn't depend on.
     n_unseen: usize,
@@ -70,7 +70,7 @@ impl Causal {
             adds_input: layer.adds_input,
         };
         Causal {
-            n_taxels: causal.n_taxels,
+            n_columns: causal.n_columns,
             scales: causal.scales,
             n_unseen: causal.window - causal.n_seen(),
             layers: causal.layers.iter().map(layer).collect(),
@@ -85,7 +85,7 @@ impl Causal {
         known.inputs.resize_with(self.layers.len(), Frames::default);
         (known.n_lanes, known.n_unseen) = (n_lanes, self.n_unseen);
         let mut room = n_frames - self.n_unseen;
-        let mut width = 2 * self.n_taxels;
+        let mut width = 2 * self.n_columns;
         for (layer, frames) in self.layers.iter().zip(&mut known.inputs) {
             frames.reset(n_lanes * width, room);
             (room, width) = (room - layer.reach(), layer.bias.len());
@@ -95,11 +95,11 @@ impl Causal {
     /// Adds new frames and runs the first `n` windows.
     ///
     /// # Shapes
-    /// `tactile`: `[frames, lanes, taxels]`.
+    /// `tactile`: `[frames, lanes, columns]`.
     pub(super) fn run(&self, known: &mut Known, tactile: &[f32], n: usize, scratch: &mut Scratch, out: &mut Forces) {
         let Known { inputs, n_lanes, n_unseen } = known;
         let Scratch { rows, hidden } = scratch;
-        let width = *n_lanes * self.n_taxels;
+        let width = *n_lanes * self.n_columns;
         let tactile = &tactile[std::mem::take(n_unseen) * width..];
         let n_new = tactile.len() / width.max(1);
         let Some((first, rest)) = inputs.split_first_mut() else { return };
@@ -131,7 +131,7 @@ impl Causal {
 
     /// Scaled taxels, and squashed ones beside them: `[rows, taxels]` to `[rows, 2 taxels]`.
     fn both(&self, tactile: &[f32], out: &mut [f32]) {
-        let ([coarse, fine], width) = (self.scales, self.n_taxels);
+        let ([coarse, fine], width) = (self.scales, self.n_columns);
         vectorized(|| {
             for (taxels, both) in tactile.chunks_exact(width).zip(out.chunks_exact_mut(2 * width)) {
                 let (scaled, squashed) = both.split_at_mut(width);

@@ -51,14 +51,14 @@ impl Lanes {
         let Lanes { groups, scratch, tactile, pose } = self;
         let Some(group) = groups.first_mut() else { return };
         debug_assert!(n_new == window || group.keeps_its_frames(network, windows), "frames of a sequence changed");
-        side_by_side(windows.tactile, windows.starts, window - n_new..window, network.n_taxels, tactile);
+        side_by_side(windows.tactile, windows.starts, window - n_new..window, network.n_columns, tactile);
         side_by_side(windows.pose, windows.starts, window - n_new..window, network.n_joints, pose);
         network.run(&mut group.known, (tactile, pose), n, scratch, out);
         group.ids.clear();
         group.ids.extend_from_slice(windows.ids);
         if cfg!(debug_assertions) {
             let [tactile, pose] = &mut group.frames;
-            one_below_the_other(windows.tactile, windows.starts, window, network.n_taxels, tactile);
+            one_below_the_other(windows.tactile, windows.starts, window, network.n_columns, tactile);
             one_below_the_other(windows.pose, windows.starts, window, network.n_joints, pose);
         }
     }
@@ -85,14 +85,14 @@ impl Group {
 
     /// True if windows that follow the group's have its frames, bit by bit.
     fn keeps_its_frames(&self, network: &Network, windows: SharedWindows<'_>) -> bool {
-        let Network { window, n_taxels, n_joints, .. } = *network;
+        let Network { window, n_columns, n_joints, .. } = *network;
         let [tactile, pose] = &self.frames;
         let same = |kept: &[f32], frames: &[f32], width: usize| {
             let kept = kept.chunks_exact((window * width).max(1));
             kept.zip(windows.starts)
                 .all(|(kept, start)| same_bits(&kept[width..], &frames[start * width..][..(window - 1) * width]))
         };
-        same(tactile, windows.tactile, n_taxels) && same(pose, windows.pose, n_joints)
+        same(tactile, windows.tactile, n_columns) && same(pose, windows.pose, n_joints)
     }
 }
 

@@ -45,7 +45,14 @@ pub fn text(model: &ModelInfo) -> String {
         },
     );
     if contract.has_artifact() {
-        line("artifact", "told: what these joints make of the taxels is taken out of them, and followed");
+        let more = match contract.n_columns() > contract.n_taxels {
+            true => "; the network also gets what is known of touch",
+            false => "",
+        };
+        line(
+            "artifact",
+            &format!("told: what these joints make of the taxels is taken out of them, and followed{more}"),
+        );
     }
     line("rate", &format!("{} Hz, {}", number(contract.rate_hz), origin(model.rate_from)));
     line("unit", &format!("{}, {}", unit_name(contract.unit), origin(model.unit_from)));
