@@ -190,7 +190,7 @@ impl std::fmt::Display for ZeroFrom {
         let spans = |seconds: &[f64]| seconds.iter().map(|s| format!("{s:.2} s")).collect::<Vec<_>>().join(", ");
         match self {
             ZeroFrom::File { file } => write!(f, "calibration {file}"),
-            ZeroFrom::Annotations { seconds } => write!(f, "annotated zero-load stretches, {}", spans(seconds)),
+            ZeroFrom::Annotations { seconds } => write!(f, "zero-load stretches, {}", spans(seconds)),
             ZeroFrom::First { seconds } => write!(f, "the first {}", spans(seconds)),
             ZeroFrom::Live { frames } => write!(f, "{frames} live frames"),
         }

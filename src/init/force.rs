@@ -127,18 +127,26 @@ fn source(one: &ForceCandidate, chosen: Option<String>, has_axes: bool, bags: &[
     if let Some(ForceRange { field, values: [least, most], with_taxels, .. }) = best(one) {
         let seen = format!("{} to {}", number(*least), number(*most));
         let with = with_taxels.map_or(String::new(), |with| format!("; correlation with the taxels {with:.2}"));
+        let is_pressed = with_taxels.is_some_and(|with| with.abs() >= FOLLOWS);
         let axes = axes(one, field).filter(|_| has_axes);
         match &axes {
             Some(axes) => {
                 let why = format!("CHECK: x, y and z of the patch; the last one is pressed: {seen}{with}");
                 lines.push(("fields", format!("[{}]", axes.each_ref().map(|axis| yaml_text(axis)).join(", ")), why));
             }
-            None => lines.push(("field", yaml_text(field), format!("{seen}{with}"))),
+            None if is_pressed => lines.push(("field", yaml_text(field), format!("{seen}{with}"))),
+            None => {
+                let why = format!(
+                    "CHECK: no press was seen that the taxels feel, so a press may change another number: {seen}{with}"
+                );
+                lines.push(("field", yaml_text(field), why));
+            }
         }
         let (unit, why) = unit(one, field, least.abs().max(most.abs()));
         lines.push(("unit", unit.to_owned(), why));
-        if -least > *most {
-            let why = "CHECK: readings go further down than up, so a press is taken to lower them".to_owned();
+        // Noise goes as far down as up.
+        if -least > *most && (is_pressed || -least > 2.0 * most.abs()) {
+            let why = "CHECK: its force goes further down than up, so a press is taken to lower it".to_owned();
             match axes {
                 Some(_) => lines.push(("signs", "[1, 1, -1]".to_owned(), why)),
                 None => lines.push(("sign", "-1".to_owned(), why)),

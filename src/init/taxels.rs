@@ -194,7 +194,8 @@ fn sign(one: &TactileCandidate, bags: &[BagReport]) -> (i32, String) {
         let of_these = force.ranges.iter().filter(|range| range.taxels.as_ref() == Some(&name));
         let press = |[least, most]: [f64; 2]| if -least > most { -1.0 } else { 1.0 };
         let told = |range: &crate::inspect::ForceRange| {
-            Some((range.with_taxels? * press(range.values), format!("{} of {}", range.field, force.topic)))
+            let sign = if press(range.values) < 0.0 { "minus " } else { "" };
+            Some((range.with_taxels? * press(range.values), format!("{sign}{} of {}", range.field, force.topic)))
         };
         of_these.filter_map(told).collect()
     };

@@ -21,6 +21,9 @@ pub use session::{Session, SessionFrames};
 /// Touch is true force at or above this, gF (paper, Sec. VI-A: all zero-load truth lies below).
 pub const TOUCH_GF: f32 = 2.5;
 
+/// The largest true force is at least this, gF: noise of a force sensor that nobody presses is less.
+const LEAST_PRESS_GF: f32 = 10.0;
+
 /// Settings for cutting windows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -228,7 +231,13 @@ impl Dataset {
         let class = match n_touch {
             0 => "without touch",
             all if all == truth.len() => "touch",
-            _ => return Ok(()),
+            _ => {
+                let largest_gf = truth.iter().copied().fold(0.0, f32::max);
+                return match largest_gf < LEAST_PRESS_GF {
+                    true => Err(DatasetError::NoPress { largest_gf, least_gf: LEAST_PRESS_GF }),
+                    false => Ok(()),
+                };
+            }
         };
         Err(DatasetError::OneClass { class, threshold_gf: TOUCH_GF })
     }
@@ -284,4 +293,33 @@ fn window_ends<'a>(
         run = if goes_on { run + 1 } else { 1 };
         of_frame[frame] == part && run >= window
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A second in the air, and a second of so many gF.
+    fn dataset(touch_gf: f32) -> Result<Dataset, DatasetError> {
+        let n = 200;
+        let session = Session::new(SessionFrames {
+            name: "session".into(),
+            n_taxels: 1,
+            tactile: vec![0.0; n],
+            truth_gf: (0..n).map(|frame| if frame < 100 { 0.0 } else { touch_gf }).collect(),
+            zero_load: (0..n).map(|frame| frame < 100).collect(),
+            part: vec![Part::Train; n],
+            epoch: vec![1; n],
+            ..SessionFrames::default()
+        });
+        Dataset::new(vec![session?], WindowSpec { needs_pose: false, ..WindowSpec::default() })
+    }
+
+    #[test]
+    fn noise_of_a_force_sensor_is_no_press() {
+        assert!(dataset(10.0).is_ok());
+        let refused = dataset(7.0).unwrap_err();
+        assert_eq!(refused, DatasetError::NoPress { largest_gf: 7.0, least_gf: 10.0 });
+        assert!(matches!(dataset(1.0).unwrap_err(), DatasetError::OneClass { .. }));
+    }
 }

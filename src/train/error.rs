@@ -98,6 +98,16 @@ pub enum DatasetError {
         /// The threshold of touch, gF.
         threshold_gf: f32,
     },
+    /// No press in the training windows.
+    #[error(
+        "the true force rises to {largest_gf:.1} gF at most in what is trained on, expected presses of {least_gf} gF or more; look at the axis (field), sign and unit of the force sensor"
+    )]
+    NoPress {
+        /// The largest true force, gF.
+        largest_gf: f32,
+        /// The least that the largest must be, gF.
+        least_gf: f32,
+    },
     /// A window or a stride of no frames, or a split that leaves nothing.
     #[error("{key} is {got}, expected {expected}")]
     Setting {

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::ROOT;
-use common::bags::{Bag, at, decoded, messages};
+use common::bags::{Bag, Recorded, at, decoded, messages};
 use common::layouts;
 use common::onnx::LinearModel;
 use common::tpf::{Run, tpf};
@@ -142,6 +142,29 @@ fn what_was_seen_of_one_fingers_load_cell_is_not_said_of_the_others() {
     let of_others = text.matches("CHECK: not in these bags; named as that of the index finger").count();
     let seen = text.lines().filter(|line| line.contains("field: wrench.force.z") && line.contains("correlation"));
     assert_eq!((of_others, seen.count(), load(folder).truth_sources().len()), (4, 1, 5), "{text}");
+}
+
+#[test]
+fn without_a_press_the_axis_of_a_load_cell_is_to_be_checked_and_all_bags_are_trained_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bag = simulated(folder, "1", "angles");
+    // The first seconds, in the air.
+    let all = messages(&folder.join(&bag));
+    let first = all[0].log_time;
+    let mut air = Bag::create(&folder.join("air.mcap"));
+    let is_early = |message: &&Recorded| message.log_time.nanos_since(first) < 8_000_000_000;
+    all.iter().filter(is_early).filter(|message| message.topic != "/stage").for_each(|one| air.send_recorded(one));
+    air.finish();
+    let run = init(folder, "air.mcap", &["--yes"]).ok();
+    let expected = "truth.load_cell_wrench.field: ";
+    let shown = run.stdout.lines().find(|line| line.trim().starts_with(expected)).unwrap_or_else(|| panic!("{run:?}"));
+    assert!(shown.contains("CHECK: no press was seen that the taxels feel"), "{shown}");
+    let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
+    assert!(!text.contains("so a press is taken to lower it"), "{text}");
+    let args = ["init", "air.mcap", bag.as_str(), "-o", "both.yaml", "--yes"];
+    let both = tpf(folder, &args).ok().stdout;
+    assert!(both.contains(&format!("next: tpf train air.mcap {bag} --params-file both.yaml")), "{both}");
 }
 
 #[test]

@@ -101,21 +101,35 @@ impl Args {
 /// Lines of the file to check that are shown, at most.
 const SHOWN_CHECKS: usize = 8;
 
-/// What is marked CHECK: whole comments, and the values that they stand beside.
+/// What is marked CHECK: the values with their keys, and whole comments. A comment on a line of its own is of the next value.
 fn to_check(text: &str) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
-    let mut is_open = false;
-    for line in text.lines().map(str::trim) {
+    let mut comment: Option<String> = None;
+    // The keys above a line, each with how far it is indented.
+    let mut above: Vec<(usize, &str)> = Vec::new();
+    for (indent, line) in text.lines().map(|line| (line.len() - line.trim_start().len(), line.trim())) {
+        if let Some(words) = line.strip_prefix('#') {
+            match &mut comment {
+                Some(comment) if !words.contains("CHECK:") => *comment += words,
+                _ if words.contains("CHECK:") => found.extend(comment.replace(line.to_owned())),
+                _ => {}
+            }
+            continue;
+        }
+        if line.is_empty() {
+            found.extend(comment.take());
+            continue;
+        }
+        above.retain(|(of_key, _)| *of_key < indent);
+        let keys = above.iter().map(|(_, key)| *key).filter(|key| !matches!(*key, "/**" | "ros__parameters"));
+        let path: String = keys.map(|key| format!("{key}.")).collect();
+        above.push((indent, line.split(['#', ' ']).next().unwrap_or_default().trim_end_matches(':')));
+        found.extend(comment.take().map(|comment| format!("{path}{line}  {comment}")));
         if line.contains("CHECK:") {
-            found.push(line.to_owned());
-            is_open = line.starts_with('#');
-        } else if let (true, Some(words), Some(last)) = (is_open, line.strip_prefix("# "), found.last_mut()) {
-            last.push(' ');
-            last.push_str(words);
-        } else {
-            is_open = false;
+            found.push(path + line);
         }
     }
+    found.extend(comment);
     found
 }
 
@@ -132,8 +146,9 @@ fn told(written: &Written, args: &Args) -> String {
             text += &format!("  and {} more that are marked CHECK\n", to_check.len() - SHOWN_CHECKS);
         }
     }
-    let bag =
-        inspect::all_recordings(&args.bags).first().map_or_else(|| "BAG".to_owned(), |bag| bag.display().to_string());
+    let bags: Vec<String> = inspect::all_recordings(&args.bags).iter().map(|bag| bag.display().to_string()).collect();
+    let bag = bags.first().map_or("BAG", String::as_str);
+    let all_bags = if bags.is_empty() { "BAG".to_owned() } else { bags.join(" ") };
     text += &match (written.has_model, made.has_truth) {
         (true, _) if args.bags.is_empty() => {
             format!(
@@ -159,7 +174,10 @@ fn told(written: &Written, args: &Args) -> String {
                 ),
                 false => String::new(),
             };
-            format!("{first}next: tpf train {bag} --params-file {output}{region}{at_rest} -o {}\n", model.display())
+            format!(
+                "{first}next: tpf train {all_bags} --params-file {output}{region}{at_rest} -o {}\n",
+                model.display()
+            )
         }
         (false, false) => format!(
             "next: a model of this glove: name it by --model, or collect data for one (tpf collect --params-file {output}); these bags hold no true force beside the taxels, so none can be trained on them\n"

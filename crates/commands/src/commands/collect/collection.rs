@@ -196,8 +196,13 @@ impl Collection {
         let (held, asked) = guide.progress();
         let note = match guide.is_enough() {
             true => {
-                format!("{held} known touches: tpf calibrate --touches corrects the forces of this donning by them")
+                format!(
+                    "{held} known touches: tpf calibrate --touches corrects the forces of this donning by them, and by all other touches that are held in the session"
+                )
             }
+            false if held == 0 => format!(
+                "none of {asked} known touches was held: if you pressed, the force sensor doesn't show it, so end this session and look at its field, sign and unit in the parameters"
+            ),
             false => format!(
                 "{held} of {asked} known touches were held; at least three are needed to correct the forces of this donning"
             ),

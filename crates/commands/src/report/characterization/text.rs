@@ -82,7 +82,7 @@ pub(super) fn advice(left: &LeftInAir) -> &'static str {
     if share < 0.5 {
         "Following the artifact leaves most of it: look at the joints, their clock and their rate, before training --kind adaptive."
     } else if left.followed < 0.8 * left.fixed_map {
-        "Following it leaves clearly less than any fixed map can: train --kind adaptive."
+        "Following it leaves clearly less than a map that is the same for all donnings: train --kind adaptive."
     } else {
         "A fixed map of pose does nearly as well: --kind adaptive gains little on this glove."
     }
