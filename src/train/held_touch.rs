@@ -23,7 +23,7 @@ const FORCES_GF: (f32, f32) = (2.5, 40.0);
 
 /// How long they last, and the air between them, s.
 const HELD_S: (f32, f32) = (0.5, 40.0);
-const BETWEEN_S: (f32, f32) = (0.5, 30.0);
+const BETWEEN_S: (f32, f32) = (0.5, 80.0);
 
 /// How long they take to begin and to end, s.
 const RAMP_S: (f32, f32) = (0.03, 1.0);
@@ -84,19 +84,35 @@ pub struct TouchedSession<'a> {
 }
 
 impl TouchedSession<'_> {
-    /// The session with held touches in its air, without its test part. The same seed and number give the same copy. `number`
-    /// counts the copies of all sessions: their conditions come in turn. Where the condition is worse than that of a recording, the
-    /// validation part is left out, too.
+    /// Copies of the session with held touches in its air, without its test part. The same seed and number give the same copy. The
+    /// numbers count the copies of all sessions: their conditions come in turn. Where the condition is worse than that of a
+    /// recording, the validation part is left out, too. Each copy is told to `on_copy`.
     ///
-    /// `None` for a session without firm touches in its training part.
+    /// There are none of a session without firm touches, or without air, in its training part.
     ///
     /// # Errors
-    /// [`TrainError::Artifact`] if the fit belongs to another model.
-    pub fn copy(&self, seed: u64, number: usize) -> Result<Option<Session>, TrainError> {
+    /// [`TrainError::Artifact`] if the fit belongs to another model, and those of `on_copy`.
+    pub fn copies<E: From<TrainError>>(
+        &self,
+        seed: u64,
+        numbers: Range<usize>,
+        mut on_copy: impl FnMut() -> Result<(), E>,
+    ) -> Result<Vec<Session>, E> {
+        let frames = self.raw.frames();
+        let clean = self.columns(&frames.tactile, &Tracked::of(frames), self.fit, Following::On, None)?;
+        let mut copies = Vec::new();
+        for number in numbers {
+            copies.extend(self.copy(&clean, seed, number)?);
+            on_copy()?;
+        }
+        Ok(copies)
+    }
+
+    /// A copy of the session, whose columns without further touches are `clean`.
+    fn copy(&self, clean: &[f32], seed: u64, number: usize) -> Result<Option<Session>, TrainError> {
         let TouchedSession { raw, artifact, rate_hz, .. } = *self;
         let frames = raw.frames();
         let mut random = Random::new(seed, Stream::HeldTouch(number as u64));
-        let clean = self.columns(&frames.tactile, &Tracked::of(frames), self.fit, Following::On, None)?;
         let n_columns = artifact.n_columns();
         let is_firm = |frame: &usize| frames.part[*frame] == Part::Train && frames.truth_gf[*frame] >= FIRM_GF;
         let firm: Vec<usize> = (0..raw.n_frames()).filter(is_firm).collect();
@@ -127,7 +143,11 @@ impl TouchedSession<'_> {
         let following = if kind == Condition::Frozen { Following::Frozen } else { Following::On };
         let columns = self.columns(&touched.tactile, &tracked, &fit, following, Some(&mut random))?;
         let is_kept = |part: Part| part == Part::Train || (part == Part::Validation && kind == Condition::Plain);
-        Ok(Some(Session::new(kept(&touched, &columns, n_columns, number, is_kept))?))
+        let kept = kept(&touched, &columns, n_columns, number, is_kept);
+        if !kept.zero_load.contains(&true) {
+            return Ok(None);
+        }
+        Ok(Some(Session::new(kept)?))
     }
 
     /// The network's input of all frames, of these taxels. With random numbers, frames are lost now and then.
@@ -364,10 +384,11 @@ mod tests {
         .unwrap()
     }
 
-    fn copy(seed: u64, number: usize) -> SessionFrames {
+    fn copy_of(seed: u64, number: usize) -> SessionFrames {
         let (raw, artifact, fit) = (raw(), artifact(), fit());
         let touched = TouchedSession { raw: &raw, artifact: &artifact, fit: &fit, rate_hz: HZ };
-        touched.copy(seed, number).unwrap().unwrap().frames().clone()
+        let copies = touched.copies::<TrainError>(seed, number..number + 1, || Ok(())).unwrap();
+        copies[0].frames().clone()
     }
 
     /// The number of the first copy of a kind.
@@ -377,31 +398,34 @@ mod tests {
 
     #[test]
     fn light_touches_are_held_in_the_air_but_not_in_the_test_part_and_the_filter_sees_them() {
-        let copy = copy(7, number(Condition::Plain));
+        let copy = copy_of(7, number(Condition::Plain));
         assert_eq!((copy.n_taxels, copy.truth_gf.len(), copy.tactile.len()), (2 + TOUCH_INPUTS, 13_000, 13_000 * 6));
         assert_eq!(copy.part, [vec![Part::Train; 12_500], vec![Part::Validation; 500]].concat());
-        let air = &copy.truth_gf[..12_000];
-        let n_held = air.iter().filter(|truth| **truth > 0.0).count();
-        assert!((3000..11_500).contains(&n_held), "{n_held} frames are held");
-        assert!(air.iter().all(|truth| (0.0..90.0).contains(truth)));
-        assert!(copy.zero_load.iter().zip(&copy.truth_gf).all(|(zero_load, truth)| *zero_load == (*truth == 0.0)));
         assert_eq!((copy.truth_gf[12_100], copy.truth_gf[12_600]), (80.0, 80.0), "firm touches stay");
-        // Where a touch of 8 gF or more has been held for a while, the filter tells it.
-        let (mut told, mut n) = (0.0, 0);
-        for (frame, truth) in air.iter().enumerate().skip(100) {
-            if copy.truth_gf[frame - 100..frame].iter().all(|before| *before >= 8.0) {
-                told += copy.tactile[frame * 6 + 2] / 15.0 / truth;
-                n += 1;
+        let (mut told, mut n_told, mut n_held) = (0.0, 0, 0);
+        for copy in (7..13).map(|seed| copy_of(seed, number(Condition::Plain))) {
+            let air = &copy.truth_gf[..12_000];
+            n_held += air.iter().filter(|truth| **truth > 0.0).count();
+            assert!(air.iter().all(|truth| (0.0..90.0).contains(truth)));
+            assert!(copy.zero_load.iter().zip(&copy.truth_gf).all(|(zero_load, truth)| *zero_load == (*truth == 0.0)));
+            // Where a touch of 8 gF or more has been held for a while, the filter tells it.
+            for (frame, truth) in air.iter().enumerate().skip(100) {
+                if air[frame - 100..frame].iter().all(|before| *before >= 8.0) {
+                    told += copy.tactile[frame * 6 + 2] / 15.0 / truth;
+                    n_told += 1;
+                }
             }
         }
-        assert!(n > 100 && (0.7..1.3).contains(&(told / n as f32)), "{n} frames, {} of the touch", told / n as f32);
+        assert!((6_000..60_000).contains(&n_held), "{n_held} frames are held");
+        let told = told / n_told as f32;
+        assert!(n_told > 1000 && (0.7..1.3).contains(&told), "{n_told} frames, {told} of the touch");
     }
 
     #[test]
     fn copies_are_those_of_their_seed_and_number_and_differ_otherwise() {
-        assert_eq!(copy(7, 0), copy(7, 0));
-        assert_ne!(copy(7, 0).truth_gf, copy(8, 0).truth_gf);
-        assert_ne!(copy(7, 0).truth_gf, copy(7, 2).truth_gf);
+        assert_eq!(copy_of(7, 0), copy_of(7, 0));
+        assert_ne!(copy_of(7, 0).truth_gf, copy_of(8, 0).truth_gf);
+        assert_ne!(copy_of(7, 0).truth_gf, copy_of(7, 2).truth_gf);
     }
 
     #[test]
@@ -409,24 +433,29 @@ mod tests {
         let column = |copy: &SessionFrames, column: usize| -> Vec<f32> {
             copy.tactile.chunks_exact(6).map(|row| row[column]).collect()
         };
-        let frozen = copy(7, number(Condition::Frozen));
+        let frozen = copy_of(7, number(Condition::Frozen));
         assert!(column(&frozen, 2).iter().all(|touch| *touch == 0.0));
         assert!(column(&frozen, 3).iter().all(|deviation| (*deviation - 150.0).abs() < 1e-3));
         let noise = |copy: &SessionFrames| column(copy, 4).iter().sum::<f32>() / copy.part.len() as f32;
         let (plain, shaken) =
-            (noise(&copy(7, number(Condition::Plain))), noise(&copy(7, number(Condition::BadlyTracked))));
+            (noise(&copy_of(7, number(Condition::Plain))), noise(&copy_of(7, number(Condition::BadlyTracked))));
         assert!(shaken > 3.0 * plain, "{shaken} and {plain}");
     }
 
     #[test]
-    fn a_session_without_firm_touches_has_no_copy_and_the_fit_of_another_model_is_refused() {
+    fn a_session_without_firm_touches_or_air_has_no_copy_and_the_fit_of_another_model_is_refused() {
         let (artifact, fit) = (artifact(), fit());
         let light = SessionFrames { truth_gf: vec![0.0; 15_000], ..raw().frames().clone() };
         let light = Session::new(light).unwrap();
         let touched = TouchedSession { raw: &light, artifact: &artifact, fit: &fit, rate_hz: HZ };
-        assert!(touched.copy(7, 0).unwrap().is_none());
+        let copies = |of: TouchedSession<'_>| of.copies::<TrainError>(7, 0..2, || Ok(()));
+        assert!(copies(touched).unwrap().is_empty());
+        let part = vec![Part::Test; 12_000].into_iter().chain(vec![Part::Train; 1000]).chain(vec![Part::Test; 2000]);
+        let without_air = SessionFrames { part: part.collect(), ..raw().frames().clone() };
+        let without_air = Session::new(without_air).unwrap();
+        assert!(copies(TouchedSession { raw: &without_air, ..touched }).unwrap().is_empty());
         let (raw, other) = (raw(), ArtifactFit { gains: vec![1.0; 3], ..fit.clone() });
-        let refused = TouchedSession { raw: &raw, fit: &other, ..touched }.copy(7, 0).unwrap_err();
+        let refused = copies(TouchedSession { raw: &raw, fit: &other, ..touched }).unwrap_err();
         assert!(matches!(refused, TrainError::Artifact { .. }), "{refused}");
     }
 }

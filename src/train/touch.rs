@@ -12,6 +12,10 @@ use crate::eval::{Part, Tally};
 use crate::fusion::{ContactBy, ContactDetector, ContactEvent, ContactThresholds, TouchLevels, TouchOutput, Windows};
 use crate::units::{Newton, Stamp};
 
+/// A balanced accuracy that is lower by this is as good: users that no model knows differ by more, and a higher threshold has
+/// fewer false touches. Chosen on validation data (docs/validation).
+const SAME_BA: f64 = 0.001;
+
 /// Number of windows assembled at once.
 const BATCH: usize = 256;
 
@@ -60,7 +64,7 @@ pub struct TriedLevel {
 }
 
 /// Calibrates the touch output of a network to a probability on the validation part, and finds its contact thresholds:
-/// those with the best balanced accuracy, the highest if several are equal.
+/// the highest whose balanced accuracy is the best but for what is too little to tell.
 ///
 /// `None` for a network without such an output, and if the validation part lacks touch or air.
 ///
@@ -165,9 +169,10 @@ fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
     (gain > 0.0).then_some((gain, shift))
 }
 
-/// The threshold with the best balanced accuracy, the highest if several are equal.
+/// The highest threshold whose balanced accuracy is the best, or too little below it to tell.
 fn best(tried: &[TriedLevel]) -> Option<TriedLevel> {
-    tried.iter().copied().max_by(|a, b| a.ba.total_cmp(&b.ba))
+    let best = tried.iter().map(|level| level.ba).max_by(f64::total_cmp)?;
+    tried.iter().copied().rfind(|level| level.ba >= best - SAME_BA)
 }
 
 fn try_level(frames: &[Judged], on: f64, rate_hz: f64) -> TriedLevel {

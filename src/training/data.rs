@@ -61,7 +61,7 @@ impl Data {
         note_on_axes(cfg, request, observer);
         let is_one = loaded.len() == 1;
         let n_reads = loaded.iter().map(|region| region.bags.len()).sum::<usize>() as u64;
-        let total = if kind == Kind::Adaptive { 2 * n_reads } else { n_reads };
+        let total = if kind == Kind::Adaptive { n_reads * (2 + request.held_touches as u64) } else { n_reads };
         let mut n_read = 0;
         let mut count = || {
             n_read += 1;
@@ -102,11 +102,12 @@ impl Data {
                 if let Some((terms, fit)) = terms.get(loader.region()).zip(loaded.fit.as_ref()) {
                     let (raw, rate_hz) = (&raws[region_idx][idx], loader.rate_hz());
                     let touched = TouchedSession { raw, artifact: &terms.artifact, fit, rate_hz };
-                    for copy in 0..request.held_touches {
-                        observer::check(observer)?;
-                        let number = sessions.len() * request.held_touches + copy;
-                        copies.extend(touched.copy(request.train.seed, number)?);
-                    }
+                    let first = sessions.len() * request.held_touches;
+                    let of_session = touched.copies(request.train.seed, first..first + request.held_touches, || {
+                        count();
+                        Ok::<(), TrainingError>(observer::check(observer)?)
+                    });
+                    copies.extend(of_session?);
                 }
                 notes.push(SessionNotes {
                     name: loaded.session.name().to_owned(),

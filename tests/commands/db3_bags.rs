@@ -77,7 +77,7 @@ fn every_command_gives_the_same_of_a_db3_bag_as_of_the_same_data_in_mcap() {
     let params = &format!("{ROOT}/params/glove1.yaml");
     let model = &format!("{ROOT}/models/glove1_pose_aware.onnx");
     let with = |args: &[&str]| -> Vec<String> {
-        [args, &["--params-file", params, "-p", "model.fingertip.backend:=rten"]]
+        [args, &["--params-file", params, "-p", "model.fingertip.backend:=builtin"]]
             .concat()
             .iter()
             .map(|arg| (*arg).to_owned())
