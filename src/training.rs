@@ -41,9 +41,6 @@ pub const VALIDATION_SHARE: f64 = 0.08;
 /// Share of the training windows in the air that get a light touch, for an adaptive model.
 const LIGHT_TOUCHES: f32 = 0.2;
 
-/// Copies of each session with held touches, for an adaptive model: one of each kind.
-const HELD_TOUCHES: usize = 4;
-
 /// Most copies of a session: each takes as much memory as the session.
 const MAX_HELD_TOUCHES: usize = 64;
 
@@ -100,7 +97,7 @@ impl Request {
             },
             epochs: None,
             lambdas: Vec::new(),
-            held_touches: if is_adaptive { HELD_TOUCHES } else { 0 },
+            held_touches: 0, // it finds more, and can report a touch that is over (docs/validation/2026-11-25-told-of-touch.md)
             stride: 1,
             axes: ForceAxes::Normal,
             in_air: None,

@@ -12,10 +12,6 @@ use crate::eval::{Part, Tally};
 use crate::fusion::{ContactBy, ContactDetector, ContactEvent, ContactThresholds, TouchLevels, TouchOutput, Windows};
 use crate::units::{Newton, Stamp};
 
-/// A balanced accuracy that is lower by this is as good: users that no model knows differ by more, and a higher threshold has
-/// fewer false touches. Chosen on validation data (docs/validation).
-const SAME_BA: f64 = 0.001;
-
 /// Number of windows assembled at once.
 const BATCH: usize = 256;
 
@@ -64,7 +60,7 @@ pub struct TriedLevel {
 }
 
 /// Calibrates the touch output of a network to a probability on the validation part, and finds its contact thresholds:
-/// the highest whose balanced accuracy is the best but for what is too little to tell.
+/// those with the best balanced accuracy, the highest if several are equal.
 ///
 /// `None` for a network without such an output, and if the validation part lacks touch or air.
 ///
@@ -169,10 +165,9 @@ fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
     (gain > 0.0).then_some((gain, shift))
 }
 
-/// The highest threshold whose balanced accuracy is the best, or too little below it to tell.
+/// The threshold with the best balanced accuracy, the highest if several are equal.
 fn best(tried: &[TriedLevel]) -> Option<TriedLevel> {
-    let best = tried.iter().map(|level| level.ba).max_by(f64::total_cmp)?;
-    tried.iter().copied().rfind(|level| level.ba >= best - SAME_BA)
+    tried.iter().copied().max_by(|a, b| a.ba.total_cmp(&b.ba))
 }
 
 fn try_level(frames: &[Judged], on: f64, rate_hz: f64) -> TriedLevel {
