@@ -80,8 +80,9 @@ fn check_card(network: &Network, card: &ModelCard) -> Result<(), TrainError> {
     if !card.metrics.is_object() {
         return refuse("metrics must be a JSON object".to_string());
     }
-    let artifacts = card.artifact.iter().chain(card.regions.values().map(|terms| &*terms.artifact));
-    for artifact in artifacts.filter(|artifact| artifact.n_columns() != network.architecture.n_taxels) {
+    let mut artifacts = card.artifact.iter().chain(card.regions.values().map(|terms| &*terms.artifact));
+    let is_of_other = |artifact: &&ArtifactModel| artifact.n_columns() != network.architecture.n_taxels;
+    if let Some(artifact) = artifacts.find(is_of_other) {
         let (n_taxels, n_touch) = (artifact.n_taxels, artifact.n_touch_inputs());
         return refuse(format!(
             "the artifact model is of {n_taxels} taxels and {n_touch} columns of touch, the network of {} in all",
