@@ -25,8 +25,8 @@ const FORCES_GF: (f32, f32) = (2.5, 40.0);
 const HELD_S: (f32, f32) = (0.5, 40.0);
 const BETWEEN_S: (f32, f32) = (0.5, 80.0);
 
-/// How long they take to begin and to end, s.
-const RAMP_S: (f32, f32) = (0.03, 1.0);
+/// How long they take to begin and to end, s: the filter takes slow ones for slip, and the network must know what is left then.
+const RAMP_S: (f32, f32) = (0.03, 30.0);
 
 /// How far the force wanders, as a share of it, how slowly, s, and the least that is left of it.
 const WANDER: f32 = 0.2;
