@@ -255,7 +255,7 @@ impl Running {
         let core = self.core.as_mut().ok_or("the node is not configured any more; configure it and calibrate again")?;
         donning.install(&mut core.fusion).map_err(|error| error.to_string())?;
         core.calibration = Some(from);
-        self.watched.handle_zero();
+        self.watched.handle_zero(core.fusion.contracts().map(|contract| contract.window.get()));
         Ok(())
     }
 

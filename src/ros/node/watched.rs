@@ -25,8 +25,8 @@ const STOPPED: Duration = Duration::from_millis(500);
 pub struct Watched {
     pub(crate) inputs: Vec<InputHealth>,
     pub(crate) outcomes: Outcomes,
-    /// `[regions]`: true until the window is full again after a new zero.
-    renewing: Vec<bool>,
+    /// `[regions]`: frames until the window is full again after a new zero.
+    renewing: Vec<usize>,
     pub(crate) announcer: Announcer,
     wanted: Vec<Wanted>,
     tactile: Vec<TactileSource>,
@@ -66,7 +66,7 @@ impl Watched {
             inputs: wanted.iter().map(|wanted| InputHealth::new(&wanted.key, &wanted.topic)).collect(),
             angles: cfg.fusion().joint_sources().iter().map(|source| AngleWatch::new(source.scale)).collect(),
             outcomes: Outcomes::default(),
-            renewing: vec![false; cfg.fusion().regions().len()],
+            renewing: vec![0; cfg.fusion().regions().len()],
             announcer: Announcer::default(),
             wanted,
             tactile: cfg.fusion().tactile_sources().to_vec(),
@@ -87,23 +87,29 @@ impl Watched {
     pub(crate) fn begin(&mut self, now: Duration) {
         (self.begun, self.reported) = (now, now);
         self.outcomes = Outcomes::default();
-        self.renewing.fill(false);
+        self.renewing.fill(0);
         self.lost.fill(0);
         self.capped_since = None;
     }
 
-    /// Records a new zero: windows begin anew, which is no fault of the inputs.
-    pub(crate) fn handle_zero(&mut self) {
-        self.renewing.fill(true);
+    /// Records a new zero: windows begin anew, which is no fault of the inputs for as many frames as they have.
+    ///
+    /// # Shapes
+    /// `windows`: `[regions]`, frames.
+    pub(crate) fn handle_zero(&mut self, windows: impl Iterator<Item = usize>) {
+        self.renewing.iter_mut().zip(windows).for_each(|(renewing, window)| *renewing = window);
     }
 
     /// Records the outcome of a frame.
     pub(crate) fn handle_estimate(&mut self, estimate: &Estimate) {
         let renewing = self.renewing.get_mut(estimate.region.position());
-        match renewing.filter(|renewing| **renewing) {
-            Some(_) if estimate.flags.contains(Flags::WARMUP) => self.outcomes.n_renewed += 1,
+        match renewing.filter(|renewing| **renewing > 0) {
+            Some(renewing) if estimate.flags.contains(Flags::WARMUP) => {
+                *renewing -= 1;
+                self.outcomes.n_renewed += 1;
+            }
             Some(renewing) => {
-                *renewing = false;
+                *renewing = 0;
                 self.outcomes.handle(estimate);
             }
             None => self.outcomes.handle(estimate),
@@ -277,4 +283,34 @@ fn faults(core: &Fusion, source: &str) -> Vec<(&'static str, String)> {
         (of == source).then(|| (kind, fault.to_string()))
     };
     core.source_faults().into_iter().filter_map(fault).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{self, DEFAULT_NODE};
+    use crate::units::Newton;
+
+    #[test]
+    fn a_new_zero_excuses_a_window_of_frames_and_no_gap_after_it() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("params/glove1.yaml");
+        let cfg = config::load(&path, DEFAULT_NODE).unwrap();
+        let mut watched = Watched::new(&cfg, []);
+        let warming = Estimate { flags: Flags::WARMUP, ..Estimate::default() };
+        let good = Estimate { force: Some(Newton(0.0)), ..Estimate::default() };
+        let counted = |watched: &mut Watched, estimates: &[(usize, Estimate)]| {
+            for (n, estimate) in estimates {
+                (0..*n).for_each(|_| watched.handle_estimate(estimate));
+            }
+            let outcomes = std::mem::take(&mut watched.outcomes);
+            (outcomes.n_renewed, outcomes.n, outcomes.n_good)
+        };
+        assert_eq!(counted(&mut watched, &[(10, warming)]), (0, 10, 0), "nobody asked for it");
+        watched.handle_zero([64].into_iter());
+        assert_eq!(counted(&mut watched, &[(63, warming), (37, good)]), (63, 37, 37));
+        assert_eq!(counted(&mut watched, &[(20, warming), (80, good)]), (0, 100, 80), "a gap after it");
+        // Gaps that let no window fill are not excused for longer than a window.
+        watched.handle_zero([64].into_iter());
+        assert_eq!(counted(&mut watched, &[(100, warming)]), (64, 36, 0));
+    }
 }
