@@ -433,7 +433,9 @@ impl Region {
         let pose = (trust != PoseTrust::Stale).then_some(self.pose.as_slice());
         let (tactile, touch) = self.tactile.split_at_mut(self.n_taxels);
         self.adaptation = artifact.correct(tactile, pose, n_frames, may_learn);
-        artifact.write_touch(touch);
+        if !touch.is_empty() {
+            artifact.write_touch(touch);
+        }
     }
 
     /// Interpolates the frames that are missing since the last good one; whether there were any.

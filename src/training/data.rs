@@ -68,6 +68,7 @@ impl Data {
             observer.progress(n_read, total);
         };
         let mut terms: BTreeMap<String, RegionTerms> = BTreeMap::new();
+        // By region, for copies; empty where there are to be none.
         let mut raws: Vec<Vec<Session>> = Vec::new();
         if kind == Kind::Adaptive {
             // Once to learn what pose makes of the taxels, and once more by the core that takes it out.
@@ -90,7 +91,9 @@ impl Data {
                     RegionTerms { joints, pose_range: pose_range(&raw), artifact: Arc::clone(&artifact) },
                 );
                 loader.take_out(artifact);
-                raws.push(raw);
+                if request.held_touches > 0 {
+                    raws.push(raw);
+                }
             }
         }
         let (mut sessions, mut notes): (Vec<Session>, Vec<SessionNotes>) = (Vec::new(), Vec::new());
@@ -99,8 +102,9 @@ impl Data {
             for (idx, &bag_idx) in of_region.iter().enumerate() {
                 let loaded = loader.load(&bags[bag_idx], observer)?;
                 count();
-                if let Some((terms, fit)) = terms.get(loader.region()).zip(loaded.fit.as_ref()) {
-                    let (raw, rate_hz) = (&raws[region_idx][idx], loader.rate_hz());
+                let raw = raws.get(region_idx).map(|of_region| &of_region[idx]);
+                if let (Some(raw), Some(terms), Some(fit)) = (raw, terms.get(loader.region()), &loaded.fit) {
+                    let rate_hz = loader.rate_hz();
                     let touched = TouchedSession { raw, artifact: &terms.artifact, fit, rate_hz };
                     let first = sessions.len() * request.held_touches;
                     let of_session = touched.copies(request.train.seed, first..first + request.held_touches, || {

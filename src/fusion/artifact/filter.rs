@@ -478,7 +478,9 @@ impl ArtifactFilter {
             }
             self.scratch[first + taxel] = *pattern;
         }
-        self.left_deviation = self.variance_along_scratch(0..first).max(0.0).sqrt() / square;
+        if self.model.touch_inputs {
+            self.left_deviation = self.variance_along_scratch(0..first).max(0.0).sqrt() / square;
+        }
         let noise = self.model.touch.iter().zip(&self.noise).map(|(k, noise)| k * k * noise).sum::<f64>();
         let deviation = (self.variance_along_scratch(0..self.state.len()) + noise).max(0.0).sqrt() / square;
         if change.abs() > ONSET_DEVIATIONS * deviation {

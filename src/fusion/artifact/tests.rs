@@ -360,6 +360,7 @@ fn a_touch_beyond_doubt_is_told_for_as_long_as_it_is_measured() {
 #[test]
 fn a_network_is_told_of_touch_and_how_well_it_is_known() {
     let mut finger = Finger::new(3);
+    finger.model = Arc::new(ArtifactModel { touch_inputs: true, ..ArtifactModel::clone(&finger.model) });
     let reading = finger.model.touch.iter().sum::<f64>() / TAXELS as f64;
     let told = |filter: &ArtifactFilter| {
         let mut columns = [f32::NAN; TOUCH_INPUTS];
