@@ -40,8 +40,8 @@
 //! # }
 //! ```
 //!
-//! After the last sample, [`Fusion::handle_end`](fusion::Fusion::handle_end) lets the frames that still wait come out of
-//! `poll`. An adaptive model also needs the artifact of the donning ([`zero::Zero::install`]). Without it, the mean
+//! After the last sample, call [`Fusion::handle_end`](fusion::Fusion::handle_end). Then `poll` gives the frames that
+//! still wait. An adaptive model also needs the artifact of the donning ([`zero::Zero::install`]). Without it, the mean
 //! artifact of the training donnings is removed and not followed.
 //!
 //! # A recording
@@ -111,9 +111,9 @@
 //!   [`fusion::Tick`] has the estimates of one frame of one tactile source. [`msg::Outgoing`] turns it into ROS
 //!   messages.
 //! - `tpf replay` calls [`replay::run`], `tpf train` `training::run`, and `tpf run` `ros::run`. `tpf eval` calls
-//!   [`evaluate::run_with`], which is [`evaluate::run`] with the frames of each session, or with `--partial`
-//!   [`evaluate::run_partial`]. Without `--whole`, it scores
-//!   the test part only. A [`evaluate::Request::new`] scores every frame. The program `tpf` is in a crate of its own,
+//!   [`evaluate::run_with`], which also passes on the frames of each session, or [`evaluate::run_partial`] with
+//!   `--partial`. Without `--whole`, `tpf eval` scores the test part only. A request from [`evaluate::Request::new`]
+//!   scores every frame. The program `tpf` is in a crate of its own,
 //!   `tactile_pose_fusion_commands`, which uses the library like any other program.
 //! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in
 //!   [`model`], metrics in [`eval`], and labels and annotations of recordings in [`recording`] and [`sessions`].
