@@ -1,6 +1,6 @@
 //! Pose-aware tactile force for ROS 2: taxels and joint angles in, wrench and contact out.
 //!
-//! Soft tactile gloves read force when the wearer only bends a finger. This crate removes that error in software: a
+//! Soft tactile gloves read force when the wearer only bends a finger. This crate corrects that error in software: a
 //! tactile-only force estimate minus a residual that a network predicts from pose and touch together.
 //!
 //! [`fusion`] is the pure core. All other modules bring it events, models and parameters, or use its estimates. There
@@ -41,8 +41,9 @@
 //! ```
 //!
 //! After the last sample, call [`Fusion::handle_end`](fusion::Fusion::handle_end). Then `poll` gives the frames that
-//! still wait. An adaptive model also needs the artifact of the donning ([`zero::Zero::install`]). Without it, the mean
-//! artifact of the training donnings is removed and not followed.
+//! still wait. An adaptive model also needs the artifact of this donning (one wearing of the glove).
+//! [`zero::Zero::install`] gives it. Without it, the core removes the mean artifact of the training donnings, and does
+//! not follow changes.
 //!
 //! # A recording
 //!
@@ -105,15 +106,15 @@
 //!
 //! # Where to find things
 //!
-//! - [`zero`] decides the zero of the forces, for bags and for the live node. Its limits are the parameters
-//!   `calibration.*`.
+//! - [`zero`] decides the zero of the forces, for bags and for the live node. The parameters `calibration.*` tell it what
+//!   to use, and when to refuse a zero.
 //! - The estimate of a region is a [`fusion::Estimate`]. Its [`fusion::Flags`] give the reasons not to trust it. A
 //!   [`fusion::Tick`] has the estimates of one frame of one tactile source. [`msg::Outgoing`] turns it into ROS
 //!   messages.
 //! - `tpf replay` calls [`replay::run`], `tpf train` `training::run`, and `tpf run` `ros::run`. `tpf eval` calls
-//!   [`evaluate::run_with`], which also passes on the frames of each session, or [`evaluate::run_partial`] with
-//!   `--partial`. Without `--whole`, `tpf eval` scores the test part only. A request from [`evaluate::Request::new`]
-//!   scores every frame. The program `tpf` is in a crate of its own,
+//!   [`evaluate::run_with`]. This is [`evaluate::run`] that also passes on the frames of each session. With `--partial`
+//!   it calls [`evaluate::run_partial`]. Without `--whole`, it scores only the test part; a request from
+//!   [`evaluate::Request::new`] scores every frame. The program `tpf` is in a crate of its own,
 //!   `tactile_pose_fusion_commands`, which uses the library like any other program.
 //! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in
 //!   [`model`], metrics in [`eval`], and labels and annotations of recordings in [`recording`] and [`sessions`].

@@ -1,7 +1,8 @@
 //! The zero of the forces: finds it, checks whether it belongs to the glove and is reliable, and gives it to a core.
 //!
-//! The node, replay, calibrate, train, eval, export and characterize all use this module, so they accept or refuse the
-//! same zero with the same message. With `calibration.insist`, a zero that fails a check is used with a note.
+//! The node, replay, calibrate, train, eval, export and characterize all use this module, so they find the same zero.
+//! Train and characterize run no model, so they don't check whether models read force in it. The others accept or refuse
+//! the same zero with the same message. With `calibration.insist`, a zero that fails a check is used with a note.
 
 mod artifact;
 mod error;
