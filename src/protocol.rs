@@ -75,6 +75,9 @@ impl KnownTouches {
     /// Substage in the annotations of these presses. They are outside of the stages of the protocol.
     pub const SUBSTAGE: &str = "known_touches";
 
+    /// What annotations of the moment call it when none of the presses before was felt.
+    pub const UNFELT: &str = "unfelt";
+
     /// The pose in the annotation of a press.
     pub const PRESS: &str = "press";
 }

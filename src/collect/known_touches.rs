@@ -18,6 +18,7 @@ pub struct TouchGuide {
     held: u16,
     began: Option<Stamp>,
     pressing: bool,
+    skipped: bool,
     /// Per force sensor: sum and number of its readings while nothing pressed it.
     at_rest: Vec<(f64, u32)>,
     /// Per force sensor: since when it reads enough.
@@ -35,15 +36,17 @@ impl TouchGuide {
             held: 0,
             began: None,
             pressing: false,
+            skipped: false,
             at_rest: vec![(0.0, 0); n_sensors],
             since: vec![None; n_sensors],
             annotations: Vec::new(),
         }
     }
 
-    /// True if an earlier part of the same session has these presses.
+    /// True if an earlier part of the same session has these presses, and the force sensor felt one.
     pub fn were_done(asked: &KnownTouches, annotations: &Annotations) -> bool {
-        let presses = annotations.all().iter().filter(|annotation| annotation.substage == KnownTouches::SUBSTAGE);
+        let told = annotations.all().iter().filter(|annotation| annotation.substage == KnownTouches::SUBSTAGE);
+        let presses = told.rev().take_while(|annotation| annotation.pose != KnownTouches::UNFELT);
         presses.filter(|annotation| annotation.pose == KnownTouches::PRESS).count() >= usize::from(asked.presses)
     }
 
@@ -77,7 +80,11 @@ impl TouchGuide {
             (self.pressing, self.began) = (false, Some(now));
             self.since.fill(None);
             self.at_rest.fill((0.0, 0));
-            self.annotations.push(Annotation::outside(now));
+            let mut over = Annotation::outside(now);
+            if self.is_unfelt() {
+                (over.substage, over.pose) = (KnownTouches::SUBSTAGE.to_owned(), KnownTouches::UNFELT.to_owned());
+            }
+            self.annotations.push(over);
         }
         !self.is_over()
     }
@@ -110,7 +117,7 @@ impl TouchGuide {
     /// Ends it without the presses that are left.
     pub fn skip(&mut self, now: Stamp) {
         if !self.is_over() {
-            self.tries = TRIES * self.asked.presses;
+            self.skipped = true;
             self.annotations.push(Annotation::outside(now));
         }
     }
@@ -137,6 +144,11 @@ impl TouchGuide {
         (self.held, self.asked.presses)
     }
 
+    /// True if every press was asked for and none was felt.
+    pub fn is_unfelt(&self) -> bool {
+        self.is_over() && !self.skipped && self.held == 0
+    }
+
     /// True if the presses that were held are enough for a gain.
     pub fn is_enough(&self) -> bool {
         self.held >= KnownTouches::FEWEST
@@ -148,7 +160,7 @@ impl TouchGuide {
     }
 
     fn is_over(&self) -> bool {
-        self.held >= self.asked.presses || self.tries >= TRIES * self.asked.presses
+        self.skipped || self.held >= self.asked.presses || self.tries >= TRIES * self.asked.presses
     }
 }
 
@@ -211,6 +223,12 @@ mod tests {
         assert_eq!(guide.progress(), (0, 3));
         assert!(!guide.is_enough() && (took_s - 30.0).abs() < 0.5, "{took_s}"); // 6 tries of 1 s and 4 s
         assert_eq!(annotations.len(), 12);
+        assert_eq!((annotations[9].pose.as_str(), annotations[11].pose.as_str()), ("", KnownTouches::UNFELT));
+        assert!(guide.is_unfelt());
+        // A session that goes on asks again.
+        let mut recorded = Annotations::default();
+        annotations.into_iter().for_each(|annotation| recorded.handle(annotation));
+        assert!(!TouchGuide::were_done(&asked(), &recorded));
     }
 
     #[test]
@@ -242,6 +260,9 @@ mod tests {
         }
         assert_eq!(guide.progress().0, 1);
         guide.skip(at(2.5));
-        assert!(!guide.handle_time(at(2.6)) && !guide.is_enough());
+        assert!(!guide.handle_time(at(2.6)) && !guide.is_enough() && !guide.is_unfelt());
+        let mut skipped = TouchGuide::new(&asked(), 1.0, 1);
+        skipped.skip(at(0.0));
+        assert!(!skipped.handle_time(at(0.1)) && !skipped.is_unfelt(), "nobody was to press");
     }
 }

@@ -166,6 +166,33 @@ fn known_touches_at_the_start_of_a_donning_give_the_gain_of_its_forces() {
 }
 
 #[test]
+fn known_touches_that_nobody_feels_end_it_before_the_protocol_and_are_asked_for_again() {
+    let Some(room) = room() else { return };
+    std::fs::write(
+        room.path().join("t.yaml"),
+        format!("{PROTOCOL}{}", KNOWN_TOUCHES.replace("seconds: 5", "seconds: 1.5")),
+    )
+    .unwrap();
+    let _glove = Glove::start(room.path(), &[]);
+    std::thread::sleep(Duration::from_secs(1));
+    // Its presses lower what is read as force.
+    let wrong = ["-p", "truth.load_cell.sign:=-1"];
+    let unfelt = run(&mut collect(room.path(), &[&["--protocol", "t.yaml", "--plain"][..], &wrong].concat()));
+    let told = unfelt.failure();
+    assert!(
+        told.contains("none of 3 known touches was felt") && told.contains("--resume asks for the touches again"),
+        "{told}"
+    );
+    assert!(!unfelt.stderr.contains("stage 1"), "{unfelt:?}");
+    let again = run(&mut collect(room.path(), &[&["--resume", "--plain"][..], &wrong].concat()));
+    assert!(again.failure().contains("none of 3 known touches was felt"), "{again:?}");
+    // Right parameters: the touches are asked for once more, and the session goes on to its end.
+    let done = run(&mut collect(room.path(), &["--resume", "--plain"])).ok();
+    assert!(done.stderr.contains("3 known touches: "), "{done:?}");
+    assert_eq!(counts(&stages(&room.path().join("s/s.mcap"))), expected());
+}
+
+#[test]
 fn a_session_that_was_killed_goes_on_with_what_was_recorded() {
     let Some(room) = room() else { return };
     let _glove = Glove::start(room.path(), &[]);

@@ -59,10 +59,11 @@ pub(super) struct Args {
     /// With --resume: make the bag of what has been recorded, without doing the rest
     #[arg(long, requires = "resume")]
     finish: bool,
-    /// Prompts as lines instead of a screen, without waiting between stages; what the checks find ends it
+    /// Prompts as lines instead of a screen, without waiting between stages; what the checks find ends it, and so do known
+    /// touches that are not felt
     #[arg(long)]
     plain: bool,
-    /// Begin in spite of what the checks find
+    /// Begin in spite of what the checks find, and go on if no known touch is felt
     #[arg(long)]
     accept_checks: bool,
     #[command(flatten)]
@@ -109,6 +110,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             print(&format!("{}: {left} are left; go on with --resume\n", args.output.display()))?;
             Ok(Outcome::NotMet)
         }
+        End::Unfelt(note) => Err(Failure(format!(
+            "{note}. Nothing of the protocol was recorded; --resume asks for the touches again, and --accept-checks goes on without them"
+        ))),
         End::NotBegun(problems) => {
             problems.iter().for_each(|problem| say(problem));
             let failed = if problems.len() == 1 {

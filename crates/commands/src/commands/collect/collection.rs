@@ -28,6 +28,8 @@ pub(super) enum End {
     Complete,
     Quit,
     NotBegun(Vec<String>),
+    /// None of the known touches was felt.
+    Unfelt(String),
 }
 
 /// The phase of a collection.
@@ -37,6 +39,8 @@ enum Phase {
     Found(Vec<String>),
     /// The load cell is pressed with known forces.
     Touching,
+    /// The force sensor showed none of the presses.
+    Unfelt(String),
     Going,
 }
 
@@ -116,6 +120,14 @@ impl Collection {
             if matches!(phase, Phase::Touching) {
                 phase = self.go_on_touching(desk, now)?;
             }
+            phase = match phase {
+                Phase::Unfelt(note) if self.accept_checks => {
+                    self.note(note);
+                    Phase::Going
+                }
+                Phase::Unfelt(note) if self.automatic => return Ok(End::Unfelt(note)),
+                other => other,
+            };
             if matches!(phase, Phase::Going) {
                 self.session.handle_time(now);
                 self.drain(desk, now)?;
@@ -140,7 +152,7 @@ impl Collection {
                 self.session.handle_command(Command::Pause, now);
                 self.drain(desk, now)?;
                 return Ok(match phase {
-                    Phase::Touching | Phase::Going => End::Quit,
+                    Phase::Touching | Phase::Unfelt(_) | Phase::Going => End::Quit,
                     Phase::Checking(_) => End::NotBegun(vec!["the checks were not ended".to_owned()]),
                     Phase::Found(problems) => End::NotBegun(problems),
                 });
@@ -154,6 +166,14 @@ impl Collection {
                 (Phase::Touching, Key::Skip) => {
                     self.touches.iter_mut().for_each(|guide| guide.skip(now));
                     self.go_on_touching(desk, now)?
+                }
+                (Phase::Unfelt(_), Key::Go | Key::Repeat) => {
+                    self.touches = self.guide(desk);
+                    Phase::Touching
+                }
+                (Phase::Unfelt(note), Key::Anyway) => {
+                    self.note(note);
+                    Phase::Going
                 }
                 (Phase::Going, Key::Go) if *self.session.state() == State::Over => return Ok(End::Complete),
                 (Phase::Going, key) => {
@@ -175,12 +195,17 @@ impl Collection {
         for stamp in self.broken.drain(..) {
             desk.tell(Annotation::outside(stamp), now)?;
         }
+        self.touches = self.guide(desk);
+        Ok(if self.touches.is_some() { Phase::Touching } else { Phase::Going })
+    }
+
+    /// What leads through the known touches, if they are still to be done.
+    fn guide(&self, desk: &Desk) -> Option<TouchGuide> {
         let n_sensors = desk.senses.layout().force.len();
         let protocol = self.session.protocol();
         let asked = protocol.known_touches.as_ref();
-        let asked = asked.filter(|asked| n_sensors > 0 && !TouchGuide::were_done(asked, &self.begun.annotations));
-        self.touches = asked.map(|asked| TouchGuide::new(asked, protocol.let_go_s + protocol.lead_s, n_sensors));
-        Ok(if self.touches.is_some() { Phase::Touching } else { Phase::Going })
+        let asked = asked.filter(|asked| n_sensors > 0 && !TouchGuide::were_done(asked, &self.begun.annotations))?;
+        Some(TouchGuide::new(asked, protocol.let_go_s + protocol.lead_s, n_sensors))
     }
 
     /// Goes on with the known touches; once they are over, with the session.
@@ -194,26 +219,32 @@ impl Collection {
             return Ok(Phase::Touching);
         }
         let (held, asked) = guide.progress();
-        let note = match guide.is_enough() {
+        let (is_enough, is_unfelt) = (guide.is_enough(), guide.is_unfelt());
+        self.touches = None;
+        desk.flush()?;
+        if is_unfelt {
+            return Ok(Phase::Unfelt(format!(
+                "none of {asked} known touches was felt: if you pressed, look at the field, sign and unit of the force sensor in the parameters"
+            )));
+        }
+        self.note(match is_enough {
             true => {
                 format!(
                     "{held} known touches: tpf calibrate --touches corrects the forces of this donning by them, and by all other touches that are held in the session"
                 )
             }
-            false if held == 0 => format!(
-                "none of {asked} known touches was held: if you pressed, the force sensor doesn't show it, so end this session and look at its field, sign and unit in the parameters"
-            ),
             false => format!(
                 "{held} of {asked} known touches were held; at least three are needed to correct the forces of this donning"
             ),
-        };
+        });
+        Ok(Phase::Going)
+    }
+
+    fn note(&mut self, note: String) {
         if self.automatic {
             say(&note);
         }
         self.messages.push(note);
-        self.touches = None;
-        desk.flush()?;
-        Ok(Phase::Going)
     }
 
     fn handle_key(&mut self, key: Key, now: Stamp) {
@@ -330,6 +361,14 @@ impl Collection {
                 None => view,
             },
             Phase::Going => view.of_session(&self.session, now),
+            Phase::Unfelt(note) => {
+                view.mood = Mood::Wrong;
+                view.place = "known touches".to_owned();
+                view.prompt = "No known touch was felt".to_owned();
+                view.notes = vec![note.clone()];
+                view.keys = "r press again   c go on without them   q quit";
+                view
+            }
             Phase::Found(problems) => {
                 view.mood = Mood::Wrong;
                 view.place = "checks".to_owned();
