@@ -2,9 +2,13 @@
 //!
 //! The paper's protocol has no light touch that is held while the hand moves, so a network could not learn how the filter
 //! follows one. Touches are laid on the taxels before the filter takes the artifact out. How they spread over the taxels is
-//! that of firm touches of the same session. Some copies have what else the network must cope with: a worse hand tracker, and
-//! a filter that does not follow.
+//! that of firm touches of the same session. At times the filter starts, also while something touches, or comes out of minutes of
+//! grasp. Some copies have what else the network must cope with: a worse hand tracker, and a filter that does not follow.
 
+mod past;
+mod tracked;
+
+use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,6 +18,8 @@ use super::error::TrainError;
 use super::random::{Random, Stream};
 use crate::eval::Part;
 use crate::fusion::{ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel, Following};
+use past::{Grasp, Past, starts};
+use tracked::{Age, Tracked};
 
 /// Force of a firm touch, gF: how it spreads is known.
 const FIRM_GF: f32 = 40.0;
@@ -25,8 +31,14 @@ const FORCES_GF: (f32, f32) = (2.5, 40.0);
 const HELD_S: (f32, f32) = (0.5, 40.0);
 const BETWEEN_S: (f32, f32) = (0.5, 80.0);
 
+/// The air after a grasp, s: the network must know what the filter knows no longer.
+const AFTER_GRASP_S: (f32, f32) = (10.0, 120.0);
+
 /// How long they take to begin and to end, s: the filter takes slow ones for slip, and the network must know what is left then.
 const RAMP_S: (f32, f32) = (0.03, 30.0);
+
+/// How long a grasp takes to end, s.
+const RELEASE_S: (f32, f32) = (0.03, 2.0);
 
 /// How far the force wanders, as a share of it, how slowly, s, and the least that is left of it.
 const WANDER: f32 = 0.2;
@@ -38,17 +50,6 @@ const SPREAD_S: (f32, f32) = (2.0, 20.0);
 
 /// How often frames are lost for the filter, a minute.
 const RESTARTS_PER_MIN: f32 = 1.0;
-
-/// A worse tracker: the largest noise and bias of its angles as standard deviations, rad, its delay, s, and its rate, 1/s, in
-/// most copies; how often it is blind, 1/s, and for how long, s; its last angles count as held for so long, s.
-const NOISE_RAD: f32 = 0.087;
-const BIAS_RAD: f32 = 0.175;
-const DELAY_S: f32 = 0.06;
-const SLOW_HZ: f64 = 30.0;
-const SLOW_SHARE: f32 = 0.7;
-const BLIND_PER_S: f32 = 0.1;
-const BLIND_S: (f32, f32) = (0.1, 2.0);
-const HELD_POSE_S: f64 = 0.1;
 
 /// Time in the air that a calibration takes, s.
 const CALIBRATION_S: f64 = 10.0;
@@ -99,7 +100,7 @@ impl TouchedSession<'_> {
         mut on_copy: impl FnMut() -> Result<(), E>,
     ) -> Result<Vec<Session>, E> {
         let frames = self.raw.frames();
-        let clean = self.columns(&frames.tactile, &Tracked::of(frames), self.fit, Following::On, None)?;
+        let clean = self.columns(frames, &BTreeMap::new(), &Tracked::of(frames), self.fit, Following::On, None)?;
         let mut copies = Vec::new();
         for number in numbers {
             copies.extend(self.copy(&clean, seed, number)?);
@@ -125,14 +126,28 @@ impl TouchedSession<'_> {
             taxels.iter().map(|value| value / frames.truth_gf[frame]).collect()
         };
         let mut touched = frames.clone();
+        let mut past = BTreeMap::new();
         for air in runs_in_air(frames) {
+            past.extend(starts(&air, rate_hz, &mut random).into_iter().map(|frame| (frame, Past::Start)));
             let mut begin = air.start + n_frames(&mut random, BETWEEN_S, rate_hz);
             while begin < air.end {
-                let held = begin..(begin + n_frames(&mut random, HELD_S, rate_hz)).min(air.end);
-                begin = held.end + n_frames(&mut random, BETWEEN_S, rate_hz);
                 let ends = [spread(&mut random), spread(&mut random)];
-                hold(&mut touched, held, &ends, rate_hz, &mut random);
+                let grasp = Grasp::before(begin - air.start, rate_hz, ends[0].clone(), &mut random);
+                let (length, course, between) = match &grasp {
+                    Some((grasp, left)) => (*left, Course::end_of(grasp.force_gf, rate_hz, &mut random), AFTER_GRASP_S),
+                    None => (n_frames(&mut random, HELD_S, rate_hz), Course::new(rate_hz, &mut random), BETWEEN_S),
+                };
+                let held = begin..(begin + length).min(air.end);
+                hold(&mut touched, held.clone(), &ends, &course, &mut random);
+                past.extend(grasp.map(|(grasp, _)| (begin, Past::Grasp(grasp))));
+                begin = held.end + n_frames(&mut random, between, rate_hz);
             }
+        }
+        // Frames on both sides of what the copy leaves out follow no longer on each other.
+        let mut left_out = 0;
+        for (frame, epoch) in touched.epoch.iter_mut().enumerate() {
+            left_out += u32::from(past.contains_key(&frame));
+            *epoch += left_out;
         }
         let kind = COPIES[number % COPIES.len()];
         let (mut tracked, mut fit) = (Tracked::of(frames), self.fit.clone());
@@ -141,7 +156,7 @@ impl TouchedSession<'_> {
             fit = self.fitted(&tracked).unwrap_or(fit);
         }
         let following = if kind == Condition::Frozen { Following::Frozen } else { Following::On };
-        let columns = self.columns(&touched.tactile, &tracked, &fit, following, Some(&mut random))?;
+        let columns = self.columns(&touched, &past, &tracked, &fit, following, Some(&mut random))?;
         let is_kept = |part: Part| part == Part::Train || (part == Part::Validation && kind == Condition::Plain);
         let kept = kept(&touched, &columns, n_columns, number, is_kept);
         if !kept.zero_load.contains(&true) {
@@ -150,33 +165,52 @@ impl TouchedSession<'_> {
         Ok(Some(Session::new(kept)?))
     }
 
-    /// The network's input of all frames, of these taxels. With random numbers, frames are lost now and then.
+    /// The network's input of all frames, of these taxels and what the filter went through before some of them. With random
+    /// numbers, frames are lost now and then.
     fn columns(
         &self,
-        tactile: &[f32],
+        frames: &SessionFrames,
+        past: &BTreeMap<usize, Past>,
         tracked: &Tracked,
         fit: &ArtifactFit,
         following: Following,
         mut random: Option<&mut Random>,
     ) -> Result<Vec<f32>, TrainError> {
-        let (frames, artifact) = (self.raw.frames(), self.artifact);
+        let artifact = self.artifact;
         let (n, n_columns) = (artifact.n_taxels, artifact.n_columns());
-        let mut filter = ArtifactFilter::new(Arc::clone(artifact), self.rate_hz, following);
-        filter.handle_fit(fit.clone()).map_err(|error| TrainError::Artifact { what: error.to_string() })?;
+        let started = || -> Result<ArtifactFilter, TrainError> {
+            let mut filter = ArtifactFilter::new(Arc::clone(artifact), self.rate_hz, following);
+            filter.handle_fit(fit.clone()).map_err(|error| TrainError::Artifact { what: error.to_string() })?;
+            Ok(filter)
+        };
+        let correct = |filter: &mut ArtifactFilter, taxels: &mut [f32], frame: usize| {
+            let pose = &tracked.pose[frame * artifact.n_joints..][..artifact.n_joints];
+            let age = tracked.age[frame];
+            filter.correct(taxels, (age != Age::Old).then_some(pose), 1, age == Age::Fresh);
+        };
+        let mut filter = started()?;
         let chance = RESTARTS_PER_MIN / 60.0 / self.rate_hz as f32;
         let mut columns = vec![0.0; frames.truth_gf.len() * n_columns];
-        let rows = columns.chunks_exact_mut(n_columns).zip(tactile.chunks_exact(n));
-        let poses = tracked.pose.chunks_exact(artifact.n_joints).zip(&tracked.age);
-        let mut before = None;
-        for ((row, taxels), ((pose, age), epoch)) in rows.zip(poses.zip(&frames.epoch)) {
-            let is_gap = before.replace(*epoch).is_some_and(|before| before != *epoch);
+        for (frame, row) in columns.chunks_exact_mut(n_columns).enumerate() {
+            let taxels_of = |frame: usize| &frames.tactile[frame * n..(frame + 1) * n];
             let is_lost = random.as_mut().is_some_and(|random| random.unit() < chance);
-            if is_gap || is_lost {
-                filter.restart();
+            match past.get(&frame) {
+                Some(Past::Start) => filter = started()?,
+                Some(Past::Grasp(grasp)) => {
+                    let mut taxels = vec![0.0; n];
+                    for (again, force) in grasp.frames(frame) {
+                        let held =
+                            taxels_of(again).iter().zip(&grasp.spread).map(|(value, share)| value + force * share);
+                        taxels.iter_mut().zip(held).for_each(|(taxel, held)| *taxel = held);
+                        correct(&mut filter, &mut taxels, again);
+                    }
+                }
+                None if is_lost || (frame > 0 && frames.epoch[frame] != frames.epoch[frame - 1]) => filter.restart(),
+                None => {}
             }
             let (of_taxels, of_touch) = row.split_at_mut(n);
-            of_taxels.copy_from_slice(taxels);
-            filter.correct(of_taxels, (*age != Age::Old).then_some(pose), 1, *age == Age::Fresh);
+            of_taxels.copy_from_slice(taxels_of(frame));
+            correct(&mut filter, of_taxels, frame);
             filter.write_touch(of_touch);
         }
         Ok(columns)
@@ -199,11 +233,33 @@ impl TouchedSession<'_> {
     }
 }
 
+/// How the force of a touch goes.
+struct Course {
+    level_gf: f32,
+    /// How many frames it takes to begin, to end, and to be spread as another one and again as before.
+    rise: f32,
+    fall: f32,
+    turn: f32,
+    rate_hz: f64,
+}
+
+impl Course {
+    fn new(rate_hz: f64, random: &mut Random) -> Self {
+        let level_gf = log_uniform(random, FORCES_GF);
+        let [rise, fall] = [(); 2].map(|()| n_frames(random, RAMP_S, rate_hz).max(1) as f32);
+        Course { level_gf, rise, fall, turn: n_frames(random, SPREAD_S, rate_hz).max(1) as f32, rate_hz }
+    }
+
+    /// The end of a grasp with this force.
+    fn end_of(level_gf: f32, rate_hz: f64, random: &mut Random) -> Self {
+        let fall = n_frames(random, RELEASE_S, rate_hz).max(1) as f32;
+        Course { level_gf, fall, rise: 1.0, ..Course::new(rate_hz, random) }
+    }
+}
+
 /// Lays a touch on frames. Its spread goes from one end to the other and back.
-fn hold(frames: &mut SessionFrames, held: Range<usize>, ends: &[Vec<f32>; 2], rate_hz: f64, random: &mut Random) {
-    let level = log_uniform(random, FORCES_GF);
-    let [rise, fall] = [(); 2].map(|()| n_frames(random, RAMP_S, rate_hz).max(1) as f32);
-    let turn = n_frames(random, SPREAD_S, rate_hz).max(1) as f32;
+fn hold(frames: &mut SessionFrames, held: Range<usize>, ends: &[Vec<f32>; 2], course: &Course, random: &mut Random) {
+    let &Course { level_gf, rise, fall, turn, rate_hz } = course;
     let keep = (-1.0 / (WANDER_S * rate_hz as f32)).exp();
     let step = WANDER * (3.0 * (1.0 - keep * keep)).sqrt(); // a uniform number up to 1 has a variance of 1/3
     let mut wander = 0.0;
@@ -211,7 +267,7 @@ fn hold(frames: &mut SessionFrames, held: Range<usize>, ends: &[Vec<f32>; 2], ra
     for frame in held.clone() {
         wander = keep * wander + random.symmetric(step);
         let (since, left) = ((frame - held.start + 1) as f32, (held.end - frame) as f32);
-        let force = level * (since / rise).min(left / fall).min(1.0) * (1.0 + wander).max(LEAST_SHARE);
+        let force = level_gf * (since / rise).min(left / fall).min(1.0) * (1.0 + wander).max(LEAST_SHARE);
         let share = 0.5 - 0.5 * (TAU * since / turn).cos();
         let taxels = frames.tactile[frame * n..(frame + 1) * n].iter_mut();
         for (value, (first, second)) in taxels.zip(ends[0].iter().zip(&ends[1])) {
@@ -258,65 +314,6 @@ fn runs_in_air(frames: &SessionFrames) -> Vec<Range<usize>> {
         }
     }
     runs
-}
-
-/// How old the angles of a frame are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Age {
-    Fresh,
-    Held,
-    Old,
-}
-
-/// Joint angles as a hand tracker gives them.
-struct Tracked {
-    /// `[frames, joints]`, rad.
-    pose: Vec<f32>,
-    /// `[frames]`
-    age: Vec<Age>,
-}
-
-impl Tracked {
-    fn of(frames: &SessionFrames) -> Self {
-        Tracked { pose: frames.pose.clone(), age: vec![Age::Fresh; frames.truth_gf.len()] }
-    }
-
-    /// Seen by a tracker with noise, bias and delay, which is slow and blind at times.
-    fn badly(frames: &SessionFrames, joints: usize, rate_hz: f64, random: &mut Random) -> Self {
-        let n = frames.truth_gf.len();
-        let uniform = |deviation: f32| 3.0f32.sqrt() * deviation;
-        let how_bad = random.unit();
-        let noise = uniform(NOISE_RAD * how_bad);
-        let bias: Vec<f32> = (0..joints).map(|_| random.symmetric(uniform(BIAS_RAD * how_bad))).collect();
-        let delay = (DELAY_S * random.unit() * rate_hz as f32) as usize;
-        let every = if random.unit() < SLOW_SHARE { (rate_hz / SLOW_HZ).round().max(1.0) as usize } else { 1 };
-        let goes_blind = BLIND_PER_S * random.unit() / rate_hz as f32;
-        let mut samples = Vec::with_capacity((n / every + 2) * joints);
-        for sample in 0..n / every + 2 {
-            let seen = (sample * every).saturating_sub(delay).min(n - 1);
-            let angles = frames.pose[seen * joints..(seen + 1) * joints].iter().zip(&bias);
-            samples.extend(angles.map(|(angle, bias)| angle + bias + random.symmetric(noise)));
-        }
-        let (mut pose, mut age) = (Vec::with_capacity(n * joints), Vec::with_capacity(n));
-        let (mut blind, mut since) = (0, 0);
-        for frame in 0..n {
-            if blind == 0 && random.unit() < goes_blind {
-                blind = n_frames(random, BLIND_S, rate_hz);
-            }
-            if blind > 0 && frame > 0 {
-                (blind, since) = (blind - 1, since + 1);
-                age.push(if f64::from(since) > HELD_POSE_S * rate_hz { Age::Old } else { Age::Held });
-                pose.extend_from_within((frame - 1) * joints..frame * joints);
-                continue;
-            }
-            since = 0;
-            age.push(Age::Fresh);
-            let (sample, share) = (frame / every, (frame % every) as f32 / every as f32);
-            let angles = samples[sample * joints..].iter().zip(&samples[(sample + 1) * joints..]).take(joints);
-            pose.extend(angles.map(|(before, after)| before + share * (after - before)));
-        }
-        Tracked { pose, age }
-    }
 }
 
 fn log_uniform(random: &mut Random, (least, most): (f32, f32)) -> f32 {
@@ -402,23 +399,39 @@ mod tests {
         assert_eq!((copy.n_taxels, copy.truth_gf.len(), copy.tactile.len()), (2 + TOUCH_INPUTS, 13_000, 13_000 * 6));
         assert_eq!(copy.part, [vec![Part::Train; 12_500], vec![Part::Validation; 500]].concat());
         assert_eq!((copy.truth_gf[12_100], copy.truth_gf[12_600]), (80.0, 80.0), "firm touches stay");
-        let (mut told, mut n_told, mut n_held) = (0.0, 0, 0);
+        let (mut told, mut n_held) = (Vec::new(), 0);
         for copy in (7..13).map(|seed| copy_of(seed, number(Condition::Plain))) {
             let air = &copy.truth_gf[..12_000];
             n_held += air.iter().filter(|truth| **truth > 0.0).count();
-            assert!(air.iter().all(|truth| (0.0..90.0).contains(truth)));
+            assert!(air.iter().all(|truth| (0.0..1000.0).contains(truth)), "a grasp is the most");
             assert!(copy.zero_load.iter().zip(&copy.truth_gf).all(|(zero_load, truth)| *zero_load == (*truth == 0.0)));
-            // Where a touch of 8 gF or more has been held for a while, the filter tells it.
+            // Where a touch of 8 gF or more has been held for a while, the filter tells it, unless it started meanwhile.
             for (frame, truth) in air.iter().enumerate().skip(100) {
-                if air[frame - 100..frame].iter().all(|before| *before >= 8.0) {
-                    told += copy.tactile[frame * 6 + 2] / 15.0 / truth;
-                    n_told += 1;
+                if air[frame - 100..=frame].iter().all(|force| *force >= 8.0) {
+                    told.push(copy.tactile[frame * 6 + 2] / 15.0 / truth);
                 }
             }
         }
         assert!((6_000..60_000).contains(&n_held), "{n_held} frames are held");
-        let told = told / n_told as f32;
-        assert!(n_told > 1000 && (0.7..1.3).contains(&told), "{n_told} frames, {told} of the touch");
+        told.sort_unstable_by(f32::total_cmp);
+        let median = told[told.len() / 2];
+        assert!(told.len() > 1000 && (0.7..1.3).contains(&median), "{} frames, {median} of the touch", told.len());
+    }
+
+    #[test]
+    fn the_filter_starts_at_times_and_comes_out_of_grasps() {
+        let (mut n_starts, mut n_grasps) = (0, 0);
+        for copy in (7..13).map(|seed| copy_of(seed, number(Condition::Plain))) {
+            for frame in (1..12_000).filter(|frame| copy.epoch[*frame] != copy.epoch[frame - 1]) {
+                let [before, deviation] = [frame - 1, frame].map(|frame| copy.tactile[frame * 6 + 3]);
+                // What a filter that starts knows of touch is that of none; in a grasp the touch is in the first frame.
+                let is_grasp = copy.truth_gf[frame] >= 20.0 && copy.truth_gf[frame - 1] == 0.0;
+                n_grasps += usize::from(is_grasp);
+                n_starts += usize::from(!is_grasp);
+                assert!(is_grasp || deviation > before, "{deviation} after {before}");
+            }
+        }
+        assert!(n_starts >= 6 && n_grasps >= 3, "{n_starts} starts, {n_grasps} grasps");
     }
 
     #[test]
