@@ -122,7 +122,7 @@ fn a_replay_killed_at_any_moment_leaves_its_output_absent_or_complete() {
 fn unfinished(folder: &Path, compression: Compression) -> Vec<u8> {
     let path = folder.join("recording.mcap");
     let options = WriteOptions { compression, ..WriteOptions::default() };
-    let mut bag = Bag { writer: BagWriter::create(&path, options).unwrap(), n_taxel_messages: 0 };
+    let mut bag = Bag::of(BagWriter::create(&path, options).unwrap());
     let mut noise = 1u32;
     for k in 0..3000 {
         let values: Vec<f32> = std::iter::repeat_with(|| {

@@ -223,7 +223,7 @@ fn any_byte_may_be_wrong() {
         // The head and the pages' heads say most of what can go wrong.
         let at = if k % 2 == 0 { k / 2 % 120 } else { (k * 7919) % bytes.len() };
         bytes[at] = [0, 255, 128, 1, bytes[at].wrapping_add(1)][k % 5];
-        fs::write(&changed, &bytes).unwrap();
+        common::write_anew(&changed, &bytes);
         match read(&changed) {
             Ok((found, losses)) => {
                 assert!(found.len() <= rows.len() + 300, "byte {at}: {}", found.len());

@@ -35,14 +35,33 @@ fn trained() -> &'static Path {
         .path()
 }
 
+/// Another session of that third user, as short as can be.
+fn short_session() -> &'static Path {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    FOLDER
+        .get_or_init(|| {
+            let folder = tempfile::tempdir().unwrap();
+            let simulate =
+                ["simulate", "--glove", "3", "--users", "3", "--sessions", "1", "--minutes=1.7", "--seed", "5"];
+            tpf(folder.path(), &[&simulate[..], &["-o", "bags"]].concat()).ok();
+            folder
+        })
+        .path()
+}
+
 fn bag(folder: &Path, user: usize) -> PathBuf {
     folder.join(format!("bags/glove3_user0{user}_session1"))
 }
 
 /// Replays the session of the third user, who no model knows, into a new folder.
 fn replay(more: &[&str]) -> (tempfile::TempDir, Run) {
-    let (bags, out) = (trained(), tempfile::tempdir().unwrap());
-    let (bag, model) = (bag(bags, 3), bags.join("model.onnx"));
+    replay_of(trained(), more)
+}
+
+/// The same for one of that user's sessions.
+fn replay_of(bags: &Path, more: &[&str]) -> (tempfile::TempDir, Run) {
+    let out = tempfile::tempdir().unwrap();
+    let (bag, model) = (bag(bags, 3), trained().join("model.onnx"));
     let replay = ["replay", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", model.to_str().unwrap()];
     let run = tpf(out.path(), &[&replay[..], &["-o", "out.mcap"], more].concat());
     (out, run)
@@ -80,7 +99,7 @@ fn a_network_that_gets_touch_is_trained_on_copies_with_held_touches_and_finds_to
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     let train = ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "told.onnx"];
-    let run = tpf(out, &[&train[..], &["--steps", "300", "--batch", "16", "--held-touches", "3"]].concat()).ok();
+    let run = tpf(out, &[&train[..], &["--steps", "200", "--batch", "16", "--held-touches", "3"]].concat()).ok();
     assert!(run.stderr.contains("2 sessions (synthetic), and 6 copies with held light touches: "), "{run:?}");
     let report: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("told.report.json")).unwrap()).unwrap();
@@ -92,8 +111,11 @@ fn a_network_that_gets_touch_is_trained_on_copies_with_held_touches_and_finds_to
     let (followed, frozen) = (found(&[]), found(&["-p", "adaptation:=frozen"]));
     assert!(followed > 0.93 && frozen > 0.7, "{followed} followed, {frozen} frozen");
     // The same command gives the same bytes; only an adaptive model gets touches.
-    tpf(out, &[&train[..8], &["again.onnx", "--steps", "300", "--batch", "16", "--held-touches", "3"]].concat()).ok();
-    assert!(std::fs::read(out.join("told.onnx")).unwrap() == std::fs::read(out.join("again.onnx")).unwrap());
+    let [first, again] = ["first.onnx", "again.onnx"].map(|output| {
+        tpf(out, &[&train[..8], &[output, "--steps", "10", "--batch", "16", "--held-touches", "2"]].concat()).ok();
+        std::fs::read(out.join(output)).unwrap()
+    });
+    assert!(first == again, "the models differ");
     for (kind, n, expected) in [
         ("pose-aware", "1", "--light-touches and --held-touches are for --kind adaptive"),
         ("adaptive", "65", "--held-touches is 65, expected 0 to 64 copies of each session"),
@@ -193,10 +215,11 @@ fn a_calibration_file_keeps_the_artifact_and_is_refused_where_it_does_not_fit() 
 fn touches_of_a_known_force_fit_the_gain_of_a_donning_and_are_kept_with_its_calibration() {
     let folder = trained();
     let (bag, model, out) = (bag(folder, 3), folder.join("model.onnx"), tempfile::tempdir().unwrap());
-    let calibrate = |more: &[&str]| {
+    let calibrate_of = |bag: &Path, more: &[&str]| {
         let of = ["calibrate", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", model.to_str().unwrap()];
         tpf(out.path(), &[&of[..], more].concat())
     };
+    let calibrate = |more: &[&str]| calibrate_of(&bag, more);
     calibrate(&["-o", "plain.yaml"]).ok();
     let told = calibrate(&["-o", "known.yaml", "--touches"]).ok().stdout;
     assert!(told.contains("region index: forces times ") && told.contains(" known touches"), "{told}");
@@ -220,11 +243,12 @@ fn touches_of_a_known_force_fit_the_gain_of_a_donning_and_are_kept_with_its_cali
     let refused = calibrate(&[&["-o", "bad.yaml"], &air[..]].concat());
     let line = refused.failure();
     assert!(line.contains("region index: ") && !out.path().join("bad.yaml").exists(), "{refused:?}");
-    let few = calibrate(&["-o", "bad.yaml", "--touch", "2N@1-2"]);
+    let short = self::bag(short_session(), 3);
+    let few = calibrate_of(&short, &["-o", "bad.yaml", "--touch", "2N@1-2"]);
     assert!(few.failure().contains("1 touches of a known force, at least 3 needed"), "{few:?}");
-    let other = calibrate(&["-o", "bad.yaml", "--touch", "thumb:2N@1-2"]);
+    let other = calibrate_of(&short, &["-o", "bad.yaml", "--touch", "thumb:2N@1-2"]);
     assert!(other.failure().contains("--touch names region thumb, the parameters have index"), "{other:?}");
-    let late = calibrate(&["-o", "bad.yaml", "--touch", "200gF@9000-9001"]);
+    let late = calibrate_of(&short, &["-o", "bad.yaml", "--touch", "200gF@9000-9001"]);
     assert!(late.failure().contains("has fewer than ten estimates from 9000 to 9001 s"), "{late:?}");
     let text = text.replace("low: ", "low: 9");
     fs::write(out.path().join("edited.yaml"), text).unwrap();
@@ -285,7 +309,7 @@ fn the_model_is_inspected_as_what_it_is_and_runs_alike_in_both_runtimes() {
     let folder = trained();
     let told = tpf(folder, &["inspect", "model.onnx"]).ok().stdout;
     assert!(told.contains("4: index_dip") && told.contains("told: what these joints make of the taxels"), "{told}");
-    let with = |backend: &str| replay(&["-p", &format!("model.fingertip.backend:={backend}")]);
+    let with = |backend: &str| replay_of(short_session(), &["-p", &format!("model.fingertip.backend:={backend}")]);
     let (rten, run) = with("rten");
     run.ok();
     let (ort, run) = with("onnxruntime");
@@ -323,12 +347,12 @@ fn one_model_serves_several_regions_each_with_what_pose_makes_of_its_own_taxels(
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     // The load cell is under the index finger in the first session, under the middle finger in the second.
-    let simulate = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "2", "--minutes", "6", "--seed", "7"];
+    let simulate = ["simulate", "--glove", "hand1", "--users", "1", "--sessions", "2", "--minutes", "5", "--seed", "7"];
     tpf(folder, &[&simulate[..], &["-o", "bags"]].concat()).ok();
     write_hand(folder, "index, middle, ring");
     let train = |region: &str, output: &str, more: &[&str]| {
         let train = ["train", "bags", "--params-file", "hand.yaml", "--kind", "adaptive", "--region", region];
-        tpf(folder, &[&train[..], &["-o", output, "--steps", "300", "--batch", "16"], more].concat())
+        tpf(folder, &[&train[..], &["-o", output, "--steps", "150", "--batch", "16"], more].concat())
     };
     for (region, more, expected) in [
         ("index,middle,ring", &[][..], "region ring: no bag has a true force of it"),
@@ -392,7 +416,7 @@ fn one_model_serves_several_regions_each_with_what_pose_makes_of_its_own_taxels(
     write_hand(folder, "index, middle");
     let summary = tpf(folder, &[&replay[..], &["-p", "calibration.insist:=true"]].concat()).ok().json();
     for region in 0..2 {
-        assert!(summary["regions"][region]["estimates"].as_u64().unwrap() > 20_000, "{summary:#}");
+        assert!(summary["regions"][region]["estimates"].as_u64().unwrap() > 16_000, "{summary:#}");
     }
     let states: Vec<ContactState> = states(folder);
     let learned =

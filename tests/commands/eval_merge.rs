@@ -11,14 +11,14 @@ use common::onnx::LinearModel;
 use common::scored::PARAMS;
 use common::tpf::{Run, tpf};
 
-const N_BAGS: usize = 12;
+const N_BAGS: usize = 6;
 
-/// Twelve short sessions of six users, two models, and gates.
-fn twelve() -> tempfile::TempDir {
+/// Six short sessions of three users, two models, and gates.
+fn six() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     fs::write(path.join("params.yaml"), PARAMS).unwrap();
-    let simulate = ["simulate", "--glove", "1", "--users", "6", "--sessions", "2", "--minutes=1.7", "--seed", "5"];
+    let simulate = ["simulate", "--glove", "1", "--users", "3", "--sessions", "2", "--minutes=1.7", "--seed", "5"];
     tpf(path, &[&simulate[..], &["-o", "bags"]].concat()).ok();
     LinearModel::new(64, 6, 4).metadata("unit", "gF").write(path, "model.onnx");
     LinearModel::new(64, 6, 0).metadata("unit", "gF").write(path, "other.onnx");
@@ -68,24 +68,24 @@ fn assert_same(a: &[Vec<u8>], b: &[Vec<u8>], what: &str) {
 
 #[test]
 fn bags_shared_out_in_any_way_merge_to_the_bytes_of_one_process() {
-    let folder = twelve();
+    let folder = six();
     let path = folder.path();
     let single = [&["eval", "bags"][..], &OPTIONS].concat();
     let whole = results(path, &single, 0);
 
-    // One process for all, three shards, and twelve that name their bags, merged in another order than they were made.
+    // One process for all, three shards, and six that name their bags, merged in another order than they were made.
     eval(path, &["bags", "--partial", "all.parquet"]).ok();
     assert_same(&results(path, &["merge", "all.parquet"], 0), &whole, "one partial");
     for index in [2, 0, 1] {
         let (shard, out) = (format!("{index}/3"), format!("shard{index}.parquet"));
         let run = eval(path, &["bags", "--partial", &out, "--shard", &shard, "--jobs", "2"]).ok();
-        assert!(run.stdout.contains("4 of 4 bags in shard"), "{run:?}");
+        assert!(run.stdout.contains("2 of 2 bags in shard"), "{run:?}");
     }
     let merge = ["merge", "shard1.parquet", "shard2.parquet", "shard0.parquet"];
     assert_same(&results(path, &merge, 0), &whole, "three shards");
     fs::create_dir(path.join("partials")).unwrap();
     let children = bags(path).into_iter().enumerate().map(|(idx, bag)| {
-        let out = format!("partials/{}.parquet", (idx * 7) % N_BAGS);
+        let out = format!("partials/{}.parquet", (idx * 5) % N_BAGS);
         let mut command = Command::new(env!("CARGO_BIN_EXE_tpf"));
         command.current_dir(path).args(["eval", &bag, "--partial", &out]).args(OPTIONS);
         command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
@@ -93,20 +93,20 @@ fn bags_shared_out_in_any_way_merge_to_the_bytes_of_one_process() {
     for mut child in children.collect::<Vec<_>>() {
         assert!(child.wait().unwrap().success());
     }
-    assert_same(&results(path, &["merge", "partials", "--expect", "bags"], 0), &whole, "twelve processes");
+    assert_same(&results(path, &["merge", "partials", "--expect", "bags"], 0), &whole, "six processes");
     let named = bags(path);
     let named: Vec<&str> = named.iter().map(String::as_str).collect();
     let of_named = results(path, &[&["eval"][..], &named, &OPTIONS].concat(), 0);
-    assert_same(&results(path, &["merge", "partials"], 0), &of_named, "twelve processes, by path");
+    assert_same(&results(path, &["merge", "partials"], 0), &of_named, "six processes, by path");
 
     // What is missing, twice or too much is named.
     let refused = |args: &[&str]| tpf(path, &[&["merge"], args].concat()).failure().to_owned();
     fs::remove_file(path.join("partials/0.parquet")).unwrap();
     let told = refused(&["partials", "--expect", "bags"]);
-    assert!(told.contains("1 of 12 bags are in no partial: bags/glove1_user01_session1"), "{told}");
+    assert!(told.contains("1 of 6 bags are in no partial: bags/glove1_user01_session1"), "{told}");
     fs::write(path.join("list.txt"), bags(path)[1..3].join("\n")).unwrap();
     let told = refused(&["partials", "--expect", "list.txt"]);
-    assert!(told.contains("9 bags are in partials and not expected: "), "{told}");
+    assert!(told.contains("3 bags are in partials and not expected: "), "{told}");
     let told = refused(&["shard0.parquet", "shard2.parquet"]);
     assert!(told.contains("1 of 3 shards are missing: 1/3"), "{told}");
     let told = refused(&["all.parquet", "shard0.parquet"]);

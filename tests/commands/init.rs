@@ -25,7 +25,7 @@ fn in_source(path: &str) -> String {
 
 /// A synthetic session of two minutes, and its path.
 fn simulated(folder: &Path, glove: &str, hand: &str) -> String {
-    let args = ["simulate", "--glove", glove, "--users", "1", "--sessions", "1", "--minutes=2", "--seed", "7"];
+    let args = ["simulate", "--glove", glove, "--users", "1", "--sessions", "1", "--minutes=1.7", "--seed", "7"];
     tpf(folder, &[&args[..], &["--hand", hand, "-o", "sessions"]].concat()).ok();
     format!("sessions/{}_user01_session1", if glove.len() == 1 { format!("glove{glove}") } else { glove.to_owned() })
 }
@@ -59,7 +59,9 @@ fn the_file_of_a_synthetic_glove_gives_the_forces_of_the_one_that_ships() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let bag = simulated(folder, &glove.to_string(), "angles");
-        let model = in_source(&format!("models/glove{glove}_pose_aware.onnx"));
+        // The first with the model that its file names, the paper's network; the others with one that runs faster.
+        let kind = if glove == 1 { "pose_aware" } else { "adaptive" };
+        let model = in_source(&format!("models/glove{glove}_{kind}.onnx"));
         let run = init(folder, &bag, &["--model", &model]).ok(); // nobody is there to ask: nothing is open
         assert_eq!(run.stderr, "", "{run:?}");
         assert!(run.stdout.contains("tpf replay"), "{run:?}");
@@ -75,9 +77,10 @@ fn the_file_of_a_synthetic_glove_gives_the_forces_of_the_one_that_ships() {
         assert_eq!((made.truth(), &made.truth_sources()[0].unit), (known.truth(), &known.truth_sources()[0].unit));
         assert_eq!(made.truth_sources()[0].inverted, known.truth_sources()[0].inverted);
         assert_eq!(made.fusion().regions(), known.fusion().regions());
-        let (of_made, of_shipped) =
-            (forces(folder, &bag, "made.yaml", "index", &[]), forces(folder, &bag, &shipped, "index", &[]));
-        assert!(of_made.len() > 10_000, "{}", of_made.len());
+        let of_made = forces(folder, &bag, "made.yaml", "index", &[]);
+        let with = ["--model", &model];
+        let of_shipped = forces(folder, &bag, &shipped, "index", if glove == 1 { &[] } else { &with });
+        assert!(of_made.len() > 9_000, "{}", of_made.len());
         assert_eq!(of_made.len(), of_shipped.len());
         let same = |(a, b): (&(i64, f64), &(i64, f64))| a.0 == b.0 && a.1.to_bits() == b.1.to_bits();
         assert!(of_made.iter().zip(&of_shipped).all(same), "glove {glove}");
@@ -182,7 +185,9 @@ fn points_of_a_hand_become_its_joint_angles() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let bag = simulated(folder, "1", form);
-        let model = in_source("models/glove1_pose_aware.onnx");
+        // The paper's network takes seconds where others take parts of one.
+        let kind = if form == "openxr" { "pose_aware" } else { "adaptive" };
+        let model = in_source(&format!("models/glove1_{kind}.onnx"));
         let run = init(folder, &bag, &["--model", &model]);
         assert!(run.failure().contains(&format!("Which hand is {topic}")), "{form}: {run:?}");
         assert!(!folder.join("made.yaml").exists());
@@ -191,7 +196,7 @@ fn points_of_a_hand_become_its_joint_angles() {
         let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
         assert!(text.contains(&format!("hand.layout: {layout}")) && text.contains("hand.side: right"), "{text}");
         assert_eq!(load(folder).fusion().regions()[0].joints, INDEX);
-        assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 10_000);
+        assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 9_000);
     }
 }
 
@@ -200,7 +205,7 @@ fn a_glove_that_says_which_hand_it_is_is_not_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let bag = simulated(folder, "1", "manus");
-    let run = init(folder, &bag, &["--model", &in_source("models/glove1_pose_aware.onnx")]).ok();
+    let run = init(folder, &bag, &["--model", &in_source("models/glove1_adaptive.onnx")]).ok();
     assert_eq!(run.stderr, "", "{run:?}");
     let text = fs::read_to_string(folder.join("made.yaml")).unwrap();
     for line in [
@@ -212,7 +217,7 @@ fn a_glove_that_says_which_hand_it_is_is_not_asked_for() {
         assert!(text.contains(line), "{line} is not in\n{text}");
     }
     assert_eq!(load(folder).fusion().regions()[0].joints, INDEX);
-    assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 10_000);
+    assert!(forces(folder, &bag, "made.yaml", "index", &[]).len() > 9_000);
 }
 
 /// A recording whose frames have other names: those of two hands, in turn.
@@ -245,7 +250,7 @@ fn renamed_frames(from: &Path, to: &Path, spelt: &[&dyn Fn(&str) -> String]) {
 fn frames_that_are_named_as_a_robot_names_them_become_joint_angles_and_two_hands_are_told_apart() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let (bag, model) = (simulated(folder, "1", "transforms"), in_source("models/glove1_pose_aware.onnx"));
+    let (bag, model) = (simulated(folder, "1", "transforms"), in_source("models/glove1_adaptive.onnx"));
     let of_bag = fs::read_dir(folder.join(&bag)).unwrap().map(|entry| entry.unwrap().path());
     let from = of_bag.into_iter().find(|path| path.extension().is_some_and(|it| it == "mcap")).unwrap();
     let linked = |point: &str| format!("right_{}_link", point.to_uppercase());
@@ -260,7 +265,7 @@ fn frames_that_are_named_as_a_robot_names_them_become_joint_angles_and_two_hands
     assert!(one.contains("hand.points: [right_WRIST_link, right_THUMB_METACARPAL_link,"), "{one}");
     assert!(one.contains("hand.side: right  # as it is named"), "{one}");
     let of_one = forces(folder, "one.mcap", "made.yaml", "index", &[]);
-    assert!(of_one.len() > 10_000 && of_one == of_bag, "{} forces, {} before", of_one.len(), of_bag.len());
+    assert!(of_one.len() > 9_000 && of_one == of_bag, "{} forces, {} before", of_one.len(), of_bag.len());
     let left = |point: &str| format!("left/{point}");
     let right = |point: &str| format!("right/{point}");
     renamed_frames(&from, &folder.join("two.mcap"), &[&left, &right]);
@@ -522,7 +527,7 @@ fn strangers_joints(folder: &Path, bag: &str, names: Option<&[&str]>) {
 fn a_file_for_a_model_has_the_models_joints_or_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let (bag, model) = (simulated(folder, "1", "angles"), in_source("models/glove1_pose_aware.onnx"));
+    let (bag, model) = (simulated(folder, "1", "angles"), in_source("models/glove1_adaptive.onnx"));
     let made = |names: Option<&[&str]>, more: &[&str]| {
         strangers_joints(folder, &bag, names);
         init(folder, "odd.mcap", &[&["--yes", "--overwrite"], more].concat())
@@ -533,7 +538,7 @@ fn a_file_for_a_model_has_the_models_joints_or_is_refused() {
     assert!(text().contains("names_field: who"), "{}", text());
     assert_eq!(load(folder).fusion().regions()[0].joints, INDEX);
     let named = forces(folder, "odd.mcap", "made.yaml", "index", &[]);
-    assert!(named.len() > 10_000);
+    assert!(named.len() > 9_000);
     // No names, and as many angles: in their order, to be looked at.
     made(None, &["--model", &model]).ok();
     let region = load(folder).fusion().regions()[0].clone();

@@ -16,7 +16,7 @@ use tactile_pose_fusion::hand::JOINTS;
 use tactile_pose_fusion::msg::{TFMessage, TaxelArray, WireType, WrenchStamped, from_cdr};
 use tactile_pose_fusion::units::Stamp;
 
-const SIMULATE: [&str; 8] = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes=2"];
+const SIMULATE: [&str; 8] = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes=1.7"];
 
 #[test]
 fn a_simulated_session_replays_with_its_annotated_zero() {
@@ -42,7 +42,7 @@ fn a_simulated_session_replays_with_its_annotated_zero() {
     let summary = replayed.json();
     assert_eq!(summary["baseline"]["from"], "annotations");
     let (frames, lost) = (&summary["tactile"][0]["frames"], &summary["tactile"][0]["lost_messages"]);
-    assert!(frames.as_u64().unwrap() > 10_000 && lost.as_u64().unwrap() > 0, "{summary:#}");
+    assert!(frames.as_u64().unwrap() > 9_000 && lost.as_u64().unwrap() > 0, "{summary:#}");
     let estimates = summary["regions"][0]["estimates"].as_u64().unwrap();
     assert!(estimates as f64 > 0.95 * frames.as_f64().unwrap(), "{summary:#}");
     let inspected = tpf(folder, &["inspect", bag]).ok();
@@ -66,7 +66,7 @@ fn a_hand_in_poses_gives_the_forces_of_its_angles() {
     let folder = folder.path();
     LinearModel::new(64, 6, 4).gains(0.01, 3.0).metadata("unit", "gF").write(folder, "model.onnx");
     let of_angles = forces(folder, "angles", "{topic: /hand/joint_states}");
-    assert!(of_angles.len() > 10_000);
+    assert!(of_angles.len() > 9_000);
     // Messages without a stamp are as late as they were received: they give other forces, from the same angles.
     for (form, source) in FORMS.into_iter().filter(|(_, source)| !source.contains("stamp: receipt")) {
         let of_poses = forces(folder, form, source);
@@ -162,7 +162,7 @@ fn the_angles_that_come_back_from_a_hand_in_any_form_are_those_that_were_simulat
     let params = folder.join("hand.yaml");
     write_params(&params, "{topic: /hand/joint_states}");
     let told = angles_of(&params, &simulated("angles"));
-    assert!(told.len() > 10_000, "{}", told.len());
+    assert!(told.len() > 9_000, "{}", told.len());
     for (form, source) in FORMS {
         let bag = simulated(form);
         write_params(&params, source);
@@ -217,7 +217,7 @@ fn frames_that_do_not_change_hold_from_the_first_message_on_wherever_the_bag_has
     let bits = |angles: &[(Stamp, [f64; 20])]| -> Vec<_> {
         angles.iter().map(|(stamp, angles)| (*stamp, angles.map(f64::to_bits))).collect()
     };
-    assert!(before.len() > 10_000 && bits(&before) == bits(&after));
+    assert!(before.len() > 9_000 && bits(&before) == bits(&after));
     assert!(before[0].1.iter().all(|angle| angle.is_finite()), "{:?}", before[0]);
     // Without them nothing says where the fingers begin.
     let is_unknown = |(_, angles): &(Stamp, [f64; 20])| angles[..16].iter().all(|angle| angle.is_nan());
@@ -266,9 +266,12 @@ fn free_manipulation_is_a_session_too() {
     let joints = lines.next().unwrap();
     let rate_hz: f64 = joints.split_whitespace().nth(1).unwrap().parse().unwrap();
     assert!((26.0..30.0).contains(&rate_hz), "{joints}");
-    let scored = ["eval", "free/glove3_user01_session1", "--whole", "--by", "substage", "--params-file"];
     let params = &format!("{ROOT}/params/glove3.yaml");
-    let scored = tpf(folder, &[&scored[..], &[params]].concat()).ok();
+    let eval = ["eval", "free/glove3_user01_session1", "--by", "substage", "--params-file", params];
+    let of_test_part = tpf(folder, &eval).ok(); // by the paper's network, which takes longest
+    assert!(of_test_part.stdout.contains("held-out test part"), "{of_test_part:?}");
+    let quick = &format!("{ROOT}/models/glove3_adaptive.onnx");
+    let scored = tpf(folder, &[&eval[..], &["--whole", "--model", quick]].concat()).ok();
     for episode in ["air", "still_air", "light_hold", "still_hold", "grasp", "ramp", "touches"] {
         assert!(scored.stdout.contains(episode), "{scored:?}");
     }

@@ -104,15 +104,15 @@ fn report(folder: &Path) -> Value {
 fn a_model_is_trained_reported_and_scored_alike_by_eval() {
     let folder = folder_with(&[SESSION, SESSION]);
     let folder = folder.path();
-    let run = train(folder, &["--steps", "120", "--learning-rate", "0.005", "--seed", "3"]).ok();
+    let run = train(folder, &["--steps", "80", "--learning-rate", "0.005", "--seed", "3"]).ok();
     assert!(run.stdout.contains("held-out test") && run.stdout.contains("model.report.json"), "{run:?}");
-    assert!(run.stderr.contains("step    120"), "{run:?}");
+    assert!(run.stderr.contains("step     80"), "{run:?}");
     let report = report(folder);
     assert_eq!(report["kind"], "pose-aware");
     assert_eq!(report["split"]["by"], "stage");
     assert_eq!(report["sessions"].as_array().unwrap().len(), 2);
     assert_eq!(report["runs"][0]["settings"]["seed"], 3);
-    assert_eq!(report["runs"][0]["curve"].as_array().unwrap().last().unwrap()["step"], 120);
+    assert_eq!(report["runs"][0]["curve"].as_array().unwrap().last().unwrap()["step"], 80);
     assert!(report["data_fingerprint"].as_str().unwrap().len() == 64 && report["command"][1] == "train");
     let inspected = tpf(folder, &["inspect", "model.onnx"]).ok().stdout;
     for told in ["dip", "pip", "64", "2 sessions, data"] {
@@ -142,9 +142,10 @@ fn a_model_is_trained_reported_and_scored_alike_by_eval() {
 
 #[test]
 fn a_model_without_each_donning_is_scored_on_what_it_never_saw() {
-    let folder = folder_with(&[SESSION, SESSION, Session { seconds: 30, ..SESSION }]);
+    let short = Session { seconds: 20, ..SESSION };
+    let folder = folder_with(&[short, short, Session { seconds: 15, ..SESSION }]);
     let folder = folder.path();
-    let run = train(folder, &["--steps", "60", "--learning-rate", "0.005", "--hold-out", "donnings"]).ok();
+    let run = train(folder, &["--steps", "12", "--learning-rate", "0.005", "--hold-out", "donnings"]).ok();
     assert!(run.stdout.contains("each donning by the model that was trained without it"), "{run:?}");
     assert!(run.stdout.contains("MAE  ") && run.stdout.contains('\u{b1}'), "{run:?}");
     for session in ["session0", "session1", "session2"] {
@@ -192,10 +193,10 @@ fn a_model_without_each_donning_is_scored_on_what_it_never_saw() {
 
 #[test]
 fn the_same_seed_gives_the_same_model_and_kinds_and_ablations_are_told_apart() {
-    let folder = folder_with(&[SESSION]);
+    let folder = folder_with(&[Session { seconds: 20, ..SESSION }]);
     let folder = folder.path();
     let trained = |more: &[&str]| {
-        train(folder, &[&["--steps", "4", "--overwrite"], more].concat()).ok();
+        train(folder, &[&["--steps", "2", "--overwrite"], more].concat()).ok();
         fs::read(folder.join("model.onnx")).unwrap()
     };
     let first = trained(&[]);
@@ -262,7 +263,7 @@ fn without_joints_the_tactile_only_model_is_trained() {
 fn an_interrupted_run_goes_on_to_the_model_of_an_uninterrupted_one() {
     let folder = folder_with(&[SESSION]);
     let folder = folder.path();
-    let steps = ["--steps", "90"];
+    let steps = ["--steps", "50"];
     train(folder, &steps).ok();
     let whole = fs::read(folder.join("model.onnx")).unwrap();
     fs::remove_file(folder.join("model.onnx")).unwrap();
@@ -284,9 +285,9 @@ fn an_interrupted_run_goes_on_to_the_model_of_an_uninterrupted_one() {
     assert!(rest.last().unwrap().contains("--resume"), "{rest:?}");
     assert!(folder.join("model.checkpoint.json").exists() && !folder.join("model.onnx").exists());
 
-    let other = train(folder, &["--steps", "91", "--resume"]).failure().to_owned();
+    let other = train(folder, &["--steps", "51", "--resume"]).failure().to_owned();
     assert!(other.contains("made with other settings"), "{other}");
-    let resumed = train(folder, &["--steps", "90", "--resume"]).ok();
+    let resumed = train(folder, &["--steps", "50", "--resume"]).ok();
     assert!(resumed.stderr.contains("going on from step"), "{resumed:?}");
     assert!(fs::read(folder.join("model.onnx")).unwrap() == whole);
     assert!(!folder.join("model.checkpoint.json").exists());

@@ -193,7 +193,7 @@ fn a_bag_that_says_nothing_is_refused_with_what_to_give() {
 /// sensor that was never tared.
 fn write_strangers_bag(folder: &Path, seed: &str, path: &str) {
     let sessions = format!("simulated{seed}");
-    let simulate = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes", "2", "--seed", seed];
+    let simulate = ["simulate", "--glove", "1", "--users", "1", "--sessions", "1", "--minutes", "1.7", "--seed", seed];
     tpf(folder, &[&simulate[..], &["-o", &sessions]].concat()).ok();
     let mut bag = Bag::create(&folder.join(path));
     let mut reader = BagReader::open(&[folder.join(sessions).join("glove1_user01_session1")]).unwrap();
@@ -230,7 +230,7 @@ fn the_page_on_bags_with_a_load_cell_runs_as_it_is_written() {
     let lines: Vec<&str> = block.lines().map(|line| line.split("  #").next().unwrap().trim()).collect();
     assert!((4..=5).contains(&lines.len()), "{lines:?}");
     // So that it takes seconds.
-    let few = ["--steps", "150", "--batch", "32", "--stride", "5"];
+    let few = ["--steps", "120", "--batch", "16", "--stride", "10", "--learning-rate", "0.003"];
     let mut said = Vec::new();
     for line in lines {
         let words: Vec<&str> = line.strip_prefix("tpf ").unwrap().split_whitespace().collect();

@@ -1,8 +1,9 @@
 //! Bags written message by message, as a recorder would.
 
+use std::collections::HashMap;
 use std::path::Path;
 
-use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagReader, BagWriter, NewChannel, WriteOptions};
+use tactile_pose_fusion::bag::{BEST_EFFORT_QOS, BagReader, BagWriter, NewChannel, OutChannel, WriteOptions};
 use tactile_pose_fusion::msg::*;
 use tactile_pose_fusion::units::Stamp;
 
@@ -18,11 +19,18 @@ pub fn at(ms: i64) -> Stamp {
 pub struct Bag {
     pub writer: BagWriter,
     pub n_taxel_messages: u32,
+    /// By topic and type: a definition is parsed and hashed once, not with every message.
+    channels: HashMap<(String, String), OutChannel>,
 }
 
 impl Bag {
     pub fn create(path: &Path) -> Bag {
-        Bag { writer: BagWriter::create(path, WriteOptions::default()).unwrap(), n_taxel_messages: 0 }
+        Bag::of(BagWriter::create(path, WriteOptions::default()).unwrap())
+    }
+
+    /// A bag that is written as its writer says.
+    pub fn of(writer: BagWriter) -> Bag {
+        Bag { writer, n_taxel_messages: 0, channels: HashMap::new() }
     }
 
     /// A message of any written type, received at `at`.
@@ -32,18 +40,26 @@ impl Bag {
 
     /// Bytes that claim to be a message of a type.
     pub fn send_bytes<T: WireType>(&mut self, topic: &str, at: Stamp, cdr: &[u8]) {
-        let channel = self.writer.add_topic::<T>(topic).unwrap();
+        let channel = self.channel(topic, T::TYPE_NAME);
         self.writer.write(channel, 0, at, at, cdr).unwrap();
     }
 
     /// A message of another bag, of a type that is compiled in.
     pub fn send_recorded(&mut self, message: &Recorded) {
         let Recorded { topic, type_name, log_time, data } = message;
-        let (schema_text, type_hash) = (definition_text(type_name).unwrap(), rihs01(type_name).unwrap());
-        let (schema_text, type_hash) = (schema_text.as_str(), type_hash.as_str());
-        let channel = NewChannel { topic, type_name, schema_text, qos_yaml: BEST_EFFORT_QOS, type_hash };
-        let channel = self.writer.add_channel(channel).unwrap();
+        let channel = self.channel(topic, type_name);
         self.writer.write(channel, 0, *log_time, *log_time, data).unwrap();
+    }
+
+    /// The channel of a topic of a type that is compiled in.
+    fn channel(&mut self, topic: &str, type_name: &str) -> OutChannel {
+        let key = (topic.to_owned(), type_name.to_owned());
+        *self.channels.entry(key).or_insert_with(|| {
+            let (schema_text, type_hash) = (definition_text(type_name).unwrap(), rihs01(type_name).unwrap());
+            let (schema_text, type_hash) = (schema_text.as_str(), type_hash.as_str());
+            let channel = NewChannel { topic, type_name, schema_text, qos_yaml: BEST_EFFORT_QOS, type_hash };
+            self.writer.add_channel(channel).unwrap()
+        })
     }
 
     /// One row of `/taxels`.

@@ -54,6 +54,13 @@ pub fn run_windows(
     model.regressor.run(shared, &mut forces).map(|()| forces)
 }
 
+/// Writes a file in place of the one that is there, as a new one: ext4 writes a file that was cut to the disk when it is
+/// closed, which takes longer than all that thousands of small files are tried for.
+pub fn write_anew(path: &Path, bytes: &[u8]) {
+    let _ = std::fs::remove_file(path);
+    std::fs::write(path, bytes).unwrap();
+}
+
 /// Every file below a folder, by its path.
 pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();

@@ -51,7 +51,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let whole = [Compression::None, Compression::Lz4, Compression::Zstd].map(|compression| {
         let path = folder.path().join(format!("{compression:?}.mcap"));
         let options = WriteOptions { compression, overwrite: true, ..WriteOptions::default() };
-        let mut bag = Bag { writer: BagWriter::create(&path, options).unwrap(), n_taxel_messages: 0 };
+        let mut bag = Bag::of(BagWriter::create(&path, options).unwrap());
         for k in 0..12 {
             bag.taxels(at(10 * k), &[k as f32, 1.0]);
             bag.joints(at(10 * k + 3), &["dip", "pip"], &[0.1, 0.2]);

@@ -1,7 +1,9 @@
 //! Touches through the core with the adaptive models that ship: a synthetic user's hand moves in the air, tracked by markers or
 //! by a camera, and touches of any course are added to its taxels along the pattern that the model knows. SYNTHETIC data.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
 use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE};
@@ -142,6 +144,17 @@ impl Worn {
     }
 }
 
+/// Sessions of two minutes: glove, whether a camera tracks the hand, user. Each is made once for all tests.
+type Sessions = BTreeMap<(u8, bool, u32), Arc<OnceLock<Worn>>>;
+
+/// Two minutes in the air.
+fn two_minutes<R>(glove: u8, tracking: Tracking, user: u32, of: impl FnOnce(&Worn) -> R) -> R {
+    static SESSIONS: Mutex<Sessions> = Mutex::new(BTreeMap::new());
+    let key = (glove, tracking == Tracking::Camera, user);
+    let session = Arc::clone(SESSIONS.lock().unwrap().entry(key).or_default());
+    of(session.get_or_init(|| Worn::new(glove, tracking, user, 2.0)))
+}
+
 /// Share of the frames in a span of time, s, with contact, and their mean force, gF.
 fn in_span(felt: &[Felt], from_s: f64, to_s: f64) -> (f64, f64) {
     let within: Vec<&Felt> = felt.iter().filter(|felt| (from_s..to_s).contains(&felt.at_s)).collect();
@@ -172,7 +185,7 @@ fn a_touch_that_is_held_for_a_minute_in_a_moving_hand_is_kept() {
         (3, Tracking::Camera, 60.0),
     ] {
         for user in USERS {
-            let felt = Worn::new(glove, tracking, user, 2.0).feel(CALIBRATED_S, for_a_minute(force_gf));
+            let felt = two_minutes(glove, tracking, user, |worn| worn.feel(CALIBRATED_S, for_a_minute(force_gf)));
             let (early, late, over) =
                 (in_span(&felt, 40.5, 44.5), in_span(&felt, 96.0, 100.0), in_span(&felt, 101.0, 106.0));
             let told = format!(
@@ -189,7 +202,7 @@ fn a_slow_ramp_is_found() {
     for (tracking, found_at) in [(Tracking::Markers, 12.0), (Tracking::Camera, 25.0)] {
         for user in USERS {
             let ramp = |at_s: f64| if at_s < 40.0 { 0.0 } else { (0.5 * (at_s - 40.0)).min(30.0) };
-            let felt = Worn::new(1, tracking, user, 2.0).feel(CALIBRATED_S, ramp);
+            let felt = two_minutes(1, tracking, user, |worn| worn.feel(CALIBRATED_S, ramp));
             let loaded: Vec<&Felt> = felt.iter().filter(|felt| felt.at_s > 40.0).collect();
             let is_found = |second: &&[&Felt]| second.iter().filter(|felt| felt.contact).count() > 80;
             let found = loaded.windows(100).find(is_found).map(|second| ramp(second[0].at_s));
@@ -221,7 +234,8 @@ fn a_start_in_contact_is_said_and_not_learned() {
     for (tracking, force_gf) in [(Tracking::Markers, 15.0), (Tracking::Camera, 60.0)] {
         for user in USERS {
             // The calibration is older than the recording, as from a file.
-            let felt = Worn::new(1, tracking, user, 2.0).feel(15.0, |at_s| if at_s < 42.0 { force_gf } else { 0.0 });
+            let felt =
+                two_minutes(1, tracking, user, |worn| worn.feel(15.0, |at_s| if at_s < 42.0 { force_gf } else { 0.0 }));
             let (first, over) = (in_span(&felt, 15.0, 20.0), in_span(&felt, 43.0, 60.0));
             let told = format!("{tracking:?}, user {user}: {first:?} at first, {over:?} when it is over");
             assert!(first.0 > 0.95 && over.0 < 0.15, "{told}");
@@ -236,7 +250,7 @@ fn a_noisy_tracker_is_said_and_a_good_one_is_not() {
     for glove in 1..=3 {
         for user in USERS {
             let noisy = |tracking| {
-                let felt = Worn::new(glove, tracking, user, 2.0).feel(CALIBRATED_S, |_| 0.0);
+                let felt = two_minutes(glove, tracking, user, |worn| worn.feel(CALIBRATED_S, |_| 0.0));
                 share_of(&felt, 25.0, 120.0, &[Adaptation::Noisy])
             };
             let (markers, camera) = (noisy(Tracking::Markers), noisy(Tracking::Camera));

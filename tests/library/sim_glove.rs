@@ -142,6 +142,7 @@ fn in_air_correlations(spec: &SessionSpec) -> Vec<f64> {
     let (mut rows, mut angles, mut in_air) = (Vec::new(), Vec::new(), false);
     for record in simulate(spec).unwrap() {
         match record {
+            Record::Stage { .. } if in_air => break, // that it is once a session
             Record::Stage { substage, .. } => in_air = &*substage == "in_air_free_movement",
             Record::Joints { positions, .. } => angles = positions,
             Record::Taxels { values, .. } if in_air && !angles.is_empty() => {

@@ -17,7 +17,7 @@ fn small_model() -> Vec<u8> {
 /// Inspects bytes as a file. An error must be one line.
 fn inspect(folder: &Path, bytes: &[u8]) -> bool {
     let path = folder.join("m.onnx");
-    std::fs::write(&path, bytes).unwrap();
+    common::write_anew(&path, bytes);
     match model::inspect(&path) {
         Ok(_) => true,
         Err(refused) => {
@@ -32,7 +32,7 @@ fn inspect(folder: &Path, bytes: &[u8]) -> bool {
 /// Loads bytes in RTen, trial runs and all.
 fn load(folder: &Path, bytes: &[u8]) {
     let path = folder.join("m.onnx");
-    std::fs::write(&path, bytes).unwrap();
+    common::write_anew(&path, bytes);
     let spec = ModelSpec { backend: BackendChoice::Rten, ..ModelSpec::new(&path) };
     if let Err(refused) = model::load(&spec) {
         assert_eq!(refused.to_string().lines().count(), 1, "{refused}");

@@ -10,7 +10,7 @@ use tactile_pose_fusion::fusion::{Contract, Forces, SharedWindows};
 use tactile_pose_fusion::model::{BackendChoice, Model, ModelSpec, RuntimeName, load};
 
 /// Enough for several stretches.
-const N_OVERLAPPING: usize = 400;
+const N_OVERLAPPING: usize = 300;
 /// They share no frames.
 const N_APART: usize = 20;
 

@@ -60,7 +60,21 @@ fn the_touches_of_a_bag_and_the_scores_of_two_models_are_told() {
     let folder = tempfile::tempdir().unwrap();
     tpf(
         folder.path(),
-        &["simulate", "--glove", "3", "--users", "1", "--sessions", "1", "--seed", "1", "--minutes", "2", "-o", "bags"],
+        &[
+            "simulate",
+            "--glove",
+            "3",
+            "--users",
+            "1",
+            "--sessions",
+            "1",
+            "--seed",
+            "1",
+            "--minutes",
+            "1.7",
+            "-o",
+            "bags",
+        ],
     )
     .ok();
     let bag = folder.path().join("bags/glove3_user01_session1");
