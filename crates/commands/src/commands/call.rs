@@ -124,9 +124,9 @@ fn calibrate(caller: &mut Caller, seconds: Option<f64>) -> Result<String, CallEr
         }
         let progress = progress.get_or_insert_with(|| {
             total_ns = left_ns + NANOS_PER_SEC / 2; // the first feedback comes after half a second
-            Progress::steps("calibrate", total_ns.unsigned_abs() / 1_000_000)
+            Progress::time("calibrate", Duration::from_nanos(total_ns.unsigned_abs()))
         });
-        progress.set((total_ns - left_ns).unsigned_abs() / 1_000_000);
+        progress.set_time(Duration::from_nanos((total_ns - left_ns).unsigned_abs()));
     })?;
     let faulty = match result.faulty_taxels.len() {
         0 => String::new(),

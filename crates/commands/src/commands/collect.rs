@@ -107,7 +107,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         End::Quit => {
             let left = clock(collection.left_s());
-            print(&format!("{}: {left} are left; go on with --resume\n", args.output.display()))?;
+            let go_on = format!("tpf collect{} -o {} --resume", args.params.as_given(), args.output.display());
+            let end = "--finish beside --resume makes the bag of what there is";
+            print(&format!("{}: {left} are left; go on with: {go_on}\n{end}\n", args.output.display()))?;
             Ok(Outcome::NotMet)
         }
         End::Unfelt(note) => Err(Failure(format!(

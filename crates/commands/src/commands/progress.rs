@@ -31,6 +31,20 @@ impl Progress {
         Self::with_template(what, total, "{prefix} {wide_bar} {pos}/{len}, {eta} left")
     }
 
+    /// Progress of `what` that takes a time known before.
+    #[cfg(feature = "ros")]
+    pub(crate) fn time(what: &'static str, total: Duration) -> Self {
+        Self::with_template(what, total.as_millis() as u64, "{prefix} {wide_bar} {msg}")
+    }
+
+    /// Tells how much of the time is over.
+    #[cfg(feature = "ros")]
+    pub(crate) fn set_time(&mut self, done: Duration) {
+        let left = Duration::from_millis(self.total).saturating_sub(done);
+        self.bar.set_message(format!("{:.0} s left", left.as_secs_f64().ceil()));
+        self.set(done.as_millis() as u64);
+    }
+
     fn with_template(what: &'static str, total: u64, template: &str) -> Self {
         let bar = if voice() == Voice::Quiet { ProgressBar::hidden() } else { ProgressBar::new(total) };
         if let Ok(style) = ProgressStyle::with_template(template) {

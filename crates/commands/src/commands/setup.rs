@@ -28,6 +28,15 @@ pub(super) struct ParamArgs {
     node: String,
 }
 
+impl ParamArgs {
+    /// The parameters as they were given, to be given again.
+    #[cfg(feature = "ros")]
+    pub(super) fn as_given(&self) -> String {
+        let files = self.params_file.iter().map(|file| format!(" --params-file {}", file.display()));
+        files.chain(self.param.iter().map(|param| format!(" -p \"{param}\""))).collect()
+    }
+}
+
 /// Which models run, and in what.
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelArgs {

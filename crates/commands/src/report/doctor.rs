@@ -3,6 +3,9 @@
 use comfy_table::{ContentArrangement, Table, presets};
 use tactile_pose_fusion::ros::{Examination, Level};
 
+/// Lines of a small terminal.
+const SCREEN_LINES: usize = 22;
+
 /// The verdict, then one finding a row, the worst marked in words; the topics if asked for.
 pub fn text(found: &Examination, with_topics: bool) -> String {
     let counted = |level, what: &str| match found.count(level) {
@@ -15,7 +18,8 @@ pub fn text(found: &Examination, with_topics: bool) -> String {
     for finding in &found.findings {
         table.add_row([word(finding.level), finding.part.as_str(), finding.text.as_str()]);
     }
-    text += &lines(&table);
+    let findings = lines(&table);
+    text += &findings;
     if with_topics {
         let mut table = self::table();
         table.set_header(["topic", "type", "publishers", "subscriptions"]);
@@ -25,6 +29,9 @@ pub fn text(found: &Examination, with_topics: bool) -> String {
             table.add_row([topic.name.clone(), topic.types.join("\n"), publishers, subscriptions]);
         }
         text += &format!("\n{}", lines(&table));
+    }
+    if text.lines().count() > SCREEN_LINES {
+        text += &format!("\n{problems}, {warnings}\n"); // the first line is out of sight
     }
     text
 }
@@ -44,9 +51,9 @@ fn table() -> Table {
     table
 }
 
-/// The rows without spaces at their ends.
+/// The rows without the spaces around them.
 fn lines(table: &Table) -> String {
-    table.lines().map(|line| format!("{}\n", line.trim())).collect()
+    table.lines().map(|line| format!("{}\n", line.strip_prefix(' ').unwrap_or(&line).trim_end())).collect()
 }
 
 #[cfg(test)]
@@ -70,6 +77,9 @@ mod tests {
         let all = text(&found, false);
         assert!(all.starts_with("1 problem, 0 warnings\n\n"), "{all}");
         assert!(all.lines().any(|line| line.starts_with("PROBLEM") && line.ends_with("absent: start it")), "{all}");
+        assert_eq!(all.matches("1 problem, 0 warnings").count(), 1);
+        let long = Examination { findings: (0..30).map(|_| finding(Level::Ok, "fine")).collect(), ..found.clone() };
+        assert!(text(&long, false).ends_with("\n\n0 problems, 0 warnings\n"), "what scrolled away is said again");
         assert!(!all.contains("/taxels") && text(&found, true).contains("reliable, volatile, keep last 10"));
     }
 }

@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
     let listener = listening.start()?;
     say(&format!("for {:.0} s, {IN_AIR}", duration.as_secs_f64()));
     let mut calibrator = Calibrator::new(&cfg, Purpose::Calibrate, duration);
-    let mut progress = Progress::steps("calibrate", duration.as_millis() as u64);
+    let mut progress = Progress::time("calibrate", duration);
     let mut began = None::<Instant>;
     let waiting = Instant::now();
     let judge = Fusion::new(cfg.fusion().clone(), models.regressors)?;
@@ -76,7 +76,7 @@ pub(super) fn run(args: &Args, mut cfg: Config) -> Result<Outcome, Failure> {
         })?;
         hand.check(&cfg, Some(&judge), "not calibrated")?;
         let elapsed = began.map(|began| began.elapsed()).unwrap_or_default();
-        progress.set(elapsed.as_millis() as u64);
+        progress.set_time(elapsed);
         if elapsed >= duration || (began.is_none() && waiting.elapsed() >= duration.max(Duration::from_secs(5))) {
             break;
         }

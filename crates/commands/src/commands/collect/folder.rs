@@ -112,10 +112,13 @@ impl Folder {
         Ok(Folder { path: path.to_path_buf(), about, protocol })
     }
 
-    /// Refuses to go on for another glove, user or donning.
+    /// Refuses to go on for another glove or user. Parameters that name no user mean the one who began.
     pub(super) fn check_same(&self, cfg: &Config) -> Result<(), Failure> {
         let pairs = [("glove", &self.about.glove, &cfg.glove), ("user", &self.about.user, &cfg.user)];
         for (what, was, is) in pairs {
+            if what == "user" && is.as_deref().is_none_or(str::is_empty) {
+                continue;
+            }
             let is = is.clone().unwrap_or_default();
             if *was != is {
                 let path = self.path.join(NOTES);

@@ -103,7 +103,7 @@ pub(super) fn record(args: &LiveArgs, folder: Option<&Path>) -> Result<Recorded,
     ));
     let listener = listening.start()?;
     let (begun, limit) = (Instant::now(), Duration::from_secs_f64(args.seconds));
-    let mut progress = Progress::steps("look", limit.as_millis() as u64);
+    let mut progress = Progress::time("look", limit);
     while begun.elapsed() < limit {
         if interrupt::happened() {
             listener.leave();

@@ -31,6 +31,7 @@ const SAY_EVERY: Duration = Duration::from_secs(1);
 
 /// What only a glove that is there has.
 #[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Live")]
 pub(super) struct LiveArgs {
     /// Publish a synthetic glove, hand and load cell until interrupted or for --minutes, with a user who does what `tpf collect`
     /// asks for
