@@ -32,8 +32,19 @@ impl ParamArgs {
     /// The parameters as they were given, to be given again.
     #[cfg(feature = "ros")]
     pub(super) fn as_given(&self) -> String {
-        let files = self.params_file.iter().map(|file| format!(" --params-file {}", file.display()));
-        files.chain(self.param.iter().map(|param| format!(" -p \"{param}\""))).collect()
+        let files = self.params_file.iter().map(|file| format!(" --params-file {}", quoted(&file.to_string_lossy())));
+        let node = (self.node != DEFAULT_NODE).then(|| format!(" --node {}", quoted(&self.node)));
+        files.chain(self.param.iter().map(|param| format!(" -p {}", quoted(param)))).chain(node).collect()
+    }
+}
+
+/// An argument as a shell takes it.
+#[cfg(feature = "ros")]
+pub(super) fn quoted(argument: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"_-./:=,+@%".contains(&byte);
+    match !argument.is_empty() && argument.bytes().all(is_plain) {
+        true => argument.to_owned(),
+        false => format!("'{}'", argument.replace('\'', "'\\''")),
     }
 }
 
@@ -166,4 +177,25 @@ pub(super) fn load_models(cfg: &Config) -> Result<Models, Failure> {
     let models = Models::load(cfg)?;
     models.tell(cfg, &Said);
     Ok(models)
+}
+
+#[cfg(all(test, feature = "ros"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_given_again_as_a_shell_takes_them() {
+        let params = |param: &str, node: &str| ParamArgs {
+            params_file: vec!["params/glove 1.yaml".into()],
+            param: vec![param.to_owned()],
+            node: node.to_owned(),
+        };
+        let usual = params("regions:=[index, thumb]", DEFAULT_NODE).as_given();
+        assert_eq!(usual, " --params-file 'params/glove 1.yaml' -p 'regions:=[index, thumb]'");
+        assert_eq!(
+            params("user:=o'hara", "/left").as_given().split_once(" -p ").unwrap().1,
+            r"'user:=o'\''hara' --node /left"
+        );
+        assert_eq!((quoted("a_b-c.d/e:=f"), quoted("")), ("a_b-c.d/e:=f".to_owned(), "''".to_owned()));
+    }
 }
