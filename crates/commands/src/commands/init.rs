@@ -12,6 +12,7 @@ use tactile_pose_fusion::init::{self, Ask, BestGuess, Request, Written};
 use tactile_pose_fusion::inspect::{self, BagReport};
 
 use super::progress::Shown;
+use super::setup::quoted;
 use super::{Failure, Outcome, interrupt, print, say, tell};
 use person::{NoOne, Person};
 
@@ -136,8 +137,9 @@ fn to_check(text: &str) -> Vec<String> {
 /// A summary of the written file, and what to do next.
 fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
-    let output = args.output.display();
-    let mut text = format!("{output}: regions {}; reads {}\n", made.regions.join(", "), made.topics.join(", "));
+    let (regions, topics) = (made.regions.join(", "), made.topics.join(", "));
+    let mut text = format!("{}: regions {regions}; reads {topics}\n", args.output.display());
+    let output = quoted(&args.output.to_string_lossy());
     let to_check = to_check(&made.text);
     if !to_check.is_empty() {
         text += "look at these lines:\n";
@@ -146,7 +148,8 @@ fn told(written: &Written, args: &Args) -> String {
             text += &format!("  and {} more that are marked CHECK\n", to_check.len() - SHOWN_CHECKS);
         }
     }
-    let bags: Vec<String> = inspect::all_recordings(&args.bags).iter().map(|bag| bag.display().to_string()).collect();
+    let bags: Vec<String> =
+        inspect::all_recordings(&args.bags).iter().map(|bag| quoted(&bag.to_string_lossy())).collect();
     let bag = bags.first().map_or("BAG", String::as_str);
     let all_bags = if bags.is_empty() { "BAG".to_owned() } else { bags.join(" ") };
     text += &match (written.has_model, made.has_truth) {
@@ -176,7 +179,7 @@ fn told(written: &Written, args: &Args) -> String {
             };
             format!(
                 "{first}next: tpf train {all_bags} --params-file {output}{region}{at_rest} -o {}\n",
-                model.display()
+                quoted(&model.to_string_lossy())
             )
         }
         (false, false) => format!(

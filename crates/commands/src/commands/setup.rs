@@ -39,7 +39,6 @@ impl ParamArgs {
 }
 
 /// An argument as a shell takes it.
-#[cfg(feature = "ros")]
 pub(super) fn quoted(argument: &str) -> String {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"_-./:=,+@%".contains(&byte);
     match !argument.is_empty() && argument.bytes().all(is_plain) {

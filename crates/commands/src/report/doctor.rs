@@ -18,8 +18,7 @@ pub fn text(found: &Examination, with_topics: bool) -> String {
     for finding in &found.findings {
         table.add_row([word(finding.level), finding.part.as_str(), finding.text.as_str()]);
     }
-    let findings = lines(&table);
-    text += &findings;
+    text += &lines(&table);
     if with_topics {
         let mut table = self::table();
         table.set_header(["topic", "type", "publishers", "subscriptions"]);
