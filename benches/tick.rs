@@ -14,11 +14,12 @@ use std::time::{Duration, Instant};
 use common::bags::at;
 use common::fake::{config, joints, region, tactile};
 use tactile_pose_fusion::fusion::*;
+use tactile_pose_fusion::glove::Glove;
 use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load, vectors};
 
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
 const JOINTS: [&str; 4] = ["dip", "pip", "mcp_flex", "mcp_abd"];
-/// The model names its joints, so every fingertip is given the angles of this finger; a joint state has those of all.
+/// The paper's model names its joints, so every fingertip is given the angles of this finger; a joint state has those of all.
 const TRAINED: &str = "index";
 const N_TAXELS: usize = 6;
 const N_BACK_TO_BACK: i64 = 10_000;
@@ -38,10 +39,22 @@ fn hand(backend: BackendChoice) -> Fusion {
     common::fake::fusion(cfg, vec![load(&spec).unwrap().regressor])
 }
 
+/// The hand of `params/hand1.yaml`: a fingertip each has an adaptive model, which follows its artifact.
+fn adaptive_hand() -> Fusion {
+    let params = Path::new(env!("CARGO_MANIFEST_DIR")).join("params/hand1.yaml");
+    let mut core = Glove::load(params).unwrap().into_core().unwrap();
+    let sources: Vec<_> = core.config().tactile_source_idxs().collect();
+    for source in sources {
+        core.handle_baseline(source, Baseline::from_median(vec![0.0; N_TAXELS * FINGERS.len()])).unwrap();
+    }
+    core
+}
+
 /// Seconds of each of `n` ticks, sorted.
 fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> Vec<f64> {
-    let names: Vec<String> =
-        FINGERS.iter().flat_map(|finger| JOINTS.iter().map(move |joint| format!("{finger}_{joint}"))).collect();
+    let of_thumb = ["thumb_ip", "thumb_mcp", "thumb_cmc_flex", "thumb_cmc_abd"].map(str::to_owned);
+    let of_finger = |finger| JOINTS.iter().map(move |joint| format!("{finger}_{joint}"));
+    let names: Vec<String> = FINGERS[1..].iter().flat_map(of_finger).chain(of_thumb).collect();
     let begin = Instant::now();
     let mut seconds: Vec<f64> = (first..first + n)
         .map(|k| {
@@ -69,12 +82,15 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
 fn main() {
     println!("vectors of the built-in code: {}\n", vectors());
     println!("| five regions, one tick | ticks | p50 us | p99 us | p99.9 us | max us |\n|---|---|---|---|---|---|");
-    let mut ways = vec![("the built-in code", BackendChoice::Builtin), ("RTen", BackendChoice::Rten)];
+    let mut ways = vec![
+        ("the built-in code", hand(BackendChoice::Builtin)),
+        ("adaptive models, the built-in code", adaptive_hand()),
+        ("RTen", hand(BackendChoice::Rten)),
+    ];
     if common::onnx_runtime_is_here() {
-        ways.push(("ONNX Runtime", BackendChoice::OnnxRuntime));
+        ways.push(("ONNX Runtime", hand(BackendChoice::OnnxRuntime)));
     }
-    for (name, backend) in ways {
-        let mut fusion = hand(backend);
+    for (name, mut fusion) in ways {
         let mut first = 0;
         for (how, n, period) in
             [("", 200, None), ("one after the other", N_BACK_TO_BACK, None), ("at 100 Hz", N_PACED, Some(PERIOD))]

@@ -20,7 +20,7 @@ mod write;
 
 pub use baseline::{BaselineError, Baselines, Rest, ZeroLoad, annotated_rest, collect_baselines};
 pub use contacts::ContactReader;
-pub use error::{BagError, printable, shown, steers};
+pub use error::{BagError, printable, quoted, quoted_path, shown, steers};
 pub use estimates::EstimateWriter;
 pub use inputs::{Input, InputError, InputTopics, Inputs, TopicCounters};
 pub use pass_through::PassThrough;

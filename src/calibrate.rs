@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::bag::{BagError, BagReader, Input, InputError, Inputs};
+use crate::bag::{BagError, BagReader, Input, InputError, Inputs, shown};
 use crate::calibration::Calibration;
 use crate::config::Config;
 use crate::fusion::{Fusion, FusionError, SetupError};
@@ -73,6 +73,10 @@ pub enum CalibrateError {
 /// # Errors
 /// [`CalibrateError`] if the recording can't be read, if a model can't be loaded, or if the zero is refused.
 pub fn run(mut cfg: Config, request: &Request<'_>, observer: &dyn Observer) -> Result<Calibrated, CalibrateError> {
+    if let Some(known) = &request.known_forces {
+        let bag = request.bags.first().map_or_else(String::new, |bag| shown(bag));
+        known.check(&cfg).map_err(|reason| SessionError::At { path: bag, reason })?;
+    }
     cfg.calibration.file = None; // a new calibration doesn't start from the old one
     let models = Models::load(&cfg)?;
     models.tell(&cfg, observer);

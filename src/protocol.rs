@@ -75,7 +75,7 @@ impl KnownTouches {
     /// Substage in the annotations of these presses. They are outside of the stages of the protocol.
     pub const SUBSTAGE: &str = "known_touches";
 
-    /// What annotations of the moment call it when none of the presses before was felt.
+    /// The pose in the annotation after the last press, if the force sensor felt none of them.
     pub const UNFELT: &str = "unfelt";
 
     /// The pose in the annotation of a press.

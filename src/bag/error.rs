@@ -186,6 +186,20 @@ pub fn shown(path: &Path) -> String {
     printable(&path.display().to_string())
 }
 
+/// An argument as a shell takes it: in single quotes where it has anything but letters, digits and `_-./:=,+@%`.
+pub fn quoted(argument: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"_-./:=,+@%".contains(&byte);
+    match !argument.is_empty() && argument.bytes().all(is_plain) {
+        true => argument.to_owned(),
+        false => format!("'{}'", argument.replace('\'', r"'\''")),
+    }
+}
+
+/// A path as a shell takes it.
+pub fn quoted_path(path: &Path) -> String {
+    quoted(&path.to_string_lossy())
+}
+
 /// `text` on one line, without control characters and not too long, for what others wrote.
 pub(super) fn one_line(text: &str) -> String {
     const SHOWN: usize = 200;
@@ -220,4 +234,15 @@ fn list(there: &[String]) -> String {
     };
     let shown: Vec<String> = there.iter().take(SHOWN).map(|topic| one_line(topic)).collect();
     if there.is_empty() { "none".to_owned() } else { shown.join(", ") + &more }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shell_takes_each_argument_as_it_is() {
+        let told = ["a_b-c.d/e:=f", "", "my bag", "user:=o'hara"].map(quoted);
+        assert_eq!(told, ["a_b-c.d/e:=f", "''", "'my bag'", r"'user:=o'\''hara'"]);
+    }
 }

@@ -36,7 +36,7 @@ pub struct Document {
 /// [`InitError`] when no array is taxels, the model doesn't fit them, or a question stays without an answer.
 pub fn document(bags: &[BagReport], model: Option<&ModelFile>, ask: &mut dyn Ask) -> Result<Document, InitError> {
     let mut chooser = Chooser::new(ask);
-    let taxels = taxels::sources(bags, model, &mut chooser)?;
+    let mut taxels = taxels::sources(bags, model, &mut chooser)?;
     let (joints, left_joints) = joints::sources(bags, &taxels, model, &mut chooser)?;
     let (mut truths, left_truths) = force::sources(bags, model, &mut chooser)?;
     let topic_of = |source: &TruthSource| source.lines.first().map(|(_, topic, _)| topic.clone());
@@ -49,6 +49,8 @@ pub fn document(bags: &[BagReport], model: Option<&ModelFile>, ask: &mut dyn Ask
         ));
     }
     let mut regions = regions::regions(&taxels, &joints, &truths, model, &mut chooser)?;
+    // What a model leaves out needs no source either.
+    taxels.retain(|source| regions.iter().any(|region| region.source == source.name));
     force::for_other_fingers(&mut truths, &mut regions);
     let guesses = chooser.guesses;
     let mut yaml = Yaml::default();

@@ -18,6 +18,7 @@ pub(super) fn regions(
     chooser: &mut Chooser<'_>,
 ) -> Result<Vec<Region>, InitError> {
     let mut regions: Vec<Region> = Vec::new();
+    let mut unknown: Vec<String> = Vec::new();
     for source in sources {
         for part in parts(source, joints, truths, model, chooser)? {
             let name = match (part.finger, &source.label) {
@@ -29,9 +30,9 @@ pub(super) fn regions(
             let name = source.hand.filter(|_| sources.len() > 1).map_or(name.clone(), |hand| format!("{hand}_{name}"));
             let taken: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
             let name = free_name(&name, &taken);
-            if let Some(model) = model.filter(|model| !model.regions.is_empty() && !model.regions.contains_key(&name)) {
-                let known = model.regions.keys().cloned().collect::<Vec<_>>().join(", ");
-                return Err(InitError::ModelRegions { model: model.path.clone(), known, region: name });
+            if model.is_some_and(|model| !model.regions.is_empty() && !model.regions.contains_key(&name)) {
+                unknown.push(name);
+                continue;
             }
             let (own, model_joints) = region_joints(part.finger, joints, model);
             if let Some(model) = model.filter(|model| model.n_joints > 0 && own.is_empty()) {
@@ -58,6 +59,17 @@ pub(super) fn regions(
                 why,
             });
         }
+    }
+    if let (Some(model), [first, ..]) = (model, &unknown[..]) {
+        let known = model.regions.keys().cloned().collect::<Vec<_>>().join(", ");
+        if regions.is_empty() {
+            return Err(InitError::ModelRegions { model: model.path.clone(), known, region: first.clone() });
+        }
+        chooser.guesses.push(format!(
+            "left out: {}, because {} was trained on {known}; give them a region and a model of their own to have their forces",
+            listed(&unknown),
+            model.path
+        ));
     }
     // Patches of one shape share a model until each has its own.
     let shares = model.is_some() || regions.len() == 1;

@@ -107,9 +107,7 @@ fn changes(one: &TactileCandidate) -> bool {
 
 /// Whether a topic speaks for a force sensor more than for taxels.
 fn is_rather_a_force(one: &TactileCandidate, bags: &[BagReport]) -> bool {
-    let forces = bags.iter().flat_map(|bag| &bag.candidates.force);
-    let mut here = forces.filter(|force| force.topic == one.topic);
-    one.likelihood != Likelihood::Likely && here.any(|force| force.likelihood == Likelihood::Likely)
+    bags.iter().any(|bag| bag.candidates.is_rather_a_force(one))
 }
 
 /// Whether no taxel ever changes.
@@ -126,7 +124,9 @@ fn none(bags: &[BagReport], all: &[&TactileCandidate]) -> InitError {
     let names = bags.iter().map(|bag| bag.path.clone()).collect::<Vec<_>>().join(", ");
     let constant = |one: &TactileCandidate| match one {
         one if is_constant(one) => "; none of its taxels ever changes",
-        one if is_rather_a_force(one, bags) => "; it is more likely a force sensor",
+        one if is_rather_a_force(one, bags) => {
+            "; it is more likely a force sensor (if it is not, tpf inspect prints its lines for a parameter file)"
+        }
         _ => "",
     };
     let because =
@@ -135,6 +135,18 @@ fn none(bags: &[BagReport], all: &[&TactileCandidate]) -> InitError {
         None => "no topic that was looked at has an array that may be taxels".to_owned(),
         Some(first) if all.len() == 1 => format!("the only array of numbers is {first}"),
         Some(first) => format!("none of {} arrays looks like taxels, the first: {first}", all.len()),
+    };
+    let unread = bags.iter().flat_map(|bag| &bag.topics);
+    let unread: Vec<String> = unread
+        .filter_map(|topic| {
+            let reason = topic.unread.as_ref()?;
+            Some(format!("{} [{}]: {reason}", topic.stats.topic, topic.stats.type_name))
+        })
+        .collect();
+    let why = match unread.as_slice() {
+        [] => why,
+        [only] => format!("{why}; 1 topic could not be looked into: {only}"),
+        [first, ..] => format!("{why}; {} topics could not be looked into, the first: {first}", unread.len()),
     };
     InitError::NoTaxels { bags: names, why: why.replace(|c: char| c.is_control(), " ") }
 }

@@ -6,6 +6,7 @@ use super::force::{self, ForceCandidate};
 use super::hand::{self, HandCandidate};
 use super::hand_frames;
 use super::joints::{self, JointCandidate};
+use super::likelihood::Likelihood;
 use super::parameters::yaml_text;
 use super::tactile::{self, TactileCandidate};
 use super::taxel_means::Skin;
@@ -41,6 +42,14 @@ pub struct Candidates {
     pub force: Vec<ForceCandidate>,
     /// Stage annotations.
     pub stages: Vec<StageTopic>,
+}
+
+impl Candidates {
+    /// Whether a topic speaks for a force sensor more than for taxels.
+    pub fn is_rather_a_force(&self, one: &TactileCandidate) -> bool {
+        let mut here = self.force.iter().filter(|force| force.topic == one.topic);
+        one.likelihood != Likelihood::Likely && here.any(|force| force.likelihood == Likelihood::Likely)
+    }
 }
 
 /// The candidates among these topics, the likeliest first, topics in order of name where they are alike.

@@ -71,6 +71,9 @@ pub struct TopicReport {
     pub stamps: Option<StampStats>,
     /// Why the messages could not be looked into, or what was left out of the look.
     pub notes: Vec<String>,
+    /// Why the messages could not be looked into.
+    #[serde(skip)]
+    pub unread: Option<String>,
 }
 
 fn is_zero(n: &usize) -> bool {
@@ -137,6 +140,7 @@ fn topics(gather: &Gather) -> Vec<TopicReport> {
                 .filter(|_| of_topic.n_messages > 0)
                 .map(|(look, field)| look.stamps.stats(field, stamps.get(key))),
             notes: notes(topic),
+            unread: topic.look.as_ref().err().cloned(),
             stats: of_topic,
         }
     };

@@ -266,7 +266,7 @@ fn judge(
     }
     let mut against = Vec::new();
     if topic.type_name.ends_with("MultiArray") && array.kind.element.is_byte() {
-        against.push("its elements are single bytes: where a reading takes several, they are no readings".to_owned());
+        against.push("its elements are single bytes, and a reading may take several of them".to_owned());
     }
     if n_taxels.is_none() {
         against.push("its length varies".to_owned());

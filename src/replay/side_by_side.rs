@@ -10,14 +10,14 @@ use crate::bag::BagError;
 use crate::observer::{cancel_flag, cancelled_by};
 
 /// Queue of portions for the core: enough for the time in which the models process thousands of frames.
-const QUEUED: usize = 64;
+const QUEUED: usize = 32;
 
 /// Queue of portions to be written.
 const QUEUED_FUSED: usize = 4;
 
 /// Limit on the bytes of messages that were read and are still in work. A message that is larger waits until it is
 /// alone.
-const BYTES_IN_FLIGHT: usize = 24 << 20;
+const BYTES_IN_FLIGHT: usize = 12 << 20;
 
 /// Runs all stages to the end and returns those that know the result. With more than one job the stages overlap. The
 /// output is the same.

@@ -129,10 +129,10 @@ impl fmt::Display for Summary<'_> {
             let c = &source.counts;
             let rate = source.measured_rate_hz.map(|rate| format!(" at {rate:.1} Hz")).unwrap_or_default();
             let counts = listed(&[
-                ("bursts spread", c.bursts),
+                ("messages in bursts, their samples spread in time", c.bursts),
                 ("messages lost by the sender's count", c.lost_messages),
-                ("frames missing and interpolated", c.missing_frames),
-                ("gaps", c.gaps),
+                ("frames interpolated, where samples were late or missing", c.missing_frames),
+                ("gaps over timing.max_gap_ms", c.gaps),
                 ("time jumps", c.time_jumps),
             ]);
             let drops = dropped(&[
@@ -222,10 +222,17 @@ pub(super) fn warnings(losses: &[String], topics: &BTreeMap<String, TopicCounter
 /// Counts that are not zero, as `, 3 gaps, 1 time jump`.
 fn listed(counts: &[(&str, u64)]) -> String {
     counts.iter().filter(|(_, n)| *n > 0).fold(String::new(), |mut text, (what, n)| {
-        let what = if *n == 1 && matches!(*what, "gaps" | "time jumps") { what.trim_end_matches('s') } else { what };
+        let what = if *n == 1 { one_of(what) } else { (*what).to_owned() };
         let _ = write!(text, ", {n} {what}"); // writing to a String never fails
         text
     })
+}
+
+/// The words for one of what stands in the plural: its first word, or both of `time jumps`.
+fn one_of(what: &str) -> String {
+    let plural = ["gaps", "time jumps", "frames", "messages"].into_iter().find(|plural| what.starts_with(plural));
+    plural
+        .map_or_else(|| what.to_owned(), |plural| format!("{}{}", plural.trim_end_matches('s'), &what[plural.len()..]))
 }
 
 /// Drops that are not zero, as `; dropped 3 duplicate, 1 empty`.

@@ -26,6 +26,29 @@ pub enum KnownForces {
     Told(Vec<(String, ToldTouch)>),
 }
 
+impl KnownForces {
+    /// Refuses what no recording can mend: a sensor or a region that the parameters don't have.
+    ///
+    /// # Errors
+    /// What is missing, on one line.
+    pub fn check(&self, cfg: &Config) -> Result<(), String> {
+        match self {
+            KnownForces::Sensor if cfg.truth().is_empty() => Err("known touches need the true force: set truth_sources and truth.*.topic in the parameters, or tell the forces by --touch".to_owned()),
+            KnownForces::Sensor => Ok(()),
+            KnownForces::Told(told) => told.iter().try_for_each(|(name, _)| region_of(cfg, name).map(|_| ())),
+        }
+    }
+}
+
+/// Index of the region of a touch that a person told.
+fn region_of(cfg: &Config, name: &str) -> Result<usize, String> {
+    let mut names = cfg.fusion().regions().iter().map(|region| region.name.as_str());
+    names.clone().position(|region| region == name).ok_or_else(|| {
+        let names = names.by_ref().collect::<Vec<_>>().join(", ");
+        format!("--touch names region {name}, the parameters have {names}")
+    })
+}
+
 /// A reading of a force sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TruthReading {
@@ -73,10 +96,7 @@ pub fn force_gains(
 ) -> Result<Vec<RegionTouches>, SessionError> {
     let bag = bags.first().map(PathBuf::as_path).unwrap_or_else(|| std::path::Path::new(""));
     let refuse = |reason: String| SessionError::At { path: shown(bag), reason };
-    if *known == KnownForces::Sensor && cfg.truth().is_empty() {
-        let what = "known touches need the true force: set truth_sources and truth.*.topic in the parameters, or tell the forces by --touch";
-        return Err(refuse(what.to_owned()));
-    }
+    known.check(cfg).map_err(refuse)?;
     let mut reader = BagReader::open(bags)?;
     let truth = if *known == KnownForces::Sensor { cfg.truth().to_vec() } else { Vec::new() };
     let mut inputs = Inputs::new(InputTopics { truth, ..input_topics(cfg) }, &mut reader)?;
@@ -203,11 +223,7 @@ fn of_told(
 ) -> Result<Vec<Vec<TimedTouch>>, String> {
     let mut touches = vec![Vec::new(); tracks.len()];
     for (name, told) in told {
-        let region = cfg.fusion().regions().iter().position(|region| region.name == *name);
-        let region = region.ok_or_else(|| {
-            let names: Vec<&str> = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect();
-            format!("--touch names region {name}, the parameters have {}", names.join(", "))
-        })?;
+        let region = region_of(cfg, name)?;
         let found = told_touch(&tracks[region], told).ok_or_else(|| {
             let (from, to) = (told.from_s, told.to_s);
             format!("region {name} has fewer than ten estimates from {from} to {to} s; give times in seconds from the begin of the recording")

@@ -166,7 +166,7 @@ impl Data {
             n => format!(", and {n} copies with held light touches"),
         };
         format!(
-            "{n} session{}{}{of_regions}{copies}: {} windows to train on; {} to pick the best step and {} kept for the test, which are every {EVAL_STRIDE}th of their parts",
+            "{n} session{}{}{of_regions}{copies}: {} windows to train on, {} to pick the best step and {} for the test (every {EVAL_STRIDE}th window of these two parts)",
             if n == 1 { "" } else { "s" },
             if self.is_synthetic() { " (synthetic)" } else { "" },
             self.dataset.n_windows(Part::Train),

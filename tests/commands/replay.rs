@@ -544,7 +544,7 @@ fn the_real_load_cell_bag_replays_by_field_path() {
     let arrays: Vec<ContactArray> = decoded(&folder.join("out.mcap"), CONTACTS);
     assert_eq!(arrays.len() as u64, frames);
     let words = tpf(folder, &[&args[..args.len() - 3], &["--calibrate-first", "3", "--overwrite"]].concat()).ok();
-    assert!(words.stdout.contains("bursts spread") && words.stdout.contains("3 gaps"), "{}", words.stdout);
+    assert!(words.stdout.contains("messages in bursts") && words.stdout.contains("3 gaps over"), "{}", words.stdout);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use mcap::MAGIC;
 use super::BagError;
 use super::source::Source;
 use super::unpacked::SQLITE_MAGIC;
-use crate::bag::error::one_line;
+use crate::bag::error::{one_line, quoted};
 use crate::bag::layout::METADATA_FILE;
 
 const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
@@ -42,7 +42,7 @@ pub(super) fn not_mcap(path: &Path, source: &mut Source) -> BagError {
 
 /// The commands that make an MCAP bag of one of ROS 1, for a shell.
 fn ros1_advice(path: &Path) -> String {
-    let quoted = |path: &Path| format!("'{}'", one_line(&path.to_string_lossy()).replace('\'', "'\\''"));
+    let quoted = |path: &Path| quoted(&one_line(&path.to_string_lossy()));
     format!(
         "it is a ROS 1 bag: `pip install rosbags`, then `rosbags-convert --src {} --dst {} --dst-storage mcap` makes an MCAP bag of it",
         quoted(path),

@@ -22,6 +22,7 @@ use super::head::{Head, MESSAGE_HEAD_LEN};
 use super::unpacked::{SQLITE_MAGIC, Unpacked};
 use super::window::Window;
 use super::{BagError, RECORD_LIMIT, one_line};
+use crate::bag::error::quoted;
 use crate::location::{self, Reader};
 use crate::units::Stamp;
 
@@ -285,9 +286,10 @@ fn beside(path: &Path) -> Option<String> {
         }
     };
     let (suffix, what) = holds.into_iter().find(|(suffix, _)| is_there(suffix))?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy().replace('\'', "'\\''");
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
     Some(one_line(&format!(
-        "{name}{suffix} beside it holds {what}: copy both to a folder that can be written, and `sqlite3 '{name}' 'PRAGMA journal_mode=DELETE'` there makes one whole file"
+        "{name}{suffix} beside it holds {what}: copy both to a folder that can be written, and `sqlite3 {} 'PRAGMA journal_mode=DELETE'` there makes one whole file",
+        quoted(&name)
     )))
 }
 

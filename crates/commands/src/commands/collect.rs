@@ -8,10 +8,11 @@ mod screen;
 
 use std::path::PathBuf;
 
+use tactile_pose_fusion::bag::quoted_path;
 use tactile_pose_fusion::leave;
 
 use super::live::RosArguments;
-use super::setup::{ParamArgs, quoted};
+use super::setup::ParamArgs;
 use super::{Failure, Outcome, print, say};
 use crate::report::collection::clock;
 use begun::Begun;
@@ -107,7 +108,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         End::Quit => {
             let left = clock(collection.left_s());
-            let folder = quoted(&args.output.to_string_lossy());
+            let folder = quoted_path(&args.output);
             let go_on = format!("tpf collect{} -o {folder} --resume", args.params.as_given());
             let end = "--finish beside --resume makes the bag of what there is";
             print(&format!("{}: {left} are left; go on with: {go_on}\n{end}\n", args.output.display()))?;

@@ -5,6 +5,7 @@ mod linear;
 
 use std::path::{Path, PathBuf};
 
+use tactile_pose_fusion::bag::quoted_path;
 use tactile_pose_fusion::config::{self, Config};
 use tactile_pose_fusion::evaluate::{self, Evaluated, Request};
 use tactile_pose_fusion::files;
@@ -191,7 +192,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 
 fn next_steps(folder: &Folder<'_>) -> String {
     let path = folder.path.display();
-    let (session, params, picture) = (folder.session(), folder.params(), folder.picture());
+    let picture = folder.picture();
     format!(
         "
 These are scores of one user and one donning. With another --seed they differ, also in which of tactile-only and pose-aware is better.
@@ -209,9 +210,9 @@ With your own glove:
   tpf eval YOUR_BAGS --params-file glove.yaml --model model.onnx --report report.html
 ",
         picture = picture.display(),
-        session = session.display(),
-        params = params.display(),
-        adaptive = folder.replayed(Model::Adaptive).display(),
-        tactile_only = folder.model(Model::TactileOnly).display(),
+        session = quoted_path(&folder.session()),
+        params = quoted_path(&folder.params()),
+        adaptive = quoted_path(&folder.replayed(Model::Adaptive)),
+        tactile_only = quoted_path(&folder.model(Model::TactileOnly)),
     )
 }

@@ -7,12 +7,11 @@ mod person;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use tactile_pose_fusion::bag::printable;
+use tactile_pose_fusion::bag::{printable, quoted_path};
 use tactile_pose_fusion::init::{self, Ask, BestGuess, Request, Written};
 use tactile_pose_fusion::inspect::{self, BagReport};
 
 use super::progress::Shown;
-use super::setup::quoted;
 use super::{Failure, Outcome, interrupt, print, say, tell};
 use person::{NoOne, Person};
 
@@ -139,7 +138,7 @@ fn told(written: &Written, args: &Args) -> String {
     let made = &written.document;
     let (regions, topics) = (made.regions.join(", "), made.topics.join(", "));
     let mut text = format!("{}: regions {regions}; reads {topics}\n", args.output.display());
-    let output = quoted(&args.output.to_string_lossy());
+    let output = quoted_path(&args.output);
     let to_check = to_check(&made.text);
     if !to_check.is_empty() {
         text += "look at these lines:\n";
@@ -148,8 +147,7 @@ fn told(written: &Written, args: &Args) -> String {
             text += &format!("  and {} more that are marked CHECK\n", to_check.len() - SHOWN_CHECKS);
         }
     }
-    let bags: Vec<String> =
-        inspect::all_recordings(&args.bags).iter().map(|bag| quoted(&bag.to_string_lossy())).collect();
+    let bags: Vec<String> = inspect::all_recordings(&args.bags).iter().map(|bag| quoted_path(bag)).collect();
     let bag = bags.first().map_or("BAG", String::as_str);
     let all_bags = if bags.is_empty() { "BAG".to_owned() } else { bags.join(" ") };
     text += &match (written.has_model, made.has_truth) {
@@ -179,7 +177,7 @@ fn told(written: &Written, args: &Args) -> String {
             };
             format!(
                 "{first}next: tpf train {all_bags} --params-file {output}{region}{at_rest} -o {}\n",
-                quoted(&model.to_string_lossy())
+                quoted_path(&model)
             )
         }
         (false, false) => format!(

@@ -8,6 +8,8 @@ use clap::ValueEnum;
 use super::progress::Said;
 use super::{Failure, tell};
 pub(super) use tactile_pose_fusion::bag::shown;
+#[cfg(feature = "ros")]
+use tactile_pose_fusion::bag::{quoted, quoted_path};
 use tactile_pose_fusion::config::{Config, DEFAULT_NODE, Origin, Param, ParamTree, ParamValue, load_tree};
 use tactile_pose_fusion::glove;
 #[cfg(feature = "ros")]
@@ -32,18 +34,9 @@ impl ParamArgs {
     /// The parameters as they were given, to be given again.
     #[cfg(feature = "ros")]
     pub(super) fn as_given(&self) -> String {
-        let files = self.params_file.iter().map(|file| format!(" --params-file {}", quoted(&file.to_string_lossy())));
+        let files = self.params_file.iter().map(|file| format!(" --params-file {}", quoted_path(file)));
         let node = (self.node != DEFAULT_NODE).then(|| format!(" --node {}", quoted(&self.node)));
         files.chain(self.param.iter().map(|param| format!(" -p {}", quoted(param)))).chain(node).collect()
-    }
-}
-
-/// An argument as a shell takes it.
-pub(super) fn quoted(argument: &str) -> String {
-    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"_-./:=,+@%".contains(&byte);
-    match !argument.is_empty() && argument.bytes().all(is_plain) {
-        true => argument.to_owned(),
-        false => format!("'{}'", argument.replace('\'', "'\\''")),
     }
 }
 
@@ -195,6 +188,5 @@ mod tests {
             params("user:=o'hara", "/left").as_given().split_once(" -p ").unwrap().1,
             r"'user:=o'\''hara' --node /left"
         );
-        assert_eq!((quoted("a_b-c.d/e:=f"), quoted("")), ("a_b-c.d/e:=f".to_owned(), "''".to_owned()));
     }
 }

@@ -58,7 +58,9 @@ impl Running {
         for said in self.watched.announcer.handle(now, &problems) {
             match said {
                 Announcement::Began(text) => self.engine.outbox.log(Severity::Warn, text),
-                Announcement::Ended(name) => self.engine.outbox.log(Severity::Info, format!("solved: {name}")),
+                Announcement::Ended(problem) => {
+                    self.engine.outbox.log(Severity::Info, format!("solved: \"{problem}\""))
+                }
             }
         }
     }

@@ -317,7 +317,12 @@ impl Subject {
         let percent = (100.0 * outcomes.share(n_expected)).floor();
         let min = 100.0 * self.cfg.live.min_estimates;
         Some(if percent >= min {
-            Finding::new("estimates", Level::Ok, format!("{percent} % of {} frames have a full estimate", outcomes.n))
+            let why = match outcomes.reasons(n_expected) {
+                reasons if percent < 100.0 && !reasons.is_empty() => format!(" (not full: {reasons})"),
+                _ => String::new(),
+            };
+            let text = format!("{percent} % of {} frames have a full estimate{why}", outcomes.n);
+            Finding::new("estimates", Level::Ok, text)
         } else {
             let what = match input_fails {
                 true => "see the inputs",

@@ -263,9 +263,9 @@ impl Collection {
     }
 
     fn go(&mut self, now: Stamp) {
+        self.messages.clear(); // they are of what was before
         if std::mem::take(&mut self.stage_over) {
             self.quality = StageQuality::new(&self.session.protocol().levels);
-            self.messages.clear();
         }
         self.session.handle_command(Command::Go, now);
     }

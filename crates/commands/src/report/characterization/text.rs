@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 
 use tactile_pose_fusion::characterization::{Characterized, RegionResult, SessionSummary};
-use tactile_pose_fusion::characterize::{ArtifactSize, ClassCurve, LeftInAir, RegionReport, Spread, Untold};
+use tactile_pose_fusion::characterize::{
+    ArtifactSize, ClassCurve, LeftInAir, OWN_LAG_MS, RegionReport, Spread, Untold,
+};
 
 use crate::report::terminal;
 
@@ -164,7 +166,8 @@ fn response(text: &mut String, report: &RegionReport) {
     let Some(response) = &report.response else { return };
     let _ = writeln!(
         text,
-        "\nResponse to force: median reading of all taxels together, and what the touch adds to that of the pose\n"
+        "\nResponse to force: median reading of all taxels together, and what the touch adds to that of the pose. The bend score \
+         is the mix of the chosen joints that moves the taxels most: low is the straight hand, high the bent one\n"
     );
     let mut table = terminal::table(["Force N", "All poses", "Bend score low", "middle", "high"]);
     for point in &response.all.points {
@@ -182,7 +185,7 @@ fn response(text: &mut String, report: &RegionReport) {
     let _ = writeln!(text, "{}", terminal::shown(&table, 1));
     let gain = response
         .gain
-        .map_or("not told: too few touches, or forces in common".to_owned(), |gain| spread(Some(gain), "", 2));
+        .map_or("not known: too few touches, or forces in common".to_owned(), |gain| spread(Some(gain), "", 2));
     let slopes = Spread::of(response.gain_by_session.iter().map(|gain| gain.of_slopes));
     let slopes = slopes.map_or(String::new(), |slopes| format!("; ratio of slopes {}", spread(Some(slopes), "", 2)));
     let _ = writeln!(text, "What a touch adds at a high bend score over a low one, at equal force: {gain}{slopes}");
@@ -226,17 +229,20 @@ fn rest(text: &mut String, report: &RegionReport) {
     };
     let _ = writeln!(text, "\nHysteresis and lag of the artifact: {}", of_100(hysteresis.artifact, " % of its range"));
     let touch = match hysteresis.touch {
-        None => "not told".to_owned(),
+        None => "not known: too few touches that rise and fall slowly".to_owned(),
         touch => format!("unloading reads {} more than loading", of_100(touch, " %")),
     };
     let _ = writeln!(text, "Hysteresis of touch: {touch}");
     let largest = drift.largest_n.map_or(String::new(), |n| format!(", as a tap of {}", spread(Some(n), " N", 2)));
-    let _ = writeln!(
-        text,
-        "Drift at rest: {}, largest distance {}{largest}",
-        spread(drift.per_min, " a minute", 1),
-        spread(drift.largest, "", 0)
-    );
+    let _ = match drift.per_min {
+        None => writeln!(text, "Drift at rest: not known, the hand was rarely still in the air"),
+        per_min => writeln!(
+            text,
+            "Drift at rest: {}, at most {} from the median{largest}",
+            spread(per_min, " a minute", 1),
+            spread(drift.largest, "", 0)
+        ),
+    };
     let tare = Spread::of(drift.by_session.iter().map(|session| session.truth_range_gf));
     if tare.is_some() {
         let _ = writeln!(text, "Drift of the force sensor: {} over a session", spread(tare, " gF", 1));
@@ -255,13 +261,23 @@ fn rest(text: &mut String, report: &RegionReport) {
 fn offset(text: &mut String, report: &RegionReport) {
     let peaks = Spread::of(report.offset.by_session.iter().map(|session| session.peak));
     let peak = spread(peaks, "", 2);
+    let [own_low, own_high] = OWN_LAG_MS;
     let _ = match (report.offset.lag_ms, report.offset.interval_ms, report.offset.clock_offset_ms) {
-        (Some(lag), Some([low, high]), Some([clock_low, clock_high])) => writeln!(
-            text,
-            "Taxels lag the joints by {}, 95 % within {low:.0} to {high:.0} ms, correlation {peak}; without the sensor's own \
-             filter, creep and friction their clocks are {clock_low:.0} to {clock_high:.0} ms apart",
-            spread(Some(lag), " ms", 1)
-        ),
+        (Some(lag), Some([low, high]), Some([clock_low, clock_high])) => {
+            let advice = match clock_low <= 0.0 && clock_high >= 0.0 {
+                true => "0 is in this range, so nothing needs to be corrected".to_owned(),
+                false => format!(
+                    "correct it by stamp_offset_ms of the tactile source, {:.0} to {:.0}",
+                    -clock_high, -clock_low
+                ),
+            };
+            writeln!(
+                text,
+                "Taxels lag the joints by {} (95 % interval {low:.0} to {high:.0} ms, correlation {peak}). The sensor itself \
+             causes {own_low:.0} to {own_high:.0} ms of it, so stamps of the taxels are {clock_low:.0} to {clock_high:.0} ms late: {advice}",
+                spread(Some(lag), " ms", 1)
+            )
+        }
         _ => {
             let why = report.offset.by_session.iter().find_map(|session| session.untold);
             let why = why.map_or_else(String::new, |why| format!("{why}; "));
@@ -285,7 +301,7 @@ fn percent(share: Option<f64>) -> String {
 /// Median, and from where to where sessions differ.
 fn spread(spread: Option<Spread>, unit: &str, decimals: usize) -> String {
     match spread {
-        None => "not told".to_owned(),
+        None => "not known".to_owned(),
         Some(Spread { median, n_sessions: 0 | 1, .. }) => format!("{median:.decimals$}{unit}"),
         Some(Spread { median, min, max, .. }) => {
             format!("{median:.decimals$}{unit} ({min:.decimals$} to {max:.decimals$})")

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use tactile_pose_fusion::bag::GAP_FACTOR;
 use tactile_pose_fusion::inspect::{
-    Angle, BagReport, Candidates, ForceCandidate, ForceRange, JointCandidate, Likelihood, TactileCandidate, TopicReport,
+    Angle, BagReport, ForceCandidate, ForceRange, JointCandidate, Likelihood, TactileCandidate, TopicReport,
 };
 
 use super::format::{UNKNOWN, bytes, count, known, number, numbers, printable, range, seconds, shortened, under_names};
@@ -55,7 +55,7 @@ pub fn text(bag: &BagReport) -> String {
     text += &topics(&bag.topics);
     text += &stamps(&bag.topics);
     text += &notes(&bag.topics);
-    text += &candidates(&bag.candidates);
+    text += &candidates(bag);
     text
 }
 
@@ -100,7 +100,7 @@ fn topics(topics: &[TopicReport]) -> String {
 fn stamps(topics: &[TopicReport]) -> String {
     let header = ["Hz", "p50", "p99", "max", "jitter", "gaps", "back", "same", "delay", "max"];
     let (mut table, mut names) = (numbers(&header), Vec::new());
-    let mut unset = String::new();
+    let (mut unset, mut far_off) = (String::new(), Vec::new());
     for TopicReport { stats, stamps, .. } in topics {
         let Some(stamps) = stamps else { continue };
         let topic = printable(&stats.topic);
@@ -108,8 +108,7 @@ fn stamps(topics: &[TopicReport]) -> String {
             line(&mut unset, 2, &format!("{topic}: {} stamps are zero, left out", count(stamps.n_unset)));
         }
         if stamps.delay_mean_ms.is_some_and(|ms| ms.abs() >= CLOCKS_DIFFER_MS) {
-            let words = "its stamps are far from the time of receipt: the clock of its sender was not set, or the bag is a copy; its samples fit others only if their stamps are of the same clock";
-            line(&mut unset, 2, &format!("{topic}: {words}"));
+            far_off.push(topic.clone());
         }
         let field = if stamps.field == "header.stamp" { String::new() } else { format!(", {}", stamps.field) };
         names.push(format!("{topic}{field}"));
@@ -128,6 +127,11 @@ fn stamps(topics: &[TopicReport]) -> String {
     }
     if table.row_count() == 0 {
         return String::new();
+    }
+    if !far_off.is_empty() {
+        let which = if far_off.len() == table.row_count() { "all topics".to_owned() } else { far_off.join(", ") };
+        let words = "stamps are far from the time of receipt: the clock of the sender was not set, or the bag is a copy; samples of two topics fit each other only if their stamps are of the same clock";
+        line(&mut unset, 2, &format!("{which}: {words}"));
     }
     format!(
         "\n  Topics by their own stamps, which decide the time of each sample: columns as above, in ms.\n  back, same: stamps before or at the \
@@ -158,17 +162,28 @@ fn notes(topics: &[TopicReport]) -> String {
     if text.is_empty() { text } else { format!("\n{text}") }
 }
 
-fn candidates(found: &Candidates) -> String {
+fn candidates(bag: &BagReport) -> String {
+    let found = &bag.candidates;
+    let is_whole = bag.topics.iter().all(|topic| topic.unread.is_none());
+    let read = if is_whole { "" } else { " in the topics that could be looked into" };
     let mut text = String::new();
-    let tactile = found.tactile.iter().map(|one| (one.likelihood, head(&one.topic, &one.field), tactile(one)));
-    section(&mut text, "Taxels", "no array of numbers", tactile.collect());
+    let tactile = found.tactile.iter().map(|one| {
+        let rather = if found.is_rather_a_force(one) { ", more likely a force sensor" } else { "" };
+        (one.likelihood, head(&one.topic, &one.field), tactile(one, rather))
+    });
+    section(&mut text, "Taxels", &format!("no array of numbers{read}"), tactile.collect());
     let joints = found.joints.iter().map(|one| (one.likelihood, head(&one.topic, &one.field), joints(one)));
-    section(&mut text, "Joint angles", "no JointState, and no array named as angles are", joints.collect());
+    section(
+        &mut text,
+        "Joint angles",
+        &format!("no JointState, and no array named as angles are{read}"),
+        joints.collect(),
+    );
     let force = found.force.iter().map(|one| (one.likelihood, printable(&one.topic), force(one)));
     section(
         &mut text,
         "Measured force, to hold estimates against",
-        "no wrench, nothing named force or load",
+        &format!("no wrench, nothing named force or load{read}"),
         force.collect(),
     );
     text += "\n  Stage annotations\n";
@@ -206,10 +221,10 @@ fn section(text: &mut String, title: &str, lacking: &str, candidates: Vec<(Likel
     }
 }
 
-fn opening(likelihood: Likelihood, head: &str, reasons: &[String]) -> String {
+fn opening(likelihood: Likelihood, head: &str, rather: &str, reasons: &[String]) -> String {
     let word = if likelihood == Likelihood::Likely { "likely" } else { "possible" };
     let reasons: Vec<String> = reasons.iter().map(|reason| printable(reason)).collect();
-    format!("    {head}: {word}\n      {}\n", reasons.join("; "))
+    format!("    {head}: {word}{rather}\n      {}\n", reasons.join("; "))
 }
 
 /// `-1.20 to 3.40`, or `always 2`.
@@ -226,8 +241,8 @@ fn paste(text: &mut String, parameters: &str) {
     }
 }
 
-fn tactile(one: &TactileCandidate) -> String {
-    let mut text = opening(one.likelihood, &head(&one.topic, &one.field), &one.reasons);
+fn tactile(one: &TactileCandidate, rather: &str) -> String {
+    let mut text = opening(one.likelihood, &head(&one.topic, &one.field), rather, &one.reasons);
     let values = one.values.map(|values| format!(", {}", span(values)));
     let rate = one.sample_rate_hz.map(|rate| format!(", {} samples/s", number(rate)));
     line(
@@ -246,7 +261,7 @@ fn tactile(one: &TactileCandidate) -> String {
 }
 
 fn joints(one: &JointCandidate) -> String {
-    let mut text = opening(one.likelihood, &head(&one.topic, &one.field), &one.reasons);
+    let mut text = opening(one.likelihood, &head(&one.topic, &one.field), "", &one.reasons);
     let angle = |(idx, angle): (usize, &Angle)| {
         let name = angle.name.as_ref().map_or_else(|| format!("[{idx}]"), |name| shortened(name, 40));
         let values = angle.values.map(|values| format!(" {}", span(values)));
@@ -267,7 +282,7 @@ fn joints(one: &JointCandidate) -> String {
 }
 
 fn force(one: &ForceCandidate) -> String {
-    let mut text = opening(one.likelihood, &printable(&one.topic), &one.reasons);
+    let mut text = opening(one.likelihood, &printable(&one.topic), "", &one.reasons);
     let fields: Vec<String> = one.fields.iter().map(|field| printable(field)).collect();
     let rate = one.rate_hz.map(|rate| format!(", {} Hz", number(rate))).unwrap_or_default();
     line(&mut text, 6, &format!("{}{rate}", fields.join(", ")));

@@ -1,5 +1,6 @@
 //! Timing, and where everything on the page comes from.
 
+use tactile_pose_fusion::bag::quoted;
 use tactile_pose_fusion::eval::Distribution;
 use tactile_pose_fusion::evaluate::Evaluated;
 
@@ -84,13 +85,7 @@ pub(super) fn provenance(page: &mut Page, result: &Evaluated) {
 
 /// The command as it can be given again to a shell.
 fn command_line(words: &[String]) -> String {
-    let is_plain =
-        |word: &str| !word.is_empty() && word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c));
-    let quoted = |word: &String| match is_plain(word) {
-        true => word.clone(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    };
-    words.iter().map(quoted).collect::<Vec<_>>().join(" ")
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
