@@ -145,7 +145,7 @@ fn a_model_without_each_donning_is_scored_on_what_it_never_saw() {
     let short = Session { seconds: 20, ..SESSION };
     let folder = folder_with(&[short, short, Session { seconds: 15, ..SESSION }]);
     let folder = folder.path();
-    let run = train(folder, &["--steps", "12", "--learning-rate", "0.005", "--hold-out", "donnings"]).ok();
+    let run = train(folder, &["--steps", "6", "--learning-rate", "0.005", "--hold-out", "donnings"]).ok();
     assert!(run.stdout.contains("each donning by the model that was trained without it"), "{run:?}");
     assert!(run.stdout.contains("MAE  ") && run.stdout.contains('\u{b1}'), "{run:?}");
     for session in ["session0", "session1", "session2"] {

@@ -73,6 +73,11 @@ fn hash(value: &impl std::hash::Hash) -> u64 {
 
 /// Runs `n` inputs; as long as `TPF_FUZZ_MINUTES` says, or the file `TPF_FUZZ_INPUT` alone, where they are set.
 pub fn run(target: &Target, n: u64) {
+    run_part(target, n, 0);
+}
+
+/// The same for one of several parts of the inputs, which run at the same time.
+pub fn run_part(target: &Target, n: u64, part: u64) {
     if let Some(path) = std::env::var_os("TPF_FUZZ_INPUT") {
         let input = fs::read(&path).expect("TPF_FUZZ_INPUT is a file");
         let understood = (target.run)(&input).understood;
@@ -84,7 +89,7 @@ pub fn run(target: &Target, n: u64) {
     }
     let number = |key| std::env::var(key).ok().map(|text: String| text.parse::<f64>().expect(key));
     let minutes = number("TPF_FUZZ_MINUTES");
-    let seed = number("TPF_FUZZ_SEED").map_or(SEED, |seed| seed as u64);
+    let seed = number("TPF_FUZZ_SEED").map_or(SEED, |seed| seed as u64).wrapping_add(part);
     let until = minutes.map(|minutes| Instant::now() + Duration::from_secs_f64(60.0 * minutes));
     let mut fuzzer = Fuzzer::new(target, seed, minutes.is_some());
     let started = Instant::now();

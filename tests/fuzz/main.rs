@@ -76,7 +76,12 @@ fn calibration() {
 
 #[test]
 fn model() {
-    driver::run(&model::TARGET, 1000);
+    driver::run(&model::TARGET, 500);
+}
+
+#[test]
+fn model_second_half() {
+    driver::run_part(&model::TARGET, 500, 1);
 }
 
 #[test]

@@ -160,9 +160,9 @@ fn every_kind_and_form_that_is_trained_here_is_recognized() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.onnx");
     for (kind, window) in [
-        (Kind::PoseAware, 40),
-        (Kind::EarlyFusion, 40),
-        (Kind::TactileOnly, 40),
+        (Kind::PoseAware, 24),
+        (Kind::EarlyFusion, 24),
+        (Kind::TactileOnly, 24),
         (Kind::Adaptive, 64),
         (Kind::Adaptive, 63),
     ] {

@@ -262,7 +262,12 @@ fn offset(text: &mut String, report: &RegionReport) {
     let peaks = Spread::of(report.offset.by_session.iter().map(|session| session.peak));
     let peak = spread(peaks, "", 2);
     let [own_low, own_high] = OWN_LAG_MS;
-    let _ = match (report.offset.lag_ms, report.offset.interval_ms, report.offset.clock_offset_ms) {
+    let rounded = |interval: [f64; 2]| interval.map(|ms| ms.round() + 0.0); // no "-0"
+    let _ = match (
+        report.offset.lag_ms,
+        report.offset.interval_ms.map(rounded),
+        report.offset.clock_offset_ms.map(rounded),
+    ) {
         (Some(lag), Some([low, high]), Some([clock_low, clock_high])) => {
             let advice = match clock_low <= 0.0 && clock_high >= 0.0 {
                 true => "0 is in this range, so nothing needs to be corrected".to_owned(),
