@@ -32,6 +32,11 @@ pub struct Request<'a> {
     pub drop_unused_joints: bool,
 }
 
+/// A model on the page: the name of its file, as paths are long on a phone.
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| shown(path), |name| shown(Path::new(name)))
+}
+
 /// A bag, ready to be shown. Its frames are in temporary files, which end with it.
 #[derive(Debug)]
 pub struct BagView {
@@ -200,7 +205,7 @@ fn computed(
     }
     let sources = cfg.fusion().tactile_source_idxs();
     let baselines: Vec<_> = sources.map(|source| seen.core.baseline(source).cloned()).collect();
-    let mut models: Vec<String> = cfg.models().iter().map(|model| shown(&model.spec.path)).collect();
+    let mut models: Vec<String> = cfg.models().iter().map(|model| file_name(&model.spec.path)).collect();
     models.sort();
     models.dedup();
     Ok(Read {

@@ -92,6 +92,7 @@ impl Subject {
                         Severity::Warn => Level::Warning,
                         Severity::Error | Severity::Fatal => Level::Problem,
                     };
+                    let text = if level == Level::Ok { text } else { format!("at a start: {text}") };
                     Finding::new("models", level, text)
                 }));
                 Some(core)
@@ -167,7 +168,7 @@ impl Subject {
                 "use_sim_time is true and nobody publishes /clock: start what does, or set use_sim_time to false";
             findings.push(Finding::new("clock", Level::Problem, text));
         }
-        findings.extend(self.of_estimates(input_fails));
+        findings.extend(self.of_estimates(input_fails, self.n_running(around) > 0));
         findings
     }
 
@@ -248,7 +249,7 @@ impl Subject {
     /// The node's own name, services and topics.
     fn of_names(&self, around: &Around) -> Vec<Finding> {
         let node = self.cfg.node.to_string();
-        let n_same = around.fusion_nodes().iter().filter(|name| **name == node).count();
+        let n_same = self.n_running(around);
         let mut findings = Vec::new();
         if n_same == 0 {
             let services =
@@ -298,13 +299,23 @@ impl Subject {
         findings
     }
 
+    /// Nodes of this package that have the name of the one that is examined.
+    fn n_running(&self, around: &Around) -> usize {
+        let node = self.cfg.node.to_string();
+        around.fusion_nodes().iter().filter(|name| **name == node).count()
+    }
+
     /// The estimates that the node would have made. Nothing if an input that fails explains why there are none.
-    fn of_estimates(&mut self, input_fails: bool) -> Option<Finding> {
+    fn of_estimates(&mut self, input_fails: bool, runs_already: bool) -> Option<Finding> {
         let (core, elapsed) = (self.core.as_ref()?, self.inputs.elapsed());
         let (outcomes, n_expected) = self.inputs.take_outcomes(elapsed, core);
         if outcomes.n == 0 {
             let text = "no frame could be made of what came, so no estimate was tried; see the inputs";
             return (!input_fails).then(|| Finding::new("estimates", Level::Problem, text));
+        }
+        if core.config().tactile_source_idxs().all(|source| core.baseline(source).is_none()) && runs_already {
+            let text = "not tried here: see what the running node says; with its calibration (--calibration FILE) they are tried here, too";
+            return Some(Finding::new("estimates", Level::Ok, text));
         }
         if core.config().tactile_source_idxs().all(|source| core.baseline(source).is_none()) {
             let text = format!(
