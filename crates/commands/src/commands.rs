@@ -15,7 +15,6 @@ mod doctor;
 mod eval;
 mod export;
 mod force;
-mod help;
 mod in_air;
 mod init;
 mod inspect;
@@ -27,7 +26,6 @@ mod merge;
 mod monitor;
 #[cfg(feature = "ros")]
 mod play;
-mod progress;
 mod replay;
 #[cfg(feature = "ros")]
 mod run;
@@ -35,14 +33,11 @@ mod sessions;
 mod setup;
 mod simulate;
 mod split;
-#[cfg(feature = "ros")]
-mod terminal;
 #[cfg(feature = "train")]
 mod train;
 mod view;
 mod zero;
 
-use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::Path;
@@ -50,14 +45,14 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use tactile_pose_fusion::bag;
 use tactile_pose_fusion::leave;
 use tactile_pose_fusion::location;
 use tactile_pose_fusion::model::first_run;
 #[cfg(feature = "ros")]
 use tactile_pose_fusion::protocol::Protocol;
 
-use crate::report::terminal::{Voice, fitted, set_voice, stderr_columns, stdout_columns, voice};
+use crate::report::said::{print, print_as_it_is, say, tell};
+use crate::report::terminal::set_voice;
 
 /// Pose-aware tactile force: taxels and joint angles in, wrench and contact out.
 #[derive(Debug, Parser)]
@@ -192,7 +187,7 @@ pub fn main_with(args: impl IntoIterator<Item = OsString>) -> u8 {
 
 /// The command line as it is parsed and shown.
 fn command() -> clap::Command {
-    help::grouped(plain_command())
+    crate::report::help::grouped(plain_command())
 }
 
 /// The command line as clap knows it, with negative numbers as values and not as flags: their range is ours to tell.
@@ -292,53 +287,6 @@ fn check_output(path: &Path, overwrite: bool) -> Result<(), Failure> {
     })
 }
 
-/// Writes a result to stdout, at the width of a terminal.
-fn print(text: &str) -> Result<(), Failure> {
-    print_as_it_is(&fitted(text, stdout_columns()))
-}
-
-/// Writes a result to stdout. A reader that has gone away (`| head`) is no failure of ours.
-fn print_as_it_is(text: &str) -> Result<(), Failure> {
-    let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(tame(text).as_bytes()).and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure(format!("stdout: {error}"))),
-        _ => Ok(()),
-    }
-}
-
-/// Says something to the person at the terminal, unless it is to be quiet.
-fn tell(text: &str) {
-    if voice() != Voice::Quiet {
-        say(text);
-    }
-}
-
-/// Says something to the person at the terminal, also where it is to be quiet; a closed stderr is nobody to tell.
-pub(crate) fn say(text: &str) {
-    let words = text.trim_end_matches('\n');
-    let end = &text[words.len()..];
-    let line = tame(words).replace('\n', "\\u000a");
-    let _ = writeln!(std::io::stderr(), "{}{end}", fitted(&line, stderr_columns()));
-}
-
-/// A text whose lines are ours and whose words may be foreign: what would steer a terminal is written out, in a form that
-/// JSON takes for the same character.
-fn tame(text: &str) -> Cow<'_, str> {
-    let is_foreign = |c: char| c != '\n' && c != '\t' && bag::steers(c);
-    if !text.contains(is_foreign) {
-        return Cow::Borrowed(text);
-    }
-    let mut tamed = String::with_capacity(text.len() + 16);
-    for c in text.chars() {
-        if is_foreign(c) {
-            let _ = std::fmt::Write::write_fmt(&mut tamed, format_args!("\\u{:04x}", c as u32));
-        } else {
-            tamed.push(c);
-        }
-    }
-    Cow::Owned(tamed)
-}
-
 /// How many there are of something: `1 message`, `2 messages`.
 fn counted(n: u64, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
@@ -349,11 +297,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn foreign_words_steer_no_terminal_and_stay_the_same_in_json() {
-        assert_eq!(tame("a\tb\nc"), "a\tb\nc");
-        assert_eq!(tame("\u{1b}]0;x\u{7}\u{9b}2J\u{202e}\r"), "\\u001b]0;x\\u0007\\u009b2J\\u202e\\u000d");
-        let json = serde_json::to_string("\u{1b}[31m\u{9b}\u{2066}\n").unwrap();
-        assert_eq!(serde_json::from_str::<String>(&tame(&json)).unwrap(), "\u{1b}[31m\u{9b}\u{2066}\n");
+    fn one_of_a_thing_is_no_plural() {
         assert_eq!([counted(0, "bag"), counted(1, "bag"), counted(2, "bag")], ["0 bags", "1 bag", "2 bags"]);
     }
 

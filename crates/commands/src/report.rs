@@ -9,10 +9,15 @@ pub mod comparison;
 #[cfg(feature = "ros")]
 pub mod doctor;
 pub mod evaluation;
+pub(crate) mod help;
 pub mod inspection;
 #[cfg(feature = "ros")]
 pub(crate) mod monitor;
 pub mod picture;
+pub(crate) mod progress;
+pub(crate) mod said;
+#[cfg(feature = "ros")]
+pub(crate) mod screen;
 pub(crate) mod terminal;
 #[cfg(feature = "train")]
 pub mod training;

@@ -15,9 +15,9 @@ use tactile_pose_fusion::sessions::{KnownForces, RegionTouches};
 
 use super::force::number;
 use super::in_air::InAirArgs;
-use super::progress::Said;
 use super::setup::{ModelArgs, ParamArgs, shown};
 use super::{Failure, Outcome, interrupt, print};
+use crate::report::progress::Said;
 
 /// Takes the zero-load baseline from bags, checks that the models read no force in it, and keeps it in a file.
 #[derive(Debug, clap::Args)]

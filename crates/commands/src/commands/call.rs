@@ -11,8 +11,8 @@ use tactile_pose_fusion::units::NANOS_PER_SEC;
 
 use super::live::RosArguments;
 use super::monitor::seconds;
-use super::progress::Progress;
 use super::{Failure, Outcome, print, say};
+use crate::report::progress::Progress;
 
 /// The node that calls, unless it is given another name.
 const NODE: &str = "/tpf_call";

@@ -6,12 +6,12 @@ use tactile_pose_fusion::characterization::{MIN_GAIN, Request, run as characteri
 use tactile_pose_fusion::files;
 
 use super::in_air::InAirArgs;
-use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, check_output, interrupt, print, say, tell};
 use crate::report::characterization;
+use crate::report::progress::Shown;
 
 /// Characterizes a glove from recordings: joints that move its taxels, artifact size, hysteresis, drift, noise, clocks.
 #[derive(Debug, clap::Args)]

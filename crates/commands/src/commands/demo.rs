@@ -19,8 +19,8 @@ use tactile_pose_fusion::sim::{Activity, Conditions, SessionSpec, Tracking};
 use tactile_pose_fusion::synthetic;
 use tactile_pose_fusion::zero::Wanted;
 
-use super::progress::{Said, Shown};
 use super::{Failure, Outcome, interrupt, print, say, tell};
+use crate::report::progress::{Said, Shown};
 use crate::report::{evaluation, picture};
 
 /// Users that the shipped models were trained on are 1 to 5 of seed 1; the demo takes another one.

@@ -7,9 +7,9 @@ use tactile_pose_fusion::sessions::{Compared, compare};
 use tactile_pose_fusion::units::Newton;
 
 use super::checks::CheckArgs;
-use super::progress::Said;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::report::comparison;
+use crate::report::progress::Said;
 
 /// Compares the estimates of two bags; leaves with 1 where they differ.
 #[derive(Debug, clap::Args)]

@@ -6,11 +6,11 @@ use tactile_pose_fusion::export::{self, Request, Targets};
 use tactile_pose_fusion::sessions::Shard;
 
 use super::in_air::InAirArgs;
-use super::progress::Shown;
 use super::sessions::find_bags;
 use super::setup::{ModelArgs, ParamArgs};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
+use crate::report::progress::Shown;
 
 /// Ends of names of tables.
 const CSV: &str = "csv";

@@ -11,8 +11,8 @@ use tactile_pose_fusion::bag::{printable, quoted_path};
 use tactile_pose_fusion::init::{self, Ask, BestGuess, Request, Written};
 use tactile_pose_fusion::inspect::{self, BagReport};
 
-use super::progress::Shown;
 use super::{Failure, Outcome, interrupt, print, say, tell};
+use crate::report::progress::Shown;
 use person::{NoOne, Person};
 
 /// Writes a parameter file from what is in bags, or on the topics of a live graph: topics, types, fields, rates, taxels, joints, regions, each with its reason.

@@ -6,10 +6,10 @@ use serde::Serialize;
 use tactile_pose_fusion::bag::printable;
 use tactile_pose_fusion::inspect::{self, Inspected};
 
-use super::progress::Shown;
 use super::setup::shown;
 use super::{Failure, Outcome, interrupt, print, say};
 use crate::report::inspection;
+use crate::report::progress::Shown;
 
 /// Tells what is in bags and models: topics and their timing, which of them can be tactile, joints or force, contracts.
 #[derive(Debug, clap::Args)]

@@ -8,9 +8,9 @@ use tactile_pose_fusion::location::{self, Entry};
 
 use super::checks::CheckArgs;
 use super::eval::{ByArg, Delivery};
-use super::progress::Shown;
 use super::sessions::find_bags;
 use super::{Failure, Outcome, interrupt, print, say};
+use crate::report::progress::Shown;
 
 /// Puts together what several processes did: partials of `tpf eval --partial`, or shards of a dataset. The result is the same
 /// as that of one process over all bags, byte for byte.

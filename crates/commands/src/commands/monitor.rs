@@ -8,9 +8,9 @@ use tactile_pose_fusion::msg::{ContactArray, WireType};
 use tactile_pose_fusion::ros::{DIAGNOSTICS_TYPE, Delivery, Monitored, TopicType, instead, system_now};
 
 use super::live::RosArguments;
-use super::terminal::Terminal;
 use super::{Failure, Outcome, interrupt, print};
 use crate::report::monitor::{draw, text};
+use crate::report::screen::Terminal;
 
 /// The node that monitors, unless it is given another name.
 const NODE: &str = "/tpf_monitor";

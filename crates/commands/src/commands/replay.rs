@@ -10,10 +10,10 @@ use tactile_pose_fusion::config::Config;
 use tactile_pose_fusion::replay::{self, Options, Recording, ReplayError, Replayed};
 use tactile_pose_fusion::sessions::Shard;
 
-use super::progress::Shown;
 use super::setup::{ModelArgs, ParamArgs};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print, say};
+use crate::report::progress::Shown;
 
 /// Reads bags, fuses taxels and joint angles through the models, and writes wrench and contact to a new bag.
 #[derive(Debug, clap::Args)]

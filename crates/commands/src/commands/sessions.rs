@@ -7,9 +7,9 @@ use tactile_pose_fusion::bag::BagReader;
 use tactile_pose_fusion::sessions;
 
 use super::Failure;
-use super::progress::Said;
 #[cfg(feature = "ros")]
 use super::tell;
+use crate::report::progress::Said;
 
 /// The recordings that paths stand for: each is one, or a folder of several. Says what was found in a folder.
 pub(super) fn find_bags(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-#[cfg(feature = "ros")]
-use super::progress::Said;
 use super::{Failure, tell};
+#[cfg(feature = "ros")]
+use crate::report::progress::Said;
 pub(super) use tactile_pose_fusion::bag::shown;
 #[cfg(feature = "ros")]
 use tactile_pose_fusion::bag::{quoted, quoted_path};

@@ -11,8 +11,8 @@ use tactile_pose_fusion::hand::NamedLayout;
 use tactile_pose_fusion::sim::{Activity, FULL_MINUTES, SessionSpec, Tracking, simulate};
 use tactile_pose_fusion::synthetic::{self, HandForm};
 
-use super::progress::Shown;
 use super::{Failure, Outcome, counted, interrupt, print, tell};
+use crate::report::progress::Shown;
 use conditions::{ConditionArgs, GloveArg};
 
 /// Writes sessions of a synthetic glove: taxels, joint angles, force truth and stage annotations.

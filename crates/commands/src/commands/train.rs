@@ -11,12 +11,12 @@ use tactile_pose_fusion::train::{GraphForm, Kind, LossConfig, Progress, Schedule
 use tactile_pose_fusion::training::{self, HoldOut, Request, VALIDATION_SHARE};
 
 use super::in_air::InAirArgs;
-use super::progress::{Progress as Bar, Said};
 use super::sessions::find_bags;
 use super::setup::ParamArgs;
 use super::split::SplitArgs;
 use super::{Failure, Outcome, interrupt, print};
 use crate::report;
+use crate::report::progress::{Progress as Bar, Said};
 
 /// Trains a force model on annotated recordings and writes it as ONNX, with a report beside it.
 #[derive(Debug, clap::Args)]

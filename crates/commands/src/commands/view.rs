@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::progress::{Said, Shown};
 use super::setup::{ModelArgs, ParamArgs};
 use super::zero::ZeroArgs;
 use super::{Failure, Outcome, interrupt, print};
+use crate::report::progress::{Said, Shown};
 use crate::view::{BagView, Content, Request, Server};
 
 /// Opens a page in the browser that shows taxels, forces, contacts, flags and artifact of a bag, or of a running node.

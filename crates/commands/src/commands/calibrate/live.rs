@@ -12,12 +12,12 @@ use tactile_pose_fusion::ros::{
 use tactile_pose_fusion::zero::{Donning, Zero, ZeroFrom};
 
 use super::super::live::RosArguments;
-use super::super::progress::Progress;
 use super::super::setup::{load_models, shown};
 use super::super::zero;
 use super::super::{Failure, Outcome, print, say};
 use super::press::{self, PressArgs, Recorder};
 use super::{Args, gains_text, verdict};
+use crate::report::progress::Progress;
 
 /// The node that calibrates, unless it is given another name.
 const NODE: &str = "/tpf_calibrate";

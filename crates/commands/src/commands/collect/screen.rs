@@ -2,9 +2,9 @@
 
 use ratatui::crossterm::event::KeyCode;
 
-use super::super::terminal::Terminal;
 use super::super::{Failure, say};
 use crate::report::collection::{Mood, View, draw};
+use crate::report::screen::Terminal;
 
 /// A key that a person pressed, by its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,10 +6,10 @@ use clap::parser::ValueSource;
 use tactile_pose_fusion::evaluate::{Partial, PartialOut, run_partial};
 use tactile_pose_fusion::sessions::Shard;
 
-use super::super::progress::Shown;
 use super::super::sessions::find_bags;
 use super::super::{Failure, Outcome, WORDS, command, print, say};
 use super::{Args, scored};
+use crate::report::progress::Shown;
 
 /// Which bags, and where their statistics go.
 #[derive(Debug, clap::Args)]

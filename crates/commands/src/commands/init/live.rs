@@ -10,8 +10,8 @@ use tactile_pose_fusion::msg::{TFMessage, WireType, type_hash};
 use tactile_pose_fusion::ros::{Delivery, Endpoint, Listening, SubscribedTopic, TopicType};
 
 use crate::commands::live::RosArguments;
-use crate::commands::progress::Progress;
 use crate::commands::{Failure, interrupt, say};
+use crate::report::progress::Progress;
 
 /// The node that looks, unless it is given another name.
 const NODE: &str = "/tpf_init";

@@ -52,7 +52,7 @@ const GROUPS: [(&str, &[(&str, &str)]); 5] = [
 ];
 
 /// The command line with its commands by groups.
-pub(super) fn grouped(command: clap::Command) -> clap::Command {
+pub(crate) fn grouped(command: clap::Command) -> clap::Command {
     let mut text = String::new();
     for (want, commands) in GROUPS {
         let here = commands.iter().filter(|(name, _)| command.find_subcommand(name).is_some());

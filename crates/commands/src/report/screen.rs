@@ -1,21 +1,19 @@
 //! The terminal that a screen is drawn on.
 
-use std::io::IsTerminal;
+use std::io::{self, IsTerminal};
 use std::time::Duration;
 
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 use ratatui::{DefaultTerminal, Frame};
 use tactile_pose_fusion::leave;
 
-use super::Failure;
-
 /// A terminal that is drawn on; given back when this is dropped.
-pub(super) struct Terminal(Box<DefaultTerminal>);
+pub(crate) struct Terminal(Box<DefaultTerminal>);
 
 impl Terminal {
     /// The terminal; `None` where there is none, or `plain` asks for lines instead.
-    pub(super) fn open(plain: bool) -> Result<Option<Self>, Failure> {
-        match plain || !std::io::stdout().is_terminal() {
+    pub(crate) fn open(plain: bool) -> io::Result<Option<Self>> {
+        match plain || !io::stdout().is_terminal() {
             true => Ok(None),
             false => {
                 let terminal = ratatui::try_init()?;
@@ -25,13 +23,13 @@ impl Terminal {
         }
     }
 
-    pub(super) fn draw(&mut self, draw: impl FnOnce(&mut Frame<'_>)) -> Result<(), Failure> {
+    pub(crate) fn draw(&mut self, draw: impl FnOnce(&mut Frame<'_>)) -> io::Result<()> {
         self.0.draw(draw)?;
         Ok(())
     }
 
     /// The key that was pressed, if there is one. Ctrl-C is `q`.
-    pub(super) fn key(&self) -> Result<Option<KeyCode>, Failure> {
+    pub(crate) fn key(&self) -> io::Result<Option<KeyCode>> {
         if !event::poll(Duration::ZERO)? {
             return Ok(None);
         }

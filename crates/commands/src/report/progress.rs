@@ -7,7 +7,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tactile_pose_fusion::leave;
 use tactile_pose_fusion::observer::Observer;
 
-use super::{Voice, say, tell, voice};
+use super::said::{say, tell};
+use super::terminal::{Voice, voice};
 
 const PLAIN_EVERY: Duration = Duration::from_secs(10);
 
@@ -79,7 +80,7 @@ impl Drop for Progress {
 }
 
 /// Says the notes of a piece of work, and cancels it at an interrupt.
-pub(super) struct Said;
+pub(crate) struct Said;
 
 impl Observer for Said {
     fn note(&self, text: &str) {
@@ -102,7 +103,7 @@ impl Observer for Said {
 }
 
 /// The same, and shows how far the work is.
-pub(super) struct Shown {
+pub(crate) struct Shown {
     what: &'static str,
     new_bar: fn(&'static str, u64) -> Progress,
     bar: Mutex<Option<Progress>>,
@@ -110,12 +111,12 @@ pub(super) struct Shown {
 
 impl Shown {
     /// Work that counts bytes.
-    pub(super) fn bytes(what: &'static str) -> Self {
+    pub(crate) fn bytes(what: &'static str) -> Self {
         Shown { what, new_bar: Progress::bytes, bar: Mutex::new(None) }
     }
 
     /// Work that counts steps.
-    pub(super) fn steps(what: &'static str) -> Self {
+    pub(crate) fn steps(what: &'static str) -> Self {
         Shown { what, new_bar: Progress::steps, bar: Mutex::new(None) }
     }
 }
