@@ -196,6 +196,19 @@ pub fn only_read_here(path: &Path) -> io::Result<()> {
     refuse_remote(path, "this is read on this machine only: copy it, and give a path")
 }
 
+/// Refuses a folder that is read on this machine and is not there.
+///
+/// # Errors
+/// One line that says so.
+pub fn only_folder_here(path: &Path) -> io::Result<()> {
+    only_read_here(path)?;
+    match local(path) {
+        Some(here) if !here.exists() => Err(io::Error::new(io::ErrorKind::NotFound, "there is no such folder")),
+        Some(here) if !here.is_dir() => Err(io::Error::new(io::ErrorKind::NotADirectory, "is no folder")),
+        _ => Ok(()),
+    }
+}
+
 fn refuse_remote(path: &Path, why: &str) -> io::Result<()> {
     match uri::of(path) {
         Where::Here(_) => Ok(()),

@@ -392,14 +392,6 @@ impl BagReader {
     pub fn look_for_definitions_in(&mut self, folder: &Path) -> Result<(), BagError> {
         location::only_read_here(folder).map_err(|error| BagError::io(folder, "open", error))?;
         let here = location::local(folder);
-        if let Some(here) = here.as_deref().filter(|here| !here.is_dir()) {
-            let why = match here.exists() {
-                true => "is no folder; give the folder that holds PACKAGE/msg/TYPE.msg",
-                false => "there is no such folder; give the one that holds PACKAGE/msg/TYPE.msg",
-            };
-            let error = std::io::Error::new(std::io::ErrorKind::NotFound, why);
-            return Err(BagError::io(folder, "open", error));
-        }
         self.table.look_among(Types::of_this_machine(here.as_deref()));
         Ok(())
     }

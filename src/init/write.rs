@@ -41,7 +41,7 @@ impl<'a> Request<'a> {
         let path = || self.output.to_path_buf();
         if let Some(folder) = self.message_definitions {
             let refuse = |error: std::io::Error| InitFileError::Path { path: folder.into(), reason: error.to_string() };
-            location::only_read_here(folder).map_err(refuse)?;
+            location::only_folder_here(folder).map_err(refuse)?;
         }
         match location::check_output(self.output, self.overwrite) {
             Ok(_) => Ok(()),

@@ -25,6 +25,14 @@ pub enum InspectError {
     /// A model can't be read.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// The folder with definitions of types can't be used.
+    #[error("{path}: {error}; give the folder that holds PACKAGE/msg/TYPE.msg")]
+    Definitions {
+        /// The folder.
+        path: String,
+        /// Why not.
+        error: std::io::Error,
+    },
     /// It was to end.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -88,7 +96,11 @@ impl BagReport {
     /// [`InspectError`] when the bag can't be read, or the observer cancels.
     pub fn read(path: &Path, definitions: Option<&Path>, observer: &dyn Observer) -> Result<Self, InspectError> {
         let mut reader = BagReader::open_as_written(&[path.to_path_buf()])?;
-        definitions.map_or(Ok(()), |folder| reader.look_for_definitions_in(folder))?;
+        if let Some(folder) = definitions {
+            let refuse = |error| InspectError::Definitions { path: shown(folder), error };
+            location::only_folder_here(folder).map_err(refuse)?;
+            reader.look_for_definitions_in(folder)?;
+        }
         reader.notes().iter().for_each(|note| observer.note(&printable(note)));
         let mut gather = Gather::new(reader.definitions().clone());
         loop {

@@ -199,4 +199,11 @@ fn a_type_that_the_bag_does_not_define_is_one_that_is_installed() {
     let inspect = |more: &[&str]| tpf(folder, &[&["inspect", "humble.db3"], more].concat()).ok().stdout;
     assert!(inspect(&[]).contains("the bag has no definition of its type: glove_msgs/msg/Raw"), "{}", inspect(&[]));
     assert!(!inspect(&["--message-definitions", "prefix/share"]).contains("no definition"));
+    // Whoever names a folder on the command line wants it to be used; one in the parameters may be of another machine.
+    let gone = ["--message-definitions", "gone/share"];
+    let expected = "gone/share: there is no such folder; give the folder that holds PACKAGE/msg/TYPE.msg";
+    assert!(tpf(folder, &[&["inspect", "humble.db3"], &gone[..]].concat()).failure().contains(expected));
+    let init = tpf(folder, &[&["init", "humble.db3", "-o", "made.yaml", "--yes"], &gone[..]].concat());
+    assert!(init.failure().contains("gone/share: there is no such folder"), "{init:?}");
+    reader.look_for_definitions_in(&folder.join("gone/share")).unwrap();
 }
