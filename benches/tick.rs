@@ -16,6 +16,10 @@ use common::fake::{config, joints, region, tactile};
 use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::glove::Glove;
 use tactile_pose_fusion::model::{BackendChoice, ModelSpec, load, vectors};
+use tactile_pose_fusion::observer::Unobserved;
+use tactile_pose_fusion::sim::{Activity, Conditions, Fingers, SessionSpec, Tracking};
+use tactile_pose_fusion::synthetic;
+use tactile_pose_fusion::zero::{self, KnownModels, Wanted};
 
 const FINGERS: [&str; 5] = ["thumb", "index", "middle", "ring", "little"];
 const JOINTS: [&str; 4] = ["dip", "pip", "mcp_flex", "mcp_abd"];
@@ -39,19 +43,33 @@ fn hand(backend: BackendChoice) -> Fusion {
     common::fake::fusion(cfg, vec![load(&spec).unwrap().regressor])
 }
 
-/// The hand of `params/hand1.yaml`: a fingertip each has an adaptive model, which follows its artifact.
+/// The hand of `params/hand1.yaml`: a fingertip each has an adaptive model. The artifact of a synthetic donning is followed.
 fn adaptive_hand() -> Fusion {
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("session");
+    let spec = SessionSpec {
+        glove: 1,
+        user: 1,
+        session: 1,
+        seed: 5,
+        minutes: 1.7,
+        activity: Activity::Protocol,
+        tracking: Tracking::Markers,
+        conditions: Conditions { fingers: Fingers::All, ..Conditions::default() },
+    };
+    synthetic::write(&spec, &session, false, &Unobserved).unwrap();
     let params = Path::new(env!("CARGO_MANIFEST_DIR")).join("params/hand1.yaml");
-    let mut core = Glove::load(params).unwrap().into_core().unwrap();
-    let sources: Vec<_> = core.config().tactile_source_idxs().collect();
-    for source in sources {
-        core.handle_baseline(source, Baseline::from_median(vec![0.0; N_TAXELS * FINGERS.len()])).unwrap();
-    }
+    let glove = Glove::load(params).unwrap();
+    let names = glove.config().models().iter().map(|model| model.name.as_str());
+    let known = names.zip(glove.models()).map(|(name, info)| (name, info.sha256.as_str(), &info.contract));
+    let zero = zero::find(Wanted::Any, glove.config(), &[session], &KnownModels::new(known)).unwrap();
+    let mut core = glove.into_core().unwrap();
+    zero.install(&mut core).unwrap();
     core
 }
 
 /// Seconds of each of `n` ticks, sorted.
-fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> Vec<f64> {
+fn ticks(fusion: &mut Fusion, is_adaptive: bool, first: i64, n: i64, period: Option<Duration>) -> Vec<f64> {
     let of_thumb = ["thumb_ip", "thumb_mcp", "thumb_cmc_flex", "thumb_cmc_abd"].map(str::to_owned);
     let of_finger = |finger| JOINTS.iter().map(move |joint| format!("{finger}_{joint}"));
     let names: Vec<String> = FINGERS[1..].iter().flat_map(of_finger).chain(of_thumb).collect();
@@ -72,6 +90,8 @@ fn ticks(fusion: &mut Fusion, first: i64, n: i64, period: Option<Duration>) -> V
             let tick = fusion.poll().unwrap().expect("a frame has its joints and is run");
             let taken = began.elapsed().as_secs_f64();
             assert!(k < 63 || tick.estimates.iter().all(|estimate| estimate.force.is_some()));
+            let follows = |estimate: &Estimate| !matches!(estimate.adaptation, Adaptation::Off | Adaptation::Frozen);
+            assert!(k < 63 || tick.estimates.iter().all(|estimate| follows(estimate) == is_adaptive));
             taken
         })
         .collect();
@@ -83,19 +103,19 @@ fn main() {
     println!("vectors of the built-in code: {}\n", vectors());
     println!("| five regions, one tick | ticks | p50 us | p99 us | p99.9 us | max us |\n|---|---|---|---|---|---|");
     let mut ways = vec![
-        ("the built-in code", hand(BackendChoice::Builtin)),
-        ("adaptive models, the built-in code", adaptive_hand()),
-        ("RTen", hand(BackendChoice::Rten)),
+        ("the built-in code", hand(BackendChoice::Builtin), false),
+        ("adaptive models, the built-in code", adaptive_hand(), true),
+        ("RTen", hand(BackendChoice::Rten), false),
     ];
     if common::onnx_runtime_is_here() {
-        ways.push(("ONNX Runtime", hand(BackendChoice::OnnxRuntime)));
+        ways.push(("ONNX Runtime", hand(BackendChoice::OnnxRuntime), false));
     }
-    for (name, mut fusion) in ways {
+    for (name, mut fusion, is_adaptive) in ways {
         let mut first = 0;
         for (how, n, period) in
             [("", 200, None), ("one after the other", N_BACK_TO_BACK, None), ("at 100 Hz", N_PACED, Some(PERIOD))]
         {
-            let seconds = ticks(&mut fusion, first, n, period);
+            let seconds = ticks(&mut fusion, is_adaptive, first, n, period);
             first += n;
             if how.is_empty() {
                 continue; // to warm up
