@@ -114,8 +114,9 @@
 //! - `tpf replay` calls [`replay::run`], `tpf train` `training::run`, and `tpf run` `ros::run`. `tpf eval` calls
 //!   [`evaluate::run_with`], which does what [`evaluate::run`] does and also passes on the frames of each session.
 //!   `tpf eval --partial` calls [`evaluate::run_partial`], and `tpf merge` [`evaluate::merge`]. `tpf eval` scores only
-//!   the test part unless `--whole` or `--held-out` is given; a request from [`evaluate::Request::new`] scores every frame. The program `tpf` is in a crate of its own,
-//!   `tactile_pose_fusion_commands`, which uses the library like any other program.
+//!   the test part unless `--whole` or `--held-out` is given; a request from [`evaluate::Request::new`] scores every
+//!   frame. The program `tpf` is in a crate of its own, `tactile_pose_fusion_commands`, which uses the library like any
+//!   other program.
 //! - Parameters and their defaults are in [`config::keys`], wire types in [`msg`], bags in [`bag`], models in
 //!   [`model`], metrics in [`eval`], and labels and annotations of recordings in [`recording`] and [`sessions`].
 //! - The networks for training are in `train`. `training` makes a model file from bags. The live node is in `ros`.

@@ -228,7 +228,7 @@ fn listed(counts: &[(&str, u64)]) -> String {
     })
 }
 
-/// The words for one of what stands in the plural: its first word, or both of `time jumps`.
+/// The words for one of what begins with a plural: `frame interpolated, ...`.
 fn one_of(what: &str) -> String {
     let plural = ["gaps", "time jumps", "frames", "messages"].into_iter().find(|plural| what.starts_with(plural));
     plural

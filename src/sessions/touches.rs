@@ -42,11 +42,9 @@ impl KnownForces {
 
 /// Index of the region of a touch that a person told.
 fn region_of(cfg: &Config, name: &str) -> Result<usize, String> {
-    let mut names = cfg.fusion().regions().iter().map(|region| region.name.as_str());
-    names.clone().position(|region| region == name).ok_or_else(|| {
-        let names = names.by_ref().collect::<Vec<_>>().join(", ");
-        format!("--touch names region {name}, the parameters have {names}")
-    })
+    let names: Vec<&str> = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect();
+    let found = names.iter().position(|region| *region == name);
+    found.ok_or_else(|| format!("--touch names region {name}, the parameters have {}", names.join(", ")))
 }
 
 /// A reading of a force sensor.

@@ -305,7 +305,8 @@ impl Subject {
         around.fusion_nodes().iter().filter(|name| **name == node).count()
     }
 
-    /// The estimates that the node would have made. Nothing if an input that fails explains why there are none.
+    /// The estimates that the node would have made. Nothing if an input that fails explains why there are none, or if none
+    /// can be tried and the node runs already.
     fn of_estimates(&mut self, input_fails: bool, runs_already: bool) -> Option<Finding> {
         let (core, elapsed) = (self.core.as_ref()?, self.inputs.elapsed());
         let (outcomes, n_expected) = self.inputs.take_outcomes(elapsed, core);
@@ -313,11 +314,10 @@ impl Subject {
             let text = "no frame could be made of what came, so no estimate was tried; see the inputs";
             return (!input_fails).then(|| Finding::new("estimates", Level::Problem, text));
         }
-        if core.config().tactile_source_idxs().all(|source| core.baseline(source).is_none()) && runs_already {
-            let text = "not tried here: see what the running node says; with its calibration (--calibration FILE) they are tried here, too";
-            return Some(Finding::new("estimates", Level::Ok, text));
-        }
         if core.config().tactile_source_idxs().all(|source| core.baseline(source).is_none()) {
+            if runs_already {
+                return None; // what the node says of its own is among the findings
+            }
             let text = format!(
                 "not tried on the {} frames that came: without a calibration no node gives a force; name that of the node by --calibration",
                 outcomes.n
