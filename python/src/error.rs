@@ -203,6 +203,7 @@ impl Refusal for InspectError {
         match self {
             InspectError::Bag(_) => Kind::Bag,
             InspectError::Model(_) => Kind::Model,
+            InspectError::Definitions { .. } => Kind::Parameter,
             InspectError::Cancelled(_) => Kind::Other,
         }
     }
