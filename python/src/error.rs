@@ -203,7 +203,7 @@ impl Refusal for InspectError {
         match self {
             InspectError::Bag(_) => Kind::Bag,
             InspectError::Model(_) => Kind::Model,
-            InspectError::Definitions { .. } => Kind::Parameter,
+            InspectError::Definitions { .. } => Kind::Bag,
             InspectError::Cancelled(_) => Kind::Other,
         }
     }
