@@ -28,11 +28,12 @@ use std::collections::VecDeque;
 
 pub use artifact::{
     ARTIFACT_BASIS, Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel,
-    DonningFrames, Following, HISTORY_S, JointHistory, TOUCH_INPUTS, learn_artifact,
+    DonningFrames, Following, HISTORY_S, JointHistory, TRUST_INPUTS, learn_artifact,
 };
 pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_loaded};
 pub use config::{
-    ContactBy, ContactThresholds, FrameClock, FusionConfig, JointSource, Receipts, RegionConfig, TactileSource, Timing,
+    ContactBy, ContactThresholds, FrameClock, FusionConfig, JointSource, Receipts, RegionConfig, TOUCH_EVIDENCE,
+    TactileSource, Timing,
 };
 pub use contact::{Contact, ContactDetector, ContactEvent};
 pub use counters::{Count, Counters, TactileCount};

@@ -41,6 +41,9 @@ pub const VALIDATION_SHARE: f64 = 0.08;
 /// Share of the training windows in the air that get a light touch, for an adaptive model.
 const LIGHT_TOUCHES: f32 = 0.2;
 
+/// Copies of each session with held touches, for an adaptive model (docs/validation/2026-11-26-trust.md).
+const HELD_TOUCHES: usize = 4;
+
 /// Most copies of a session: each takes as much memory as the session.
 const MAX_HELD_TOUCHES: usize = 64;
 
@@ -59,8 +62,8 @@ pub struct Request {
     /// Weights of the auxiliary loss to try, one after the other: the model with the smallest validation loss is kept.
     /// Empty for that of [`train`](Self::train).
     pub lambdas: Vec<f32>,
-    /// Copies of each session in whose air light touches are held, for an adaptive model: its network also gets what the filter
-    /// knows of touch. 0 for one that gets the taxels alone.
+    /// Copies of each session in whose air light touches are held, for an adaptive model: its network also gets how far corrected
+    /// taxels can be trusted. 0 for one that gets the taxels alone.
     pub held_touches: usize,
     /// Frames from one training window to the next.
     pub stride: usize,
@@ -97,7 +100,7 @@ impl Request {
             },
             epochs: None,
             lambdas: Vec::new(),
-            held_touches: 0, // it finds more, and can report a touch that is over (docs/validation/2026-11-25-told-of-touch.md)
+            held_touches: if is_adaptive { HELD_TOUCHES } else { 0 },
             stride: 1,
             axes: ForceAxes::Normal,
             in_air: None,

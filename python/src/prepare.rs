@@ -143,7 +143,7 @@ pub(crate) struct Training {
     batch: Option<usize>,
     learning_rate: Option<f64>,
     light_touches: Option<f32>,
-    held_touches: usize,
+    held_touches: Option<usize>,
     axes: usize,
     stride: usize,
     seed: u64,
@@ -198,7 +198,7 @@ impl Training {
             train,
             epochs: self.epochs,
             lambdas: if self.lambdas.len() > 1 { self.lambdas.clone() } else { Vec::new() },
-            held_touches: self.held_touches,
+            held_touches: self.held_touches.unwrap_or(usual.held_touches),
             stride: self.stride,
             axes: match self.axes {
                 1 => ForceAxes::Normal,

@@ -30,8 +30,8 @@ pub const ARTIFACT_BASIS: usize = 4;
 /// Time constants of the means over a joint's past, s: skin and foam that settle within a movement, and over a grasp.
 pub const HISTORY_S: [f64; 2] = [0.35, 2.5];
 
-/// Columns that a network gets after the taxels if its artifact model has [`touch_inputs`](ArtifactModel::touch_inputs).
-pub const TOUCH_INPUTS: usize = 4;
+/// Columns that a network gets after the taxels if its artifact model has [`trust_inputs`](ArtifactModel::trust_inputs).
+pub const TRUST_INPUTS: usize = 2;
 
 /// The most gains that are followed: the cost of a step grows with their square.
 const MAX_GAINS: usize = 400;
@@ -58,10 +58,10 @@ pub struct ArtifactModel {
     pub touch: Vec<f64>,
     /// `[taxels]`, taxel units squared: variance of what shapes and gains don't explain without load.
     pub residual: Vec<f64>,
-    /// True if the network also gets what the filter knows of touch: [`TOUCH_INPUTS`] columns after the taxels
-    /// ([`ArtifactFilter::write_touch`]).
+    /// True if the network also gets how far the taxels can be trusted: [`TRUST_INPUTS`] columns after them
+    /// ([`ArtifactFilter::write_trust`]).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub touch_inputs: bool,
+    pub trust_inputs: bool,
 }
 
 /// An artifact model, a fit of it or a state that can't be used.
@@ -71,13 +71,13 @@ pub struct ArtifactError(pub(super) String);
 
 impl ArtifactModel {
     /// Columns of a network's tactile input beside the taxels.
-    pub fn n_touch_inputs(&self) -> usize {
-        if self.touch_inputs { TOUCH_INPUTS } else { 0 }
+    pub fn n_trust_inputs(&self) -> usize {
+        if self.trust_inputs { TRUST_INPUTS } else { 0 }
     }
 
     /// Columns of a network's tactile input.
     pub fn n_columns(&self) -> usize {
-        self.n_taxels + self.n_touch_inputs()
+        self.n_taxels + self.n_trust_inputs()
     }
 
     /// Number of gains.

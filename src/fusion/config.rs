@@ -82,6 +82,9 @@ impl Timing {
     }
 }
 
+/// [`ContactThresholds::touch_evidence`] unless it is set.
+pub const TOUCH_EVIDENCE: f64 = 5.0;
+
 /// The signal that contact is decided on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ContactBy {
@@ -99,6 +102,9 @@ pub struct ContactThresholds {
     pub by: ContactBy,
     /// Replaces the levels that the model gives for its touch output.
     pub touch: Option<TouchLevels>,
+    /// How much the log odds of touch above those of the lower level must add up to, over the frames before, until contact begins:
+    /// 0 for none. A probability just above the level takes longer than one that leaves no doubt.
+    pub touch_evidence: f64,
     /// At or above this force there may be contact; also the single threshold of `contact_raw`.
     pub force_on: Newton,
     /// Below this force contact may end; less than `force_on`.

@@ -1,5 +1,8 @@
-//! From force, or from the probability of touch, to contact: one threshold for the raw flag, hysteresis and debounce for
-//! the state.
+//! From force, or from the probability of touch, to contact: one threshold for the raw flag; hysteresis, debounce, and for
+//! the probability of touch the sum of its log odds, for the state.
+//!
+//! The sum is a cumulative sum test (Page, 1954): with the same delay it takes fewer doubtful frames for a touch than a longer
+//! debounce does, because frames without doubt count more.
 
 use super::config::ContactThresholds;
 use super::regressor::TouchOutput;
@@ -42,6 +45,8 @@ pub struct ContactDetector {
     since: Option<Stamp>,
     run_frames: u32,
     run_start: Stamp,
+    /// Log odds of touch above those of the lower level, added up while there is no contact, never below 0.
+    evidence: f64,
     lost: bool,
 }
 
@@ -49,7 +54,8 @@ impl ContactDetector {
     /// A detector that starts without contact, for a model with this touch output or with none.
     pub fn new(thresholds: ContactThresholds, output: Option<TouchOutput>) -> Self {
         let (since, run_start) = (None, Stamp(0));
-        ContactDetector { thresholds, output, state: false, since, run_frames: 0, run_start, lost: false }
+        let (run_frames, evidence) = (0, 0.0);
+        ContactDetector { thresholds, output, state: false, since, run_frames, run_start, evidence, lost: false }
     }
 
     /// Takes the force and the probability of touch of the frame at `stamp`, `None` where there is no estimate. A frame
@@ -78,8 +84,14 @@ impl ContactDetector {
             } else {
                 self.run_frames = 0;
             }
-            if self.run_frames >= needed.get() {
+            if let Some((touch, levels)) = by_touch.filter(|_| !self.state) {
+                // Of a number that is none, nothing is left: `max` takes the other one.
+                self.evidence = (self.evidence + log_odds(touch) - log_odds(levels.off)).max(0.0);
+            }
+            let is_beyond_doubt = self.state || by_touch.is_none() || self.evidence >= self.thresholds.touch_evidence;
+            if self.run_frames >= needed.get() && is_beyond_doubt {
                 self.state = !self.state;
+                self.evidence = 0.0;
                 self.since = Some(self.run_start);
                 self.run_frames = 0;
                 event = if self.state { ContactEvent::Onset } else { ContactEvent::Offset };
@@ -97,14 +109,14 @@ impl ContactDetector {
     /// Takes other thresholds. The state is kept until a run of forces is against it; a run so far is forgotten.
     pub fn handle_thresholds(&mut self, thresholds: ContactThresholds) {
         self.thresholds = thresholds;
-        self.run_frames = 0;
+        (self.run_frames, self.evidence) = (0, 0.0);
     }
 
     /// Forgets the state because frames were lost. A contact that was there ends with the next frame.
     pub fn handle_reset(&mut self) {
         self.lost |= self.state;
         self.state = false;
-        self.run_frames = 0;
+        (self.run_frames, self.evidence) = (0, 0.0);
     }
 
     /// Probability of touch from which there is contact, if contact is decided on it.
@@ -116,6 +128,12 @@ impl ContactDetector {
     pub fn thresholds(&self) -> &ContactThresholds {
         &self.thresholds
     }
+}
+
+/// Log odds of a probability, as if none were nearer than a millionth to 0 or 1.
+fn log_odds(probability: f64) -> f64 {
+    let probability = probability.clamp(1e-6, 1.0 - 1e-6);
+    (probability / (1.0 - probability)).ln()
 }
 
 #[cfg(test)]
@@ -130,6 +148,7 @@ mod tests {
         let thresholds = ContactThresholds {
             by: ContactBy::Model,
             touch: None,
+            touch_evidence: 0.0,
             force_on: Newton(0.02),
             force_off: Newton(0.01),
             on_frames: NonZeroU32::new(on_frames).unwrap(),
@@ -197,5 +216,28 @@ mod tests {
             ContactThresholds { touch: Some(TouchLevels { on: 0.3, off: 0.2 }), by: ContactBy::Model, ..by_force };
         detector.handle_thresholds(own);
         assert_eq!(contact(&mut detector, 0.0, Some(0.3)), (true, true, true), "the parameters before the model");
+    }
+
+    #[test]
+    fn a_doubtful_touch_takes_longer_than_one_without_doubt() {
+        let output = TouchOutput { levels: TouchLevels { on: 0.5, off: 0.25 }, false_per_min: None };
+        let begins_after = |evidence: f64, touch: &[f64]| {
+            let thresholds = ContactThresholds { touch_evidence: evidence, ..*detector(2, 1).thresholds() };
+            let mut detector = ContactDetector::new(thresholds, Some(output));
+            let mut frames = (0..).zip(touch.iter().cycle().take(1000));
+            frames.find_map(|(at, touch)| {
+                let contact = detector.handle_estimate(Stamp(at), None, Some(*touch));
+                (contact.event == ContactEvent::Onset).then_some((at, contact.since))
+            })
+        };
+        // The lower level has log odds of -1.10, so 0.5 adds 1.10 a frame, 0.999 adds 8.0.
+        assert_eq!(begins_after(6.0, &[0.999]), Some((1, Stamp(0))), "no later than its two frames");
+        assert_eq!(begins_after(6.0, &[0.5]), Some((5, Stamp(0))));
+        assert_eq!(begins_after(0.0, &[0.5]), Some((1, Stamp(0))));
+        // One frame of three is at the lower level: it takes nothing away, and the two others must follow on each other.
+        assert_eq!(begins_after(6.0, &[0.25, 0.6, 0.6]), Some((5, Stamp(4))));
+        assert_eq!(begins_after(6.0, &[0.6, 0.6, 0.6, 0.001]), None, "doubt takes away what was there");
+        assert_eq!(begins_after(6.0, &[0.6, 0.6, 0.6, f64::NAN]), None);
+        assert_eq!(begins_after(6.0, &[1.0]), Some((1, Stamp(0))), "a certain one is finite");
     }
 }

@@ -431,10 +431,10 @@ impl Region {
         let n_frames = (elapsed_ns as f64 / self.frame_ns).round().clamp(1.0, f64::from(i32::MAX)) as i32;
         let may_learn = trust == PoseTrust::Fresh && self.faults.is_empty() && !self.faulty;
         let pose = (trust != PoseTrust::Stale).then_some(self.pose.as_slice());
-        let (tactile, touch) = self.tactile.split_at_mut(self.n_taxels);
+        let (tactile, trust) = self.tactile.split_at_mut(self.n_taxels);
         self.adaptation = artifact.correct(tactile, pose, n_frames, may_learn);
-        if !touch.is_empty() {
-            artifact.write_touch(touch);
+        if !trust.is_empty() {
+            artifact.write_trust(trust);
         }
     }
 

@@ -168,7 +168,7 @@ impl Contract {
 
     /// Columns of the tactile input in a frame: the taxels, and what the artifact filter knows of touch if the network gets it.
     pub fn n_columns(&self) -> usize {
-        self.n_taxels + self.any_artifact().map_or(0, |artifact| artifact.n_touch_inputs())
+        self.n_taxels + self.any_artifact().map_or(0, |artifact| artifact.n_trust_inputs())
     }
 
     fn any_artifact(&self) -> Option<&Arc<ArtifactModel>> {

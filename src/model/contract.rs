@@ -74,7 +74,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
 
     let tensors = find_tensors(path, &spec.names, &inputs, &outputs)?;
     let named = |list: &[TensorInfo], name: &str| list.iter().find(|tensor| tensor.name == name).cloned();
-    let n_touch_inputs = touch_inputs(path, metadata)?;
+    let n_trust_inputs = trust_inputs(path, metadata)?;
     let mut batch = Batch::Dynamic;
     let mut window_from_shape = None;
     let mut n_taxels = None;
@@ -82,7 +82,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
     if let Some(tactile) = named(&inputs, &tensors.tactile) {
         let [frames, width] = input_shape(path, &tactile, "[N, window, taxels]", &mut batch)?;
         window_from_shape = agree(path, &tactile, "window", frames, metadata.window)?;
-        let width = width.map(|width| without_touch(path, &tactile, width, n_touch_inputs)).transpose()?;
+        let width = width.map(|width| without_trust(path, &tactile, width, n_trust_inputs)).transpose()?;
         n_taxels = agree(path, &tactile, "taxels", width, metadata.n_taxels)?;
     }
     if let Some(pose) = tensors.pose.as_ref().and_then(|name| named(&inputs, name)) {
@@ -114,7 +114,7 @@ pub(super) fn settle(graph: &GraphProto, metadata: &Metadata, spec: &ModelSpec) 
         Some(pose) => known(n_joints, pose, "joints", "joints")?,
         None => 0,
     };
-    let window = checked_window(path, &tensors, window, n_taxels.saturating_add(n_touch_inputs).max(n_joints))?;
+    let window = checked_window(path, &tensors, window, n_taxels.saturating_add(n_trust_inputs).max(n_joints))?;
     check_artifact(path, metadata, n_taxels)?;
     check_regions(path, metadata, &tensors, n_taxels)?;
     check_joints(path, metadata, &tensors, n_joints)?;
@@ -267,29 +267,29 @@ fn agree(
     }
 }
 
-/// Columns of touch after the taxels, by the metadata.
-fn touch_inputs(path: &Path, metadata: &Metadata) -> Result<usize, ModelError> {
+/// Columns of trust after the taxels, by the metadata.
+fn trust_inputs(path: &Path, metadata: &Metadata) -> Result<usize, ModelError> {
     let of_regions = metadata.regions.iter().map(|(name, terms)| (name.as_str(), &*terms.artifact));
     let mut artifacts = metadata.artifact.iter().map(|artifact| ("", artifact)).chain(of_regions);
     let Some((first, artifact)) = artifacts.next() else { return Ok(0) };
-    let n = artifact.n_touch_inputs();
-    match artifacts.find(|(_, other)| other.n_touch_inputs() != n) {
+    let n = artifact.n_trust_inputs();
+    match artifacts.find(|(_, other)| other.n_trust_inputs() != n) {
         None => Ok(n),
         Some((other, _)) => Err(ModelError::Conflict {
             path: path.to_path_buf(),
-            first: format!("metadata regions has {n} columns of touch for {}", one_line(first)),
+            first: format!("metadata regions has {n} columns of trust for {}", one_line(first)),
             second: format!("another number for {}", one_line(other)),
-            remedy: "all regions get the same columns: give touch_inputs to all or to none".into(),
+            remedy: "all regions get the same columns: give trust_inputs to all or to none".into(),
         }),
     }
 }
 
-/// Taxels of an input of so many columns, the last of which are of touch.
-fn without_touch(path: &Path, tactile: &TensorInfo, width: usize, n_touch_inputs: usize) -> Result<usize, ModelError> {
-    width.checked_sub(n_touch_inputs).filter(|n_taxels| n_touch_inputs == 0 || *n_taxels > 0).ok_or_else(|| {
+/// Taxels of an input of so many columns, the last of which are of trust.
+fn without_trust(path: &Path, tactile: &TensorInfo, width: usize, n_trust_inputs: usize) -> Result<usize, ModelError> {
+    width.checked_sub(n_trust_inputs).filter(|n_taxels| n_trust_inputs == 0 || *n_taxels > 0).ok_or_else(|| {
         ModelError::Conflict {
             path: path.to_path_buf(),
-            first: format!("metadata artifact has touch_inputs, which are {n_touch_inputs} columns after the taxels"),
+            first: format!("metadata artifact has trust_inputs, which are {n_trust_inputs} columns after the taxels"),
             second: format!("input {} is {}", one_line(&tactile.name), one_line(&tactile.shape_text())),
             remedy: "export it with metadata of its own".into(),
         }

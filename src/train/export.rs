@@ -83,9 +83,9 @@ fn check_card(network: &Network, card: &ModelCard) -> Result<(), TrainError> {
     let mut artifacts = card.artifact.iter().chain(card.regions.values().map(|terms| &*terms.artifact));
     let is_of_other = |artifact: &&ArtifactModel| artifact.n_columns() != network.architecture.n_taxels;
     if let Some(artifact) = artifacts.find(is_of_other) {
-        let (n_taxels, n_touch) = (artifact.n_taxels, artifact.n_touch_inputs());
+        let (n_taxels, n_trust) = (artifact.n_taxels, artifact.n_trust_inputs());
         return refuse(format!(
-            "the artifact model is of {n_taxels} taxels and {n_touch} columns of touch, the network of {} in all",
+            "the artifact model is of {n_taxels} taxels and {n_trust} columns of trust, the network of {} in all",
             network.architecture.n_taxels
         ));
     }
@@ -119,13 +119,13 @@ fn check_card(network: &Network, card: &ModelCard) -> Result<(), TrainError> {
 fn metadata(network: &Network, card: &ModelCard) -> Vec<(&'static str, String)> {
     let Architecture { kind, window, n_taxels, .. } = network.architecture;
     let of_several = || card.regions.values().next().map(|terms| &*terms.artifact);
-    let n_touch_inputs = card.artifact.as_ref().or_else(of_several).map_or(0, ArtifactModel::n_touch_inputs);
+    let n_trust_inputs = card.artifact.as_ref().or_else(of_several).map_or(0, ArtifactModel::n_trust_inputs);
     let mut entries = vec![
         ("tpf.contract", crate::model::metadata::CONTRACT_VERSION.to_string()),
         ("unit", unit_name(ForceUnit::GramForce).to_string()),
         ("rate_hz", card.rate_hz.to_string()),
         ("window", window.to_string()),
-        ("taxels", n_taxels.saturating_sub(n_touch_inputs).to_string()),
+        ("taxels", n_taxels.saturating_sub(n_trust_inputs).to_string()),
     ];
     if !card.regions.is_empty() {
         entries.push(("regions", crate::model::metadata::regions_text(&card.regions)));

@@ -9,7 +9,9 @@ use super::error::TrainError;
 use super::network::Network;
 use super::trainer::on_threads;
 use crate::eval::{Part, Tally};
-use crate::fusion::{ContactBy, ContactDetector, ContactEvent, ContactThresholds, TouchLevels, TouchOutput, Windows};
+use crate::fusion::{
+    ContactBy, ContactDetector, ContactEvent, ContactThresholds, TOUCH_EVIDENCE, TouchLevels, TouchOutput, Windows,
+};
 use crate::units::{Newton, Stamp};
 
 /// Number of windows assembled at once.
@@ -26,6 +28,9 @@ const ON_FRAMES: NonZeroU32 = NonZeroU32::new(2).expect("it is above 0");
 
 /// Frames before contact ends, as the node has them by default.
 const OFF_FRAMES: NonZeroU32 = NonZeroU32::new(3).expect("it is above 0");
+
+/// A balanced accuracy that is lower by no more than this is as good.
+const AS_GOOD: f64 = 0.0002;
 
 /// A frame of the validation part.
 struct Judged {
@@ -60,7 +65,7 @@ pub struct TriedLevel {
 }
 
 /// Calibrates the touch output of a network to a probability on the validation part, and finds its contact thresholds:
-/// those with the best balanced accuracy, the highest if several are equal.
+/// the highest ones whose balanced accuracy is within 0.02 points of the best.
 ///
 /// `None` for a network without such an output, and if the validation part lacks touch or air.
 ///
@@ -165,9 +170,11 @@ fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
     (gain > 0.0).then_some((gain, shift))
 }
 
-/// The threshold with the best balanced accuracy, the highest if several are equal.
+/// The highest threshold whose balanced accuracy is as good as the best one's: around it the balanced accuracy hardly changes, and the
+/// higher one has fewer false touches.
 fn best(tried: &[TriedLevel]) -> Option<TriedLevel> {
-    tried.iter().copied().max_by(|a, b| a.ba.total_cmp(&b.ba))
+    let best = tried.iter().map(|level| level.ba).max_by(f64::total_cmp)?;
+    tried.iter().copied().filter(|level| level.ba >= best - AS_GOOD).max_by(|a, b| a.on.total_cmp(&b.on))
 }
 
 fn try_level(frames: &[Judged], on: f64, rate_hz: f64) -> TriedLevel {
@@ -189,6 +196,7 @@ fn false_per_min(frames: &[Judged], levels: TouchLevels, rate_hz: f64) -> Option
     let thresholds = ContactThresholds {
         by: ContactBy::Model,
         touch: Some(levels),
+        touch_evidence: TOUCH_EVIDENCE,
         force_on: Newton(f64::INFINITY),
         force_off: Newton(f64::INFINITY),
         on_frames: ON_FRAMES,
@@ -254,6 +262,9 @@ mod tests {
         let tried: Vec<TriedLevel> = [0.3, 0.31, 0.89, 0.9].map(|on| try_level(&frames, on, 100.0)).into();
         assert_eq!(tried.iter().map(|level| level.ba).collect::<Vec<_>>(), [0.5, 1.0, 1.0, 0.5]);
         assert_eq!(best(&tried).map(|level| level.on), Some(0.89));
+        let level = |on: f64, ba: f64| TriedLevel { on, ba, mdf_gf: None, false_per_min: None };
+        let nearly = [level(0.4, 0.98), level(0.5, 0.9824), level(0.6, 0.9823), level(0.7, 0.982)];
+        assert_eq!(best(&nearly).map(|level| level.on), Some(0.6), "within 0.02 points of the best");
         assert_eq!(tried[2].false_per_min, Some(0.0));
         // One false touch in 3 s.
         assert!((tried[0].false_per_min.unwrap() - 20.0).abs() < 1e-9);

@@ -83,7 +83,7 @@ impl Data {
                     false => TrainingError::at(Path::new(&format!("region {}", loader.region())), &error),
                 };
                 let mut artifact = fit_artifact(&raw, loader.rate_hz()).map_err(of_region)?;
-                artifact.touch_inputs = request.held_touches > 0;
+                artifact.trust_inputs = request.held_touches > 0;
                 let artifact = Arc::new(artifact);
                 let (joints, name) = (loader.joints().to_vec(), loader.region().to_owned());
                 terms.insert(

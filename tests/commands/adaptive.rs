@@ -89,11 +89,11 @@ fn an_adaptive_model_finds_touch_on_a_user_it_does_not_know_and_best_when_it_fol
     // is left in the taxels.
     let by_force = |more: &[&str]| balanced_accuracy(&[&["--touch", "force"], more].concat());
     let (followed, left) = (by_force(&[]), by_force(&["-p", "adaptation:=none"]));
-    assert!(followed > 0.95 && 1.0 - followed < 0.6 * (1.0 - left), "{followed} followed, {left} where it is left");
+    assert!(followed > 0.95 && 1.0 - followed < 0.85 * (1.0 - left), "{followed} followed, {left} where it is left");
 }
 
 #[test]
-fn a_network_that_gets_touch_is_trained_on_copies_with_held_touches_and_finds_touch() {
+fn a_network_that_gets_trust_is_trained_on_copies_with_held_touches_and_finds_touch() {
     let folder = trained();
     let bags = [bag(folder, 1), bag(folder, 2)].map(|bag| bag.to_str().unwrap().to_owned());
     let out = tempfile::tempdir().unwrap();
@@ -105,7 +105,7 @@ fn a_network_that_gets_touch_is_trained_on_copies_with_held_touches_and_finds_to
         serde_json::from_str(&std::fs::read_to_string(out.join("told.report.json")).unwrap()).unwrap();
     assert_eq!((report["held_touches"].as_u64(), report["sessions"].as_array().unwrap().len()), (Some(2), 2));
     let told = tpf(out, &["inspect", "told.onnx"]).ok().stdout;
-    assert!(told.contains("float32 [N, 64, 10]") && told.contains("gets what is known of touch"), "{told}");
+    assert!(told.contains("float32 [N, 64, 8]") && told.contains("gets how far they can be trusted"), "{told}");
     let eval = ["eval", bags[0].as_str(), "--params-file", PARAMS, "--model", "told.onnx", "--whole", "--json"];
     let found = |more: &[&str]| find(&tpf(out, &[&eval[..], more].concat()).ok().json(), "ba").unwrap();
     let (followed, frozen) = (found(&[]), found(&["-p", "adaptation:=frozen"]));

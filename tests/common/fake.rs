@@ -77,6 +77,7 @@ pub fn region(name: &str, taxels: &[usize], joints: &[&str]) -> RegionConfig {
         contact: ContactThresholds {
             by: ContactBy::Model,
             touch: None,
+            touch_evidence: 0.0,
             force_on: Newton(0.5),
             force_off: Newton(0.25),
             on_frames: NonZeroU32::MIN,

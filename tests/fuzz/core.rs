@@ -174,7 +174,9 @@ fn event(bytes: &mut Unstructured<'_>, core: &mut Fusion, newest: &mut Stamp, n_
             let (on_frames, off_frames) = (NonZeroU32::new(2).unwrap(), NonZeroU32::MIN);
             let by = if bytes.ratio(1, 2)? { ContactBy::Model } else { ContactBy::Force };
             let touch = bytes.ratio(1, 2)?.then(|| TouchLevels::from_on(0.5));
-            let thresholds = ContactThresholds { by, touch, force_on, force_off, on_frames, off_frames };
+            let touch_evidence = *bytes.choose(&[0.0, 6.0, 1000.0])?;
+            let thresholds =
+                ContactThresholds { by, touch, touch_evidence, force_on, force_off, on_frames, off_frames };
             core.handle_thresholds(&vec![thresholds; core.config().regions().len()]).unwrap();
         }
         _ => *n_ticks += drain(core),

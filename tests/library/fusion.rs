@@ -753,7 +753,7 @@ fn artifact() -> std::sync::Arc<ArtifactModel> {
         slip_time_s: 90.0,
         touch: vec![10.0],
         residual: vec![25.0], // 0.5 gF; of less, the curve of a quick bend counts as noise of its angle
-        touch_inputs: false,
+        trust_inputs: false,
     })
 }
 
@@ -812,10 +812,10 @@ impl Regressor for Keeper {
 }
 
 #[test]
-fn a_network_that_gets_touch_has_it_beside_the_taxels() {
-    let told = ArtifactModel { touch_inputs: true, ..ArtifactModel::clone(&artifact()) };
+fn a_network_that_gets_trust_has_it_beside_the_taxels() {
+    let told = ArtifactModel { trust_inputs: true, ..ArtifactModel::clone(&artifact()) };
     let contract = Contract { has_base: false, artifact: Some(told.into()), ..contract(4, 1, 0) };
-    assert_eq!((contract.n_taxels, contract.n_columns(), contract.n_region_joints()), (1, 1 + TOUCH_INPUTS, 1));
+    assert_eq!((contract.n_taxels, contract.n_columns(), contract.n_region_joints()), (1, 1 + TRUST_INPUTS, 1));
     let newest = std::sync::Arc::default();
     let keeper = || Box::new(Keeper { contract: contract.clone(), newest: std::sync::Arc::clone(&newest) });
     let cfg = config(1, vec![region("tip", &[0], &["dip"])]);
@@ -823,7 +823,8 @@ fn a_network_that_gets_touch_has_it_beside_the_taxels() {
     core.handle_artifact(RegionIdx::at(0), fit(1.2)).unwrap();
     estimates(&mut core, &bending(0, 1000));
     let in_air = newest.lock().unwrap().clone();
-    assert!(in_air[..2].iter().all(|value| value.abs() < 20.0) && in_air[2] < 30.0, "{in_air:?}");
+    // What noise of the angles adds, and what gains leave of the artifact.
+    assert!(in_air.iter().all(|value| value.abs() < 30.0) && in_air[2] > 0.0, "{in_air:?}");
     let touching = bending(1000, 300).into_iter().map(|sample| match sample {
         Sample::Tactile { at_ns, mut values } => {
             values[0] += 200.0;
@@ -833,11 +834,11 @@ fn a_network_that_gets_touch_has_it_beside_the_taxels() {
     });
     estimates(&mut core, &touching.collect::<Vec<_>>());
     let touched = newest.lock().unwrap().clone();
-    assert!((touched[0] - 200.0).abs() < 30.0 && (touched[1] - 200.0).abs() < 30.0, "{touched:?}");
-    // Four taxels more are no touch, and a model of as many columns without it is of five taxels.
-    let five = config(5, vec![region("tip", &[0, 1, 2, 3, 4], &["dip"])]);
-    let refused = Fusion::new(five, vec![keeper()]).unwrap_err();
-    assert!(matches!(refused, SetupError::Taxels { expected: 1, got: 5, .. }), "{refused}");
+    assert!((touched[0] - 200.0).abs() < 30.0 && touched[1..].iter().all(|value| value.abs() < 30.0), "{touched:?}");
+    // Two taxels more are no trust, and a model of as many columns without it is of three taxels.
+    let three = config(3, vec![region("tip", &[0, 1, 2], &["dip"])]);
+    let refused = Fusion::new(three, vec![keeper()]).unwrap_err();
+    assert!(matches!(refused, SetupError::Taxels { expected: 1, got: 3, .. }), "{refused}");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use common::parity::Parity;
 use serde_json::json;
 use tactile_pose_fusion::eval::Part;
 use tactile_pose_fusion::fusion::{
-    ARTIFACT_BASIS, ArtifactModel, ForceAxes, ForceUnit, Forces, PoseRange, RegionTerms, SharedWindows, TOUCH_INPUTS,
+    ARTIFACT_BASIS, ArtifactModel, ForceAxes, ForceUnit, Forces, PoseRange, RegionTerms, SharedWindows, TRUST_INPUTS,
     TouchLevels, TouchOutput, Windows,
 };
 use tactile_pose_fusion::model::{self, BackendChoice, ModelError, ModelSpec};
@@ -57,7 +57,7 @@ fn artifact() -> ArtifactModel {
         slip_time_s: 90.0,
         touch: vec![2.0, 3.0, 4.0],
         residual: vec![1.0 / 3.0; 3],
-        touch_inputs: false,
+        trust_inputs: false,
     }
 }
 
@@ -234,21 +234,21 @@ fn an_adaptive_model_tells_its_artifact_and_needs_one() {
 }
 
 #[test]
-fn a_network_that_gets_touch_is_run_by_the_built_in_code_and_a_width_without_it_is_refused() {
+fn a_network_that_gets_trust_is_run_by_the_built_in_code_and_a_width_without_it_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.onnx");
-    let told = ModelCard { artifact: Some(ArtifactModel { touch_inputs: true, ..artifact() }), ..card(Kind::Adaptive) };
+    let told = ModelCard { artifact: Some(ArtifactModel { trust_inputs: true, ..artifact() }), ..card(Kind::Adaptive) };
     let narrow = trained(Kind::Adaptive).0;
-    let architecture = Architecture { n_taxels: 3 + TOUCH_INPUTS, ..narrow.architecture.clone() };
+    let architecture = Architecture { n_taxels: 3 + TRUST_INPUTS, ..narrow.architecture.clone() };
     let network = Network::new(architecture, 5).unwrap();
     std::fs::write(&path, onnx_model(&network, &told, GraphForm::Fast).unwrap()).unwrap();
     let window = network.architecture.window;
-    let tactile: Vec<f32> = (0..5 * window * (3 + TOUCH_INPUTS)).map(|idx| ((idx * 37) % 101) as f32 - 50.0).collect();
+    let tactile: Vec<f32> = (0..5 * window * (3 + TRUST_INPUTS)).map(|idx| ((idx * 37) % 101) as f32 - 50.0).collect();
     let expected = network.predict(Windows { n: 5, tactile: &tactile, pose: &[] }).unwrap();
     for backend in [BackendChoice::Builtin, BackendChoice::Rten] {
         let mut model = load(&path, backend).unwrap();
         let contract = &model.info.contract;
-        assert_eq!((contract.n_taxels, contract.n_columns()), (3, 3 + TOUCH_INPUTS));
+        assert_eq!((contract.n_taxels, contract.n_columns()), (3, 3 + TRUST_INPUTS));
         let starts: Vec<usize> = (0..5).map(|idx| idx * window).collect();
         let mut out = Forces::default();
         let windows = SharedWindows { starts: &starts, ids: &[], tactile: &tactile, pose: &[] };
@@ -257,13 +257,13 @@ fn a_network_that_gets_touch_is_run_by_the_built_in_code_and_a_width_without_it_
         assert_close(&format!("{backend:?}"), &out.touch, &expected.touch);
     }
     let refused = onnx_model(&narrow, &told, GraphForm::Fast).unwrap_err().to_string();
-    assert!(refused.contains("of 3 taxels and 4 columns of touch, the network of 3 in all"), "{refused}");
+    assert!(refused.contains("of 3 taxels and 2 columns of trust, the network of 3 in all"), "{refused}");
     // A file that says so, and has no room for the taxels.
     let artifact = serde_json::to_string(&told.artifact).unwrap();
-    common::onnx::LinearModel::new(8, 3, 2).metadata("artifact", &artifact).write(folder.path(), "narrow.onnx");
+    common::onnx::LinearModel::new(8, 2, 2).metadata("artifact", &artifact).write(folder.path(), "narrow.onnx");
     let refused = model::inspect(&folder.path().join("narrow.onnx")).unwrap_err().to_string();
     let expected =
-        "metadata artifact has touch_inputs, which are 4 columns after the taxels, but input tactile is [N, 8, 3]";
+        "metadata artifact has trust_inputs, which are 2 columns after the taxels, but input tactile is [N, 8, 2]";
     assert!(refused.contains(expected), "{refused}");
 }
 

@@ -148,7 +148,7 @@ def train(
     batch: int | None = None,
     learning_rate: float | None = None,
     light_touches: float | None = None,
-    held_touches: int = 0,
+    held_touches: int | None = None,
     axes: Literal[1, 3] = 1,
     stride: int = 1,
     seed: int = 0,
@@ -184,8 +184,8 @@ def train(
         batch: Windows in a step.
         learning_rate: Largest learning rate.
         light_touches: For `"adaptive"`: share of the windows in the air to which a light touch is added, 0 to 1.
-        held_touches: For `"adaptive"`, experimental: copies of each session with light touches held in its air, such as 4, for a
-            network that also gets what the artifact filter knows of touch; 0 for one that gets the taxels alone.
+        held_touches: For `"adaptive"`: copies of each session with light touches held in its air and other hand trackers, for a
+            network that also gets how far the taxels can be trusted; without it 4, and 0 for one that gets the taxels alone.
         axes: Axes of the model's force: the normal force, or all three where the true force has them; not for `"adaptive"`.
         stride: Frames from one training window to the next.
         seed: The same seed on the same data gives the same model.

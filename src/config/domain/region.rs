@@ -243,6 +243,7 @@ fn contact(reader: &Reader<'_>, region: Option<&str>) -> Result<ContactThreshold
     Ok(ContactThresholds {
         by,
         touch,
+        touch_evidence: reader.double(&key("touch_evidence"))?,
         force_on: Newton(force_on),
         force_off: Newton(force_off),
         on_frames: frames(&key("on_frames"))?,

@@ -1,6 +1,7 @@
 //! The table of all parameters.
 
 use super::{ParamDefault, ParamKey, ParamKind, ParamRange};
+use crate::fusion::TOUCH_EVIDENCE;
 
 use ParamDefault::{Depends, Double, Doubles, EmptyArray, Int, Required, Str};
 use ParamKind as Kind;
@@ -12,6 +13,7 @@ const STAMP_SINCE: ParamRange = OneOf(&["epoch", "boot"]);
 const CONTACT_FORCE: ParamRange = Above { min: 0.0, max: 1000.0 };
 const CONTACT_FRAMES: ParamRange = Ints { min: 1, max: 1000 };
 const CONTACT_BY: ParamRange = OneOf(&["model", "force"]);
+const TOUCH_EVIDENCE_RANGE: ParamRange = Closed { min: 0.0, max: 1000.0 };
 const TOUCH_LEVEL: ParamRange = Closed { min: 0.001, max: 0.999 };
 
 /// All parameters, in the order of the documentation.
@@ -438,6 +440,14 @@ pub static KEYS: &[ParamKey] = &[
     ParamKey::new("region.<name>.contact.touch_off", Kind::Double, Depends("contact.touch_off"), "For this region only")
         .range(TOUCH_LEVEL)
         .at_run_time(),
+    ParamKey::new(
+        "region.<name>.contact.touch_evidence",
+        Kind::Double,
+        Depends("contact.touch_evidence"),
+        "For this region only",
+    )
+    .range(TOUCH_EVIDENCE_RANGE)
+    .at_run_time(),
     // Contact.
     ParamKey::new(
         "contact.by",
@@ -462,6 +472,14 @@ pub static KEYS: &[ParamKey] = &[
         "Below this probability of touch a contact may end; must be less than touch_on, and be set together with it",
     )
     .range(TOUCH_LEVEL)
+    .at_run_time(),
+    ParamKey::new(
+        "contact.touch_evidence",
+        Kind::Double,
+        Double(TOUCH_EVIDENCE),
+        "What the log odds of touch above those of touch_off must add up to before a contact begins; 0 for none",
+    )
+    .range(TOUCH_EVIDENCE_RANGE)
     .at_run_time(),
     ParamKey::new(
         "contact.force_on",

@@ -126,8 +126,6 @@ pub struct ArtifactFilter {
     sees_touch: bool,
     /// True if it was larger by far.
     sees_held: bool,
-    /// Standard deviation of the touch at the last measurement, gF.
-    touch_deviation: f64,
     /// Standard deviation of what gains that are not known better leave of the artifact, as a touch, at the last measurement, gF.
     left_deviation: f64,
     innovation: Vec<f64>,
@@ -159,8 +157,7 @@ impl ArtifactFilter {
             is_capped: false,
             sees_touch: false,
             sees_held: false,
-            touch_deviation: UNKNOWN_VARIANCE.sqrt(),
-            left_deviation: 0.0,
+            left_deviation: UNKNOWN_VARIANCE.sqrt(),
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
             pose_noise: vec![0.0; n],
@@ -214,7 +211,7 @@ impl ArtifactFilter {
             self.covariance[(taxel * joints + row, taxel * joints + column)] += value;
         }
         self.widen_touch(CALIBRATED_VARIANCE);
-        (self.sees_touch, self.sees_held, self.touch_deviation) = (false, false, CALIBRATED_VARIANCE.sqrt());
+        (self.sees_touch, self.sees_held, self.left_deviation) = (false, false, UNKNOWN_VARIANCE.sqrt());
     }
 
     /// The calibration with the gains as they are now, to be taken up again in the same donning.
@@ -249,7 +246,7 @@ impl ArtifactFilter {
             self.covariance.column_mut(touch).fill(0.0);
         }
         self.widen_touch(UNKNOWN_VARIANCE);
-        (self.sees_touch, self.sees_held, self.touch_deviation) = (false, false, UNKNOWN_VARIANCE.sqrt());
+        (self.sees_touch, self.sees_held) = (false, false);
     }
 
     /// Takes the artifact out of a frame, `n_frames` after the last one, and learns from it.
@@ -304,23 +301,23 @@ impl ArtifactFilter {
         along / self.pattern_square()
     }
 
-    /// Writes what it knows of touch, for a network that gets it: the touch at the last measurement, its standard deviation, how
-    /// much noise of the joint angles adds, and the standard deviation of what gains that are not known better leave of the
-    /// artifact at this pose. Where there is no recent measurement, the touch is 0, and its deviation that of an unknown one.
+    /// Writes how far taxels that it corrected can be trusted, for a network that gets this: how much noise of the joint angles
+    /// adds to them, and the standard deviation of what gains that are not known better leave of the artifact at this pose.
+    /// Where gains are not followed, or not for a moment, the latter is 10 gF.
+    ///
+    /// The touch that it sees is not among it, on purpose: where it took a touch for artifact, a network that got it would go on
+    /// reporting a touch that is over (`docs/validation/2026-11-25-told-of-touch.md`).
     ///
     /// # Shapes
-    /// `out`: `[TOUCH_INPUTS]`, taxel units: what a taxel reads of so much touch on average.
-    pub fn write_touch(&self, out: &mut [f32]) {
+    /// `out`: `[TRUST_INPUTS]`, taxel units: what a taxel reads on average of a touch that is so large.
+    pub fn write_trust(&self, out: &mut [f32]) {
         let is_known = self.following == Following::On && self.fit.is_some() && self.is_recent();
-        let (touch, deviation) = match is_known {
-            true => (self.touch_gf(), self.touch_deviation.min(UNKNOWN_VARIANCE.sqrt())),
-            false => (0.0, UNKNOWN_VARIANCE.sqrt()),
-        };
-        let left = if is_known { self.left_deviation } else { 0.0 };
-        let noise = UNKNOWN_VARIANCE.sqrt() * self.doubt.ln_1p();
+        let unknown = UNKNOWN_VARIANCE.sqrt();
+        let left = if is_known { self.left_deviation.min(unknown) } else { unknown };
+        let noise = unknown * self.doubt.ln_1p();
         let reading = self.model.touch.iter().map(|touch| touch.abs()).sum::<f64>() / self.model.n_taxels as f64;
-        for (out, touch) in out.iter_mut().zip([touch, deviation, noise, left]) {
-            *out = (reading * touch) as f32;
+        for (out, deviation) in out.iter_mut().zip([noise, left]) {
+            *out = (reading * deviation) as f32;
         }
     }
 
@@ -337,7 +334,7 @@ impl ArtifactFilter {
     /// trained with: what they leave of the artifact looks like light touches. Zero with a good tracker, and for a network that
     /// gets the noise itself.
     pub fn touch_margin(&self) -> f64 {
-        if self.model.touch_inputs { 0.0 } else { self.margin_of_noise() }
+        if self.model.trust_inputs { 0.0 } else { self.margin_of_noise() }
     }
 
     fn margin_of_noise(&self) -> f64 {
@@ -478,7 +475,7 @@ impl ArtifactFilter {
             }
             self.scratch[first + taxel] = *pattern;
         }
-        if self.model.touch_inputs {
+        if self.model.trust_inputs {
             self.left_deviation = self.variance_along_scratch(0..first).max(0.0).sqrt() / square;
         }
         let noise = self.model.touch.iter().zip(&self.noise).map(|(k, noise)| k * k * noise).sum::<f64>();
@@ -536,7 +533,6 @@ impl ArtifactFilter {
         }
         let deviation = self.variance_along_scratch(first..self.state.len()).max(0.0).sqrt() / self.pattern_square();
         let touch = self.touch_gf();
-        self.touch_deviation = deviation;
         self.sees_touch = touch >= FAINT_TOUCH.max(FAINT_DEVIATIONS * deviation);
         self.sees_held = touch >= LEAST_HELD.max(HELD_DEVIATIONS * deviation);
         if self.sees_touch {

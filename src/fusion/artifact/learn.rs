@@ -124,7 +124,7 @@ pub fn learn_artifact(
         touch,
         residual,
         shapes,
-        touch_inputs: false,
+        trust_inputs: false,
     };
     model.check()?;
     Ok(model)

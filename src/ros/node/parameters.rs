@@ -416,7 +416,8 @@ mod tests {
         let (top, above) = parameters.list(&[], 1);
         assert!(top.contains(&"regions".to_owned()) && !top.iter().any(|name| name.contains('.')) && above.is_empty());
         let (contact, above) = parameters.list(&["contact".to_owned()], 1);
-        let names = ["by", "force_off", "force_on", "off_frames", "on_frames", "touch_off", "touch_on"];
+        let names =
+            ["by", "force_off", "force_on", "off_frames", "on_frames", "touch_evidence", "touch_off", "touch_on"];
         assert_eq!(contact, names.map(|name| format!("contact.{name}")));
         assert_eq!(above, ["contact"]);
     }

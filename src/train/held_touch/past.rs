@@ -9,7 +9,7 @@ use crate::train::random::Random;
 const STARTS_S: (f32, f32) = (10.0, 200.0);
 
 /// How many touches are the end of a grasp.
-const GRASPS: f32 = 0.3;
+const GRASPS: f32 = 0.6;
 
 /// Forces of a grasp, gF; how long it goes on, s; how far, as a share, and how slowly, s, its force wanders.
 const GRASP_GF: (f32, f32) = (30.0, 300.0);
@@ -99,7 +99,7 @@ mod tests {
         let mut random = Random::new(3, Stream::HeldTouch(0));
         let grasps: Vec<(Grasp, usize)> =
             (0..100).filter_map(|_| Grasp::before(1000, HZ, vec![1.0, 2.0], &mut random)).collect();
-        assert!((10..60).contains(&grasps.len()), "{} of 100", grasps.len());
+        assert!((40..80).contains(&grasps.len()), "{} of 100", grasps.len());
         for (grasp, left) in &grasps {
             let frames: Vec<(usize, f32)> = grasp.frames(5000).collect();
             assert!(frames.len() >= grasp.n_frames && frames.len() < grasp.n_frames + 2000 && *left >= 20);

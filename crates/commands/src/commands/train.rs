@@ -92,10 +92,10 @@ struct RunArgs {
     /// down [default: 0.2]
     #[arg(long, value_name = "SHARE")]
     light_touches: Option<f32>,
-    /// For adaptive, experimental: copies of each session with light touches held in its air, such as 4, for a network that also
-    /// gets what the artifact filter knows of touch; 0 for one that gets the taxels alone
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    held_touches: usize,
+    /// For adaptive: copies of each session with light touches held in its air and other hand trackers, for a network that also gets
+    /// how far the taxels can be trusted; 0 for one that gets the taxels alone [default: 4]
+    #[arg(long, value_name = "N")]
+    held_touches: Option<usize>,
     /// Frames from one training window to the next
     #[arg(long, value_name = "N", default_value_t = 1)]
     stride: usize,
@@ -223,7 +223,7 @@ impl Args {
             train,
             epochs: self.run.epochs,
             lambdas: self.loss.sweep_lambda.clone(),
-            held_touches: self.run.held_touches,
+            held_touches: self.run.held_touches.unwrap_or(of_kind.held_touches),
             stride: self.run.stride,
             axes: if self.axes == "3" { ForceAxes::Patch } else { ForceAxes::Normal },
             in_air: self.in_air.told().cloned(),

@@ -46,7 +46,7 @@ pub fn text(model: &ModelInfo) -> String {
     );
     if contract.has_artifact() {
         let more = match contract.n_columns() > contract.n_taxels {
-            true => "; the network also gets what is known of touch",
+            true => "; the network also gets how far they can be trusted",
             false => "",
         };
         line(
