@@ -28,7 +28,11 @@ fn trained() -> &'static Path {
             let bags = [bag(path, 1), bag(path, 2)].map(|bag| bag.to_str().unwrap().to_owned());
             let train =
                 ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "model.onnx"];
-            let run = tpf(path, &[&train[..], &["--steps", "400", "--batch", "16", "--seed", "1"]].concat()).ok();
+            let run = tpf(
+                path,
+                &[&train[..], &["--steps", "400", "--batch", "16", "--seed", "1", "--held-touches", "1"]].concat(),
+            )
+            .ok();
             assert!(run.stderr.contains("touch 0."), "{run:?}");
             folder
         })
@@ -355,7 +359,10 @@ fn one_model_serves_several_regions_each_with_what_pose_makes_of_its_own_taxels(
     write_hand(folder, "index, middle, ring");
     let train = |region: &str, output: &str, more: &[&str]| {
         let train = ["train", "bags", "--params-file", "hand.yaml", "--kind", "adaptive", "--region", region];
-        tpf(folder, &[&train[..], &["-o", output, "--steps", "150", "--batch", "16"], more].concat())
+        tpf(
+            folder,
+            &[&train[..], &["-o", output, "--steps", "150", "--batch", "16", "--held-touches", "0"], more].concat(),
+        )
     };
     for (region, more, expected) in [
         ("index,middle,ring", &[][..], "region ring: no bag has a true force of it"),
