@@ -410,6 +410,8 @@ fn one_model_serves_several_regions_each_with_what_pose_makes_of_its_own_taxels(
             "2",
             "--batch",
             "16",
+            "--held-touches",
+            "0",
         ],
     )
     .ok();
