@@ -130,9 +130,9 @@ impl ContactDetector {
     }
 }
 
-/// Log odds of a probability, as if none were nearer than a millionth to 0 or 1.
-fn log_odds(probability: f64) -> f64 {
-    let probability = probability.clamp(1e-6, 1.0 - 1e-6);
+/// Log odds of a probability, as if none were nearer than 1e-7 to 0 or 1.
+pub(crate) fn log_odds(probability: f64) -> f64 {
+    let probability = probability.clamp(1e-7, 1.0 - 1e-7);
     (probability / (1.0 - probability)).ln()
 }
 

@@ -11,6 +11,7 @@ use super::trainer::on_threads;
 use crate::eval::{Part, Tally};
 use crate::fusion::{
     ContactBy, ContactDetector, ContactEvent, ContactThresholds, TOUCH_EVIDENCE, TouchLevels, TouchOutput, Windows,
+    log_odds,
 };
 use crate::units::{Newton, Stamp};
 
@@ -86,7 +87,7 @@ pub fn calibrate_touch(
     }
     if let Some((gain, shift)) = fit(&frames) {
         network.move_touch(gain as f32, shift as f32)?;
-        frames.iter_mut().for_each(|frame| frame.touch = probability(gain * odds(frame.touch) + shift));
+        frames.iter_mut().for_each(|frame| frame.touch = probability(gain * log_odds(frame.touch) + shift));
     }
     let tried: Vec<TriedLevel> =
         LEVELS.map(|percent| try_level(&frames, f64::from(percent) / 100.0, rate_hz)).collect();
@@ -127,11 +128,6 @@ fn judge(network: &Network, dataset: &Dataset, threads: usize) -> Result<Vec<Jud
     Ok(frames)
 }
 
-fn odds(probability: f64) -> f64 {
-    let probability = probability.clamp(1e-7, 1.0 - 1e-7);
-    (probability / (1.0 - probability)).ln()
-}
-
 fn probability(odds: f64) -> f64 {
     1.0 / (1.0 + (-odds).exp())
 }
@@ -147,7 +143,7 @@ fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
     for _ in 0..STEPS {
         let (mut gradient, mut hessian) = ([0.0; 2], [1e-9, 0.0, 1e-9]);
         for frame in frames {
-            let x = odds(frame.touch);
+            let x = log_odds(frame.touch);
             let p = probability(gain * x + shift);
             let error = p - if frame.is_touch { high } else { low };
             let weight = p * (1.0 - p);

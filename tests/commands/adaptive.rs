@@ -28,11 +28,8 @@ fn trained() -> &'static Path {
             let bags = [bag(path, 1), bag(path, 2)].map(|bag| bag.to_str().unwrap().to_owned());
             let train =
                 ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "model.onnx"];
-            let run = tpf(
-                path,
-                &[&train[..], &["--steps", "400", "--batch", "16", "--seed", "1", "--held-touches", "1"]].concat(),
-            )
-            .ok();
+            let settings = ["--steps", "400", "--batch", "16", "--seed", "1", "--held-touches", "0"];
+            let run = tpf(path, &[&train[..], &settings].concat()).ok();
             assert!(run.stderr.contains("touch 0."), "{run:?}");
             folder
         })
@@ -93,7 +90,7 @@ fn an_adaptive_model_finds_touch_on_a_user_it_does_not_know_and_best_when_it_fol
     // is left in the taxels.
     let by_force = |more: &[&str]| balanced_accuracy(&[&["--touch", "force"], more].concat());
     let (followed, left) = (by_force(&[]), by_force(&["-p", "adaptation:=none"]));
-    assert!(followed > 0.95 && 1.0 - followed < 0.85 * (1.0 - left), "{followed} followed, {left} where it is left");
+    assert!(followed > 0.95 && 1.0 - followed < 0.6 * (1.0 - left), "{followed} followed, {left} where it is left");
 }
 
 #[test]
