@@ -35,6 +35,7 @@ pub use config::{
     ContactBy, ContactThresholds, FrameClock, FusionConfig, JointSource, Receipts, RegionConfig, TOUCH_EVIDENCE,
     TactileSource, Timing,
 };
+#[cfg(feature = "train")]
 pub(crate) use contact::log_odds;
 pub use contact::{Contact, ContactDetector, ContactEvent};
 pub use counters::{Count, Counters, TactileCount};
