@@ -100,7 +100,7 @@ fn a_network_that_gets_trust_is_trained_on_copies_with_held_touches_and_finds_to
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     let train = ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "told.onnx"];
-    let run = tpf(out, &[&train[..], &["--steps", "160", "--batch", "16", "--held-touches", "2"]].concat()).ok();
+    let run = tpf(out, &[&train[..], &["--steps", "120", "--batch", "16", "--held-touches", "2"]].concat()).ok();
     assert!(run.stderr.contains("2 sessions (synthetic), and 4 copies with held light touches: "), "{run:?}");
     let report: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("told.report.json")).unwrap()).unwrap();
@@ -358,7 +358,7 @@ fn one_model_serves_several_regions_each_with_what_pose_makes_of_its_own_taxels(
         let train = ["train", "bags", "--params-file", "hand.yaml", "--kind", "adaptive", "--region", region];
         tpf(
             folder,
-            &[&train[..], &["-o", output, "--steps", "150", "--batch", "16", "--held-touches", "0"], more].concat(),
+            &[&train[..], &["-o", output, "--steps", "40", "--batch", "16", "--held-touches", "0"], more].concat(),
         )
     };
     for (region, more, expected) in [
