@@ -104,6 +104,7 @@ fn following_artifacts_asks_for_no_memory_once_it_is_warm() {
         slip_time_s: 90.0,
         touch: vec![1.0; n_taxels],
         residual: vec![0.5; n_taxels],
+        drift: vec![1.0; n_taxels],
         trust_inputs: true,
     };
     let fit = ArtifactFit {

@@ -7,9 +7,10 @@
 //! ```
 //!
 //! Training knows the shapes `h`, how a light touch spreads over the taxels `k`, and how gains vary ([`ArtifactModel`]). The
-//! calibration of a donning finds its gains `g` and offsets `o` ([`ArtifactFitter`]). Gains wander while the glove is worn: an
-//! [`ArtifactFilter`] follows them, together with the touch `f`, so that a touch is not learned as a change of gains.
+//! calibration of a donning finds its gains `g` and offsets `o` ([`ArtifactFitter`]). Gains wander while the glove is worn, and offsets
+//! drift: an [`ArtifactFilter`] follows them, together with the touch `f`, so that a touch is not learned as a change of gains.
 
+mod drift;
 mod filter;
 mod fit;
 mod history;
@@ -32,6 +33,9 @@ pub const HISTORY_S: [f64; 2] = [0.35, 2.5];
 
 /// Columns that a network gets after the taxels if its artifact model has [`trust_inputs`](ArtifactModel::trust_inputs).
 pub const TRUST_INPUTS: usize = 2;
+
+/// Time constant of the drift of offsets, s: taxels and their electronics warm up and settle.
+const DRIFT_TIME_S: f64 = 300.0;
 
 /// The most gains that are followed: the cost of a step grows with their square.
 const MAX_GAINS: usize = 400;
@@ -58,6 +62,10 @@ pub struct ArtifactModel {
     pub touch: Vec<f64>,
     /// `[taxels]`, taxel units squared: variance of what shapes and gains don't explain without load.
     pub residual: Vec<f64>,
+    /// `[taxels]`, taxel units: standard deviation of each offset over many minutes of one donning, as the zero of the taxels
+    /// drifts. Empty if offsets are not followed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drift: Vec<f64>,
     /// True if the network also gets how far the taxels can be trusted: [`TRUST_INPUTS`] columns after them
     /// ([`ArtifactFilter::write_trust`]).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -117,6 +125,12 @@ impl ArtifactModel {
         if self.touch.iter().all(|touch| *touch == 0.0) {
             return refuse("touch is 0 for every taxel".to_owned());
         }
+        if !self.drift.is_empty() && self.drift.len() != n {
+            return refuse(format!("{} numbers in drift, expected {n} or none", self.drift.len()));
+        }
+        if self.drift.iter().any(|value| !(*value >= 0.0 && *value <= 1e6)) {
+            return refuse("a number in drift that is not 0 to 1000000".to_owned());
+        }
         let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
         if !within(self.slip, 0.0, 10.0) || !within(self.slip_common, 0.0, 1.0) || !within(self.slip_time_s, 0.1, 1e6) {
             return refuse(format!(
@@ -130,10 +144,10 @@ impl ArtifactModel {
     /// Writes the shapes for basis functions of the joints.
     ///
     /// # Shapes
-    /// `basis`: `[joints, ARTIFACT_BASIS]`; `out`: `[taxels, joints]`.
-    fn write_shapes(&self, basis: &[f64], out: &mut [f64]) {
+    /// `basis`: `[joints, ARTIFACT_BASIS]`; `out`: `[taxels, width]`, of which the first `[joints]` of each taxel are written.
+    fn write_shapes(&self, basis: &[f64], width: usize, out: &mut [f64]) {
         let of_taxel = self.n_joints * ARTIFACT_BASIS;
-        for (out, shapes) in out.chunks_exact_mut(self.n_joints).zip(self.shapes.chunks_exact(of_taxel)) {
+        for (out, shapes) in out.chunks_exact_mut(width).zip(self.shapes.chunks_exact(of_taxel)) {
             let pairs = shapes.chunks_exact(ARTIFACT_BASIS).zip(basis.chunks_exact(ARTIFACT_BASIS));
             for (out, (shape, basis)) in out.iter_mut().zip(pairs) {
                 *out = shape.iter().zip(basis).map(|(weight, value)| weight * value).sum();

@@ -352,6 +352,7 @@ mod tests {
             slip_time_s: 90.0,
             touch: vec![10.0, 20.0],
             residual: vec![25.0; 2],
+            drift: Vec::new(),
             trust_inputs: true,
         };
         model.check().unwrap();
@@ -456,7 +457,12 @@ mod tests {
             copy.tactile.chunks_exact(4).map(|row| row[column]).collect()
         };
         let frozen = copy_of(7, number(Condition::Frozen));
-        assert!(column(&frozen, 3).iter().all(|left| (*left - 150.0).abs() < 1e-3));
+        let left = |copy: &SessionFrames| column(copy, 3).iter().sum::<f32>() / copy.part.len() as f32;
+        let (kept, followed) = (left(&frozen), left(&copy_of(7, number(Condition::Plain))));
+        assert!(
+            kept > 1.2 * followed && kept < 150.0,
+            "{kept} where gains are kept, {followed} where they are followed"
+        );
         let noise = |copy: &SessionFrames| column(copy, 2).iter().sum::<f32>() / copy.part.len() as f32;
         let (plain, shaken) =
             (noise(&copy_of(7, number(Condition::Plain))), noise(&copy_of(7, number(Condition::BadlyTracked))));

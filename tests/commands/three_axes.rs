@@ -199,7 +199,7 @@ fn a_glove_with_shear_is_simulated_trained_scored_and_replayed_with_three_axes()
             ["train", "bags", "--params-file", "shear.yaml", "--stride", "20", "--batch", "16", "--threads", "2"];
         tpf(path, &[&usual[..], more].concat())
     };
-    for (kind, name, steps) in [("tactile-only", "model.onnx", "40"), ("pose-aware", "pose.onnx", "10")] {
+    for (kind, name, steps) in [("tactile-only", "model.onnx", "20"), ("pose-aware", "pose.onnx", "4")] {
         let report = train(&["--kind", kind, "--axes", "3", "--steps", steps, "-o", name, "--json"]).ok().json();
         let tangential = &report["test"]["final"]["tangential"];
         assert!(

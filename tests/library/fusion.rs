@@ -753,6 +753,7 @@ fn artifact() -> std::sync::Arc<ArtifactModel> {
         slip_time_s: 90.0,
         touch: vec![10.0],
         residual: vec![25.0], // 0.5 gF; of less, the curve of a quick bend counts as noise of its angle
+        drift: Vec::new(),
         trust_inputs: false,
     })
 }

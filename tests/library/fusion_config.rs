@@ -57,6 +57,7 @@ fn a_config_that_does_not_fit_its_models_is_refused() {
         slip_time_s: 60.0,
         touch: vec![1.0; n_taxels],
         residual: vec![1.0; n_taxels],
+        drift: Vec::new(),
         trust_inputs: false,
     };
     let with = |artifact: ArtifactModel, n_joints: usize| Contract {

@@ -149,6 +149,7 @@ fn artifact() -> tactile_pose_fusion::fusion::ArtifactModel {
         slip_time_s: 30.0,
         touch: vec![0.2; 5],
         residual: vec![1.0; 5],
+        drift: Vec::new(),
         trust_inputs: false,
     }
 }

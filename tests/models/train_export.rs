@@ -57,6 +57,7 @@ fn artifact() -> ArtifactModel {
         slip_time_s: 90.0,
         touch: vec![2.0, 3.0, 4.0],
         residual: vec![1.0 / 3.0; 3],
+        drift: vec![0.5, 0.0, 2.0],
         trust_inputs: false,
     }
 }

@@ -1,9 +1,10 @@
-//! Gains of a donning followed while the glove is worn, and touch with them, by one Kalman filter.
+//! Gains and offsets of a donning followed while the glove is worn, and touch with them, by one Kalman filter.
 //!
-//! State: how far each gain is from the calibration, and what each taxel reads of a touch. Several frames are averaged to one
-//! measurement of all taxels. What goes with changes of pose can only be a gain; a level that stays while the pose changes is
-//! touch. A touch that begins or ends is an innovation along the pattern of touches that the state did not expect: it widens
-//! the touches alone. A touch that is no larger than its own uncertainty is taken for none.
+//! State: how far each gain and each offset is from the calibration, and what each taxel reads of a touch. Several frames are averaged
+//! to one measurement of all taxels. What goes with changes of pose can only be a gain; a level that stays while the pose changes
+//! is touch, unless it comes as slowly as offsets drift, and on each taxel by itself. A touch that begins or ends is an innovation
+//! along the pattern of touches that the state did not expect: it widens the touches alone. A touch that is no larger than its own
+//! uncertainty is taken for none.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,7 +12,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::history::JointHistory;
-use super::{ARTIFACT_BASIS, ArtifactError, ArtifactFit, ArtifactModel};
+use super::{ARTIFACT_BASIS, ArtifactError, ArtifactFit, ArtifactModel, DRIFT_TIME_S};
 
 /// Time of one measurement, s.
 const BLOCK_S: f64 = 0.05;
@@ -33,12 +34,18 @@ const FAINT_TOUCH: f64 = 1.5;
 const FAINT_DEVIATIONS: f64 = 2.0;
 const FAINT_VARIANCE: f64 = 100.0;
 
+/// The same for a touch that was seen before, where offsets drift: were a touch that hides the drift to become doubtful as it goes
+/// on, the offsets would take it.
+const STILL_DEVIATIONS: f64 = 1.0;
+
 /// Variance of the touch at the start of frames, gF^2: after a calibration, in which there was none, and after a gap.
 const CALIBRATED_VARIANCE: f64 = 1.0;
 const UNKNOWN_VARIANCE: f64 = 100.0;
 
-/// Share of the residual that is left in the mean of a block.
+/// Share of the residual that is left in the mean of a block: where offsets are those of the calibration, and where their drift,
+/// which is part of the residual, is a state of its own.
 const RESIDUAL_SHARE: f64 = 0.6;
+const RESIDUAL_SHARE_WITH_DRIFT: f64 = 0.25;
 
 /// Noise of the joint angles stays in the taxels for longer than a measurement, and is alike in all taxels: its
 /// variance counts as that of errors of their own by so many measurements, for each taxel.
@@ -105,13 +112,18 @@ pub struct ArtifactFilter {
     following: Following,
     fit: Option<ArtifactFit>,
     history: JointHistory,
-    /// `[taxels, joints]` of the last frame with angles.
+    /// Slow states of a taxel: its gains, and its offset if offsets are followed.
+    width: usize,
+    /// `[taxels, width]` of the last frame with angles; what the offset is multiplied with is 1.
     shapes: Vec<f64>,
-    /// `[gains, taxels]`: change of each gain since the calibration, and what each taxel reads of a touch.
+    /// `[taxels * width, taxels]`: change of each gain and offset since the calibration, and what each taxel reads of a touch.
     state: DVector<f64>,
     covariance: DMatrix<f64>,
-    /// Covariance of the slip after long.
+    /// Covariance of the changes of gains and offsets after long, and the share of each that is left after a step.
     slip: DMatrix<f64>,
+    keep: Vec<f64>,
+    /// Time for which a touch has hidden how offsets drift, s.
+    hidden_s: f64,
     /// Frames of a block, and the frames and sums of the one that is being collected.
     block_frames: usize,
     n_block: usize,
@@ -140,17 +152,22 @@ pub struct ArtifactFilter {
 impl ArtifactFilter {
     /// A filter without a calibration: it uses the mean gains of the training donnings.
     pub fn new(model: Arc<ArtifactModel>, rate_hz: f64, following: Following) -> Self {
-        let (n, n_gains) = (model.n_taxels, model.n_gains());
+        let width = model.n_joints + usize::from(!model.drift.is_empty());
+        let (n, n_slow) = (model.n_taxels, model.n_taxels * width);
+        let is_offset = |slow: usize| slow % width == model.n_joints;
         ArtifactFilter {
             history: JointHistory::new(model.n_joints, rate_hz),
-            shapes: vec![0.0; n_gains],
-            state: DVector::zeros(n_gains + n),
-            covariance: DMatrix::zeros(n_gains + n, n_gains + n),
-            slip: DMatrix::zeros(n_gains, n_gains),
+            width,
+            shapes: (0..n_slow).map(|slow| f64::from(u8::from(is_offset(slow)))).collect(),
+            state: DVector::zeros(n_slow + n),
+            covariance: DMatrix::zeros(n_slow + n, n_slow + n),
+            slip: DMatrix::zeros(n_slow, n_slow),
+            keep: vec![0.0; n_slow],
+            hidden_s: 0.0,
             block_frames: (BLOCK_S * rate_hz).round().max(1.0) as usize,
             n_block: 0,
             block_tactile: vec![0.0; n],
-            block_shapes: vec![0.0; n_gains],
+            block_shapes: vec![0.0; n_slow],
             frame_s: 1.0 / rate_hz,
             n_since: 0,
             n_without_pose: 0,
@@ -162,7 +179,7 @@ impl ArtifactFilter {
             noise: vec![0.0; n],
             pose_noise: vec![0.0; n],
             doubt: 0.0,
-            scratch: DVector::zeros(n_gains + n),
+            scratch: DVector::zeros(n_slow + n),
             fit: None,
             following,
             model,
@@ -192,36 +209,46 @@ impl ArtifactFilter {
     /// The state at the end of a calibration.
     fn begin(&mut self, fit: &ArtifactFit) {
         self.state.fill(0.0);
-        let (n, joints) = (self.model.n_taxels, self.model.n_joints);
+        let (n, joints, width) = (self.model.n_taxels, self.model.n_joints, self.width);
         let slip = self.model.slip.powi(2);
         for (first, other, joint) in
             (0..n).flat_map(|first| (0..n).flat_map(move |other| (0..joints).map(move |joint| (first, other, joint))))
         {
             let share = if first == other { 1.0 } else { self.model.slip_common };
-            let (row, column) = (first * joints + joint, other * joints + joint);
-            self.slip[(row, column)] = slip * share * fit.gains[row] * fit.gains[column];
+            let (row, column) = (first * width + joint, other * width + joint);
+            let gain = |taxel: usize| fit.gains[taxel * joints + joint];
+            self.slip[(row, column)] = slip * share * gain(first) * gain(other);
         }
-        (0..n * joints).for_each(|gain| self.slip[(gain, gain)] += LEAST_VARIANCE);
+        for (taxel, drift) in self.model.drift.iter().enumerate() {
+            let offset = taxel * width + joints;
+            self.slip[(offset, offset)] = drift * drift;
+        }
+        (0..n * width).for_each(|slow| self.slip[(slow, slow)] += LEAST_VARIANCE);
         self.covariance.fill(0.0);
-        let n_gains = self.model.n_gains();
-        self.covariance.view_mut((0, 0), (n_gains, n_gains)).copy_from(&self.slip);
+        self.covariance.view_mut((0, 0), (n * width, n * width)).copy_from(&self.slip);
         self.covariance *= SLIP_AT_START;
         for (idx, value) in fit.covariance.iter().enumerate() {
             let (taxel, column, row) = (idx / (joints * joints), idx / joints % joints, idx % joints);
-            self.covariance[(taxel * joints + row, taxel * joints + column)] += value;
+            self.covariance[(taxel * width + row, taxel * width + column)] += value;
         }
         self.widen_touch(CALIBRATED_VARIANCE);
         (self.sees_touch, self.sees_held, self.left_deviation) = (false, false, UNKNOWN_VARIANCE.sqrt());
+        self.hidden_s = 0.0;
     }
 
     /// The calibration with the gains as they are now, to be taken up again in the same donning.
     pub fn fit(&self) -> Option<ArtifactFit> {
         let mut fit = self.fit.clone()?;
-        let joints = self.model.n_joints;
-        fit.gains.iter_mut().zip(&self.state).for_each(|(gain, change)| *gain += change);
+        let (joints, width) = (self.model.n_joints, self.width);
+        for (gain, value) in fit.gains.iter_mut().enumerate() {
+            *value += self.state[gain / joints * width + gain % joints];
+        }
+        if width > joints {
+            fit.offset.iter_mut().enumerate().for_each(|(taxel, value)| *value += self.state[taxel * width + joints]);
+        }
         for (idx, value) in fit.covariance.iter_mut().enumerate() {
             let (taxel, column, row) = (idx / (joints * joints), idx / joints % joints, idx % joints);
-            *value = self.covariance[(taxel * joints + row, taxel * joints + column)];
+            *value = self.covariance[(taxel * width + row, taxel * width + column)];
         }
         Some(fit)
     }
@@ -240,7 +267,7 @@ impl ArtifactFilter {
         self.history.clear();
         self.drop_block();
         (self.n_since, self.n_without_pose) = (0, 0);
-        for touch in self.model.n_gains()..self.state.len() {
+        for touch in self.n_slow()..self.state.len() {
             self.state[touch] = 0.0;
             self.covariance.row_mut(touch).fill(0.0);
             self.covariance.column_mut(touch).fill(0.0);
@@ -264,27 +291,27 @@ impl ArtifactFilter {
         self.n_without_pose = self.n_without_pose.saturating_add(n_frames);
         if let Some(pose) = pose {
             self.history.advance(pose, std::mem::take(&mut self.n_without_pose));
-            self.model.write_shapes(self.history.basis(), &mut self.shapes);
+            self.model.write_shapes(self.history.basis(), self.width, &mut self.shapes);
             self.measure_pose_noise();
         }
         self.n_since = self.n_since.saturating_add(n_frames);
         if !self.history.has_begun() {
             return self.idle();
         }
-        let learns = may_learn && pose.is_some() && self.fit.is_some() && self.following == Following::On;
-        if learns {
+        let is_measured = may_learn && pose.is_some() && self.fit.is_some();
+        let learns = is_measured && self.following == Following::On;
+        if is_measured {
             self.block_tactile.iter_mut().zip(&*tactile).for_each(|(sum, value)| *sum += f64::from(*value));
             self.block_shapes.iter_mut().zip(&self.shapes).for_each(|(sum, shape)| *sum += shape);
             self.n_block += 1;
         } else {
             self.drop_block();
         }
-        let joints = self.model.n_joints;
         for (taxel, value) in tactile.iter_mut().enumerate() {
-            *value = (f64::from(*value) - self.artifact(taxel, &self.shapes[taxel * joints..])) as f32;
+            *value = (f64::from(*value) - self.artifact(taxel, &self.shapes[taxel * self.width..])) as f32;
         }
         if self.n_block == self.block_frames {
-            self.measure();
+            self.end_block(learns);
         }
         match learns && !self.sees_touch {
             false => self.idle(),
@@ -296,14 +323,15 @@ impl ArtifactFilter {
 
     /// The touch that the filter sees, gF: what taxels read of it, along the pattern of touches.
     pub fn touch_gf(&self) -> f64 {
-        let touches = self.state.iter().skip(self.model.n_gains());
+        let touches = self.state.iter().skip(self.n_slow());
         let along: f64 = self.model.touch.iter().zip(touches).map(|(pattern, touch)| pattern * touch).sum();
         along / self.pattern_square()
     }
 
     /// Writes how far taxels that it corrected can be trusted, for a network that gets this: how much noise of the joint angles
     /// adds to them, and the standard deviation of what gains that are not known better leave of the artifact at this pose.
-    /// Where gains are not followed, or not for a moment, the latter is 10 gF.
+    /// Where gains are kept, it counts what may have slipped since the calibration. Without a calibration, without trusted angles
+    /// for a moment, and at most, it is 10 gF.
     ///
     /// The touch that it sees is not among it, on purpose: where it took a touch for artifact, a network that got it would go on
     /// reporting a touch that is over (`docs/validation/2026-11-25-told-of-touch.md`).
@@ -311,7 +339,7 @@ impl ArtifactFilter {
     /// # Shapes
     /// `out`: `[TRUST_INPUTS]`, taxel units: what a taxel reads on average of a touch that is so large.
     pub fn write_trust(&self, out: &mut [f32]) {
-        let is_known = self.following == Following::On && self.fit.is_some() && self.is_recent();
+        let is_known = self.fit.is_some() && self.is_recent();
         let unknown = UNKNOWN_VARIANCE.sqrt();
         let left = if is_known { self.left_deviation.min(unknown) } else { unknown };
         let noise = unknown * self.doubt.ln_1p();
@@ -345,7 +373,8 @@ impl ArtifactFilter {
     pub fn change(&self) -> f64 {
         let Some(fit) = &self.fit else { return 0.0 };
         let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>();
-        let changes = squares(&mut self.state.iter().copied().take(self.model.n_gains()));
+        let is_gain = |slow: &usize| slow % self.width < self.model.n_joints;
+        let changes = squares(&mut (0..self.n_slow()).filter(is_gain).map(|gain| self.state[gain]));
         let gains = squares(&mut fit.gains.iter().copied());
         if gains > 0.0 { (changes / gains).sqrt() } else { 0.0 }
     }
@@ -353,10 +382,13 @@ impl ArtifactFilter {
     /// Artifact of a taxel for its shapes, the first ones of `shapes`.
     fn artifact(&self, taxel: usize, shapes: &[f64]) -> f64 {
         let joints = self.model.n_joints;
-        let first = taxel * joints;
         let Some(fit) = &self.fit else { return shapes[..joints].iter().sum() };
-        let gain = |joint: usize| fit.gains[first + joint] + self.state[first + joint];
-        fit.offset[taxel] + shapes[..joints].iter().enumerate().map(|(joint, shape)| gain(joint) * shape).sum::<f64>()
+        let first = taxel * self.width;
+        let gain = |joint: usize| fit.gains[taxel * joints + joint] + self.state[first + joint];
+        let drifted = if self.width > joints { self.state[first + joints] } else { 0.0 };
+        fit.offset[taxel]
+            + drifted
+            + shapes[..joints].iter().enumerate().map(|(joint, shape)| gain(joint) * shape).sum::<f64>()
     }
 
     /// Measures the noise that joint angles put into the taxels, by the slopes of the artifact at this pose.
@@ -372,7 +404,8 @@ impl ArtifactFilter {
                 let shape = &self.model.shapes[gain * ARTIFACT_BASIS..(gain + 1) * ARTIFACT_BASIS];
                 // Of the angle, its square, and the two means less the angle.
                 let slope = shape[0] + 2.0 * angle * shape[1] - shape[2] - shape[3];
-                let size = self.fit.as_ref().map_or(1.0, |fit| fit.gains[gain] + self.state[gain]);
+                let change = self.state[taxel * self.width + joint];
+                let size = self.fit.as_ref().map_or(1.0, |fit| fit.gains[gain] + change);
                 let deviation = size * slope * noise;
                 self.pose_noise[taxel] += deviation * deviation;
                 of_joint += self.model.touch[taxel] * deviation;
@@ -389,13 +422,18 @@ impl ArtifactFilter {
         self.block_shapes.fill(0.0);
     }
 
+    /// Gains and offsets that are followed.
+    fn n_slow(&self) -> usize {
+        self.model.n_taxels * self.width
+    }
+
     fn pattern_square(&self) -> f64 {
         self.model.touch.iter().map(|pattern| pattern * pattern).sum()
     }
 
     /// Adds to the variance of touch: so much, gF^2, along the pattern, and a share of it on each taxel by itself.
     fn widen_touch(&mut self, variance: f64) {
-        let first = self.model.n_gains();
+        let first = self.n_slow();
         for (column, of_column) in self.model.touch.iter().enumerate() {
             for (row, of_row) in self.model.touch.iter().enumerate() {
                 let own = if row == column { 1.0 + PATTERN_DEVIATION * PATTERN_DEVIATION } else { 1.0 };
@@ -404,19 +442,36 @@ impl ArtifactFilter {
         }
     }
 
-    /// One step of the filter, by the mean of a block.
-    fn measure(&mut self) {
-        let (joints, first) = (self.model.n_joints, self.model.n_gains());
+    /// Takes the mean of a block: to learn from it, or only to know how uncertain the artifact is at its pose.
+    fn end_block(&mut self, learns: bool) {
         let n_block = self.n_block as f64;
         self.block_shapes.iter_mut().for_each(|sum| *sum /= n_block);
-        self.predict(f64::from(self.n_since) * self.frame_s);
+        if learns {
+            self.predict(f64::from(self.n_since) * self.frame_s);
+        }
         self.n_since = 0;
+        if learns {
+            self.measure();
+        } else if self.model.trust_inputs {
+            self.look_along_touch();
+            let first = self.n_slow();
+            let (known, slipped) = (&self.covariance, (1.0 - SLIP_AT_START) * self.along_scratch(&self.slip, 0..first));
+            self.tell_left(self.along_scratch(known, 0..first) + slipped);
+        }
+        self.drop_block();
+    }
+
+    /// One step of the filter, by the mean of a block.
+    fn measure(&mut self) {
+        let (width, first) = (self.width, self.n_slow());
+        let n_block = self.n_block as f64;
+        let share = if self.model.drift.is_empty() { RESIDUAL_SHARE } else { RESIDUAL_SHARE_WITH_DRIFT };
         for taxel in 0..self.model.n_taxels {
-            let expected = self.artifact(taxel, &self.block_shapes[taxel * joints..]);
+            let expected = self.artifact(taxel, &self.block_shapes[taxel * width..]);
             let touch = self.state[first + taxel];
             self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch;
             let of_pose = ALIKE_BLOCKS * self.model.n_taxels as f64 * self.pose_noise[taxel];
-            self.noise[taxel] = RESIDUAL_SHARE * self.model.residual[taxel] + of_pose + (PATTERN_NOISE * touch).powi(2);
+            self.noise[taxel] = share * self.model.residual[taxel] + of_pose + (PATTERN_NOISE * touch).powi(2);
         }
         self.open_for_touch();
         for taxel in 0..self.model.n_taxels {
@@ -425,7 +480,6 @@ impl ArtifactFilter {
         self.doubt_faint_touch();
         self.cap();
         self.symmetrize();
-        self.drop_block();
         self.begin_again_if_broken();
     }
 
@@ -440,55 +494,73 @@ impl ArtifactFilter {
         }
     }
 
-    /// Lets time pass: gains lean back to the calibration and may have slipped, touch may have changed.
+    /// Lets time pass: gains and offsets lean back to the calibration and may have slipped and drifted, touch may have changed.
     fn predict(&mut self, elapsed_s: f64) {
-        let first = self.model.n_gains();
-        let left = (-elapsed_s / self.model.slip_time_s).exp();
+        let first = self.n_slow();
+        // While something touches, nothing tells drift from touch: were its uncertainty to grow, the touch would become doubtful.
+        self.hidden_s += elapsed_s;
+        let drift_s = if self.sees_touch { 0.0 } else { std::mem::take(&mut self.hidden_s) };
+        let [of_gain, of_offset] =
+            [elapsed_s / self.model.slip_time_s, drift_s / DRIFT_TIME_S].map(|time| (-time).exp());
+        for of_taxel in self.keep.chunks_exact_mut(self.width) {
+            let (gains, offset) = of_taxel.split_at_mut(self.model.n_joints);
+            gains.fill(of_gain);
+            offset.fill(of_offset);
+        }
         let n = self.state.len();
-        let mut slip = self.slip.as_slice().chunks_exact(first);
+        let mut slip = self.slip.as_slice().chunks_exact(first).zip(&self.keep);
         for column in self.covariance.as_mut_slice().chunks_exact_mut(n) {
-            let (of_gains, of_touches) = column.split_at_mut(first);
+            let (of_slow, of_touches) = column.split_at_mut(first);
             match slip.next() {
-                Some(slip) => {
-                    for (value, slip) in of_gains.iter_mut().zip(slip) {
-                        *value = *value * left * left + slip * (1.0 - left * left);
+                Some((slip, of_column)) => {
+                    for (value, (slip, keep)) in of_slow.iter_mut().zip(slip.iter().zip(&self.keep)) {
+                        *value = *value * of_column * keep + slip * (1.0 - of_column * keep);
                     }
-                    of_touches.iter_mut().for_each(|value| *value *= left);
+                    of_touches.iter_mut().for_each(|value| *value *= of_column);
                 }
-                None => of_gains.iter_mut().for_each(|value| *value *= left),
+                None => of_slow.iter_mut().zip(&self.keep).for_each(|(value, keep)| *value *= keep),
             }
         }
-        self.state.as_mut_slice()[..first].iter_mut().for_each(|gain| *gain *= left);
+        self.state.as_mut_slice()[..first].iter_mut().zip(&self.keep).for_each(|(slow, keep)| *slow *= keep);
         self.widen_touch(TOUCH_WALK * elapsed_s);
     }
 
     /// Widens touch where the taxels together say that one began or ended.
     fn open_for_touch(&mut self) {
-        let (joints, first) = (self.model.n_joints, self.model.n_gains());
         let square = self.pattern_square();
         let along = |values: &[f64]| self.model.touch.iter().zip(values).map(|(k, value)| k * value).sum::<f64>();
         let change = along(&self.innovation) / square;
         // The variance of that: of the state, seen along the pattern, and of the measurement.
-        for (taxel, pattern) in self.model.touch.iter().enumerate() {
-            for gain in taxel * joints..(taxel + 1) * joints {
-                self.scratch[gain] = pattern * self.block_shapes[gain];
-            }
-            self.scratch[first + taxel] = *pattern;
-        }
+        self.look_along_touch();
         if self.model.trust_inputs {
-            self.left_deviation = self.variance_along_scratch(0..first).max(0.0).sqrt() / square;
+            self.tell_left(self.along_scratch(&self.covariance, 0..self.n_slow()));
         }
         let noise = self.model.touch.iter().zip(&self.noise).map(|(k, noise)| k * k * noise).sum::<f64>();
-        let deviation = (self.variance_along_scratch(0..self.state.len()) + noise).max(0.0).sqrt() / square;
+        let deviation = (self.along_scratch(&self.covariance, 0..self.state.len()) + noise).max(0.0).sqrt() / square;
         if change.abs() > ONSET_DEVIATIONS * deviation {
             self.widen_touch(4.0 * change * change);
         }
     }
 
-    /// Variance of a part of the state, along `scratch`.
-    fn variance_along_scratch(&self, part: Range<usize>) -> f64 {
+    /// Points `scratch` along the pattern of touch at the pose of the block.
+    fn look_along_touch(&mut self) {
+        let (width, first) = (self.width, self.n_slow());
+        for (taxel, pattern) in self.model.touch.iter().enumerate() {
+            for slow in taxel * width..(taxel + 1) * width {
+                self.scratch[slow] = pattern * self.block_shapes[slow];
+            }
+            self.scratch[first + taxel] = *pattern;
+        }
+    }
+
+    fn tell_left(&mut self, variance: f64) {
+        self.left_deviation = variance.max(0.0).sqrt() / self.pattern_square();
+    }
+
+    /// Variance of a part of the state with this covariance, along `scratch`.
+    fn along_scratch(&self, covariance: &DMatrix<f64>, part: Range<usize>) -> f64 {
         let along = self.scratch.as_slice();
-        let columns = self.covariance.as_slice().chunks_exact(along.len()).zip(along);
+        let columns = covariance.as_slice().chunks_exact(covariance.nrows()).zip(along);
         let of_part = columns.take(part.end).skip(part.start);
         of_part.map(|(rows, right)| right * dot(&rows[part.clone()], &along[part.clone()])).sum()
     }
@@ -496,8 +568,8 @@ impl ArtifactFilter {
     /// Updates the state by the measurement of one taxel. Noise of taxels is independent, so one after the other is the same
     /// as all at once.
     fn take(&mut self, taxel: usize) {
-        let (joints, first) = (self.model.n_joints, self.model.n_gains());
-        let gains = taxel * joints..(taxel + 1) * joints;
+        let (width, first) = (self.width, self.n_slow());
+        let gains = taxel * width..(taxel + 1) * width;
         let n = self.state.len();
         let column = |idx: usize| idx * n..(idx + 1) * n;
         let covariance = self.covariance.as_slice();
@@ -518,7 +590,7 @@ impl ArtifactFilter {
         // What the next taxels did not expect is less by what was learned here.
         let step = innovation / variance;
         for other in taxel + 1..self.model.n_taxels {
-            let gains = other * joints..(other + 1) * joints;
+            let gains = other * width..(other + 1) * width;
             let learned: f64 = gains.map(|gain| self.block_shapes[gain] * self.scratch[gain]).sum();
             self.innovation[other] -= step * (learned + self.scratch[first + other]);
         }
@@ -527,13 +599,16 @@ impl ArtifactFilter {
     /// A touch that is no larger than its uncertainty most likely is none, to either side alike: were it only below, what the
     /// noise adds would stay and what it takes would not.
     fn doubt_faint_touch(&mut self) {
-        let first = self.model.n_gains();
+        let first = self.n_slow();
         for (taxel, pattern) in self.model.touch.iter().enumerate() {
             self.scratch[first + taxel] = *pattern;
         }
-        let deviation = self.variance_along_scratch(first..self.state.len()).max(0.0).sqrt() / self.pattern_square();
+        let deviation =
+            self.along_scratch(&self.covariance, first..self.state.len()).max(0.0).sqrt() / self.pattern_square();
         let touch = self.touch_gf();
-        self.sees_touch = touch >= FAINT_TOUCH.max(FAINT_DEVIATIONS * deviation);
+        let still = self.sees_touch && !self.model.drift.is_empty();
+        let deviations = if still { STILL_DEVIATIONS } else { FAINT_DEVIATIONS };
+        self.sees_touch = touch >= FAINT_TOUCH.max(deviations * deviation);
         self.sees_held = touch >= LEAST_HELD.max(HELD_DEVIATIONS * deviation);
         if self.sees_touch {
             return;
@@ -559,7 +634,7 @@ impl ArtifactFilter {
 
     fn cap(&mut self) {
         self.is_capped = false;
-        for gain in 0..self.model.n_gains() {
+        for gain in 0..self.n_slow() {
             let limit = MAX_DEVIATIONS * self.slip[(gain, gain)].sqrt();
             self.is_capped |= self.state[gain].abs() > limit;
             self.state[gain] = self.state[gain].clamp(-limit, limit);

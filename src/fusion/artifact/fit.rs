@@ -95,7 +95,7 @@ impl ArtifactFitter {
         if !takes || !is_at_zero_load {
             return;
         }
-        self.model.write_shapes(self.history.basis(), &mut self.shapes);
+        self.model.write_shapes(self.history.basis(), self.model.n_joints, &mut self.shapes);
         self.n_frames += 1;
         let joints = self.model.n_joints;
         for (taxel, value) in tactile.iter().enumerate() {

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::drift;
 use super::history::JointHistory;
 use super::{ARTIFACT_BASIS, ArtifactError, ArtifactModel, HISTORY_S};
 
@@ -15,7 +16,7 @@ const AIR_DEVIATIONS: f32 = 3.5;
 const LIGHT_GF: std::ops::Range<f32> = 5.0..30.0;
 
 /// One of so many frames in the air is taken for the shapes: neighbours say nearly the same.
-const STRIDE: usize = 7;
+pub(super) const STRIDE: usize = 7;
 
 /// Frames that shapes and the pattern of touch need at least.
 const LEAST_FRAMES: usize = 200;
@@ -33,7 +34,7 @@ const PRIOR_DONNINGS: f64 = 1.0;
 const VARIANCE_BOUNDS: (f64, f64) = (0.01, 0.5);
 
 /// How gains change within a donning; results hardly depend on it (docs/validation).
-const SLIP: f64 = 0.3;
+pub(super) const SLIP: f64 = 0.3;
 const SLIP_COMMON: f64 = 0.35;
 const SLIP_TIME_S: f64 = 90.0;
 
@@ -53,16 +54,16 @@ pub struct DonningFrames<'a> {
 }
 
 /// Data of a donning to learn from.
-struct Donning<'s> {
+pub(super) struct Donning<'s> {
     frames: DonningFrames<'s>,
     n_taxels: usize,
-    n_joints: usize,
+    pub(super) n_joints: usize,
     /// `[frames, joints * ARTIFACT_BASIS]`
     basis: Vec<f64>,
-    air: Vec<usize>,
+    pub(super) air: Vec<usize>,
     light: Vec<usize>,
     /// `[taxels, joints]`
-    gains: Vec<f64>,
+    pub(super) gains: Vec<f64>,
     /// `[taxels]`
     offset: Vec<f64>,
 }
@@ -113,7 +114,11 @@ pub fn learn_artifact(
         let (product, square) = sums.fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         product / square
     });
-    let (gain_variance, residual, touch) = (gain_variance.collect(), residual.collect(), touch.collect());
+    let (gain_variance, residual, touch): (_, Vec<f64>, _) =
+        (gain_variance.collect(), residual.collect(), touch.collect());
+    let drift: Vec<f64> =
+        (0..n_taxels).map(|taxel| drift::learn(&donnings, taxel, &shapes, residual[taxel], rate_hz)).collect();
+    let drifts = drift.iter().any(|deviation| *deviation > 0.0);
     let model = ArtifactModel {
         n_taxels,
         n_joints,
@@ -124,6 +129,7 @@ pub fn learn_artifact(
         touch,
         residual,
         shapes,
+        drift: if drifts { drift } else { Vec::new() },
         trust_inputs: false,
     };
     model.check()?;
@@ -159,24 +165,24 @@ impl<'s> Donning<'s> {
         Donning { frames, n_taxels, n_joints, basis, air, light, gains, offset }
     }
 
-    fn basis(&self, frame: usize) -> &[f64] {
+    pub(super) fn basis(&self, frame: usize) -> &[f64] {
         let width = self.n_joints * ARTIFACT_BASIS;
         &self.basis[frame * width..(frame + 1) * width]
     }
 
-    fn tactile(&self, frame: usize, taxel: usize) -> f64 {
+    pub(super) fn tactile(&self, frame: usize, taxel: usize) -> f64 {
         f64::from(self.frames.tactile[frame * self.n_taxels + taxel])
     }
 
     /// A taxel's artifact at a frame, by its shapes `[joints, ARTIFACT_BASIS]`.
-    fn artifact(&self, frame: usize, taxel: usize, shapes: &[f64]) -> f64 {
+    pub(super) fn artifact(&self, frame: usize, taxel: usize, shapes: &[f64]) -> f64 {
         let of_joints = self.basis(frame).chunks_exact(ARTIFACT_BASIS).zip(shapes.chunks_exact(ARTIFACT_BASIS));
         let gains = &self.gains[taxel * self.n_joints..(taxel + 1) * self.n_joints];
         let sum: f64 = of_joints.zip(gains).map(|((basis, shape), gain)| gain * dot(basis, shape)).sum();
         sum + self.offset[taxel]
     }
 
-    fn shapes_of<'m>(&self, taxel: usize, shapes: &'m [f64]) -> &'m [f64] {
+    pub(super) fn shapes_of<'m>(&self, taxel: usize, shapes: &'m [f64]) -> &'m [f64] {
         let width = self.n_joints * ARTIFACT_BASIS;
         &shapes[taxel * width..(taxel + 1) * width]
     }
@@ -304,7 +310,7 @@ fn solve(mut left: DMatrix<f64>, right: DVector<f64>, pull: f64, taxel: usize) -
     })
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
