@@ -10,6 +10,7 @@
 //! calibration of a donning finds its gains `g` and offsets `o` ([`ArtifactFitter`]). Gains wander while the glove is worn, and offsets
 //! drift: an [`ArtifactFilter`] follows them, together with the touch `f`, so that a touch is not learned as a change of gains.
 
+mod donning;
 mod drift;
 mod filter;
 mod fit;
@@ -19,10 +20,11 @@ mod noise;
 
 use serde::{Deserialize, Serialize};
 
+pub use donning::DonningFrames;
 pub use filter::{Adaptation, ArtifactFilter, Following};
 pub use fit::{ArtifactFit, ArtifactFitter};
 pub use history::JointHistory;
-pub use learn::{DonningFrames, learn_artifact};
+pub use learn::learn_artifact;
 
 /// Functions of a joint angle that a shape is a sum of: the angle, its square, and how far its means over the two spans of
 /// [`HISTORY_S`] lie from it.

@@ -33,9 +33,6 @@ const OFF_FRAMES: NonZeroU32 = NonZeroU32::new(3).expect("it is above 0");
 /// A balanced accuracy that is lower by no more than this is as good.
 const AS_GOOD: f64 = 0.0002;
 
-/// The least threshold that is chosen for light touches.
-const LEAST_ON: f64 = 0.4;
-
 /// A frame of the validation part.
 struct Judged {
     session: usize,
@@ -69,7 +66,7 @@ pub struct TriedLevel {
 }
 
 /// Calibrates the touch output of a network to a probability on the validation part, and finds its contact thresholds:
-/// the lowest ones whose balanced accuracy is within 0.02 points of the best.
+/// the highest ones whose balanced accuracy is within 0.02 points of the best.
 ///
 /// `None` for a network without such an output, and if the validation part lacks touch or air.
 ///
@@ -169,13 +166,11 @@ fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
     (gain > 0.0).then_some((gain, shift))
 }
 
-/// The lowest threshold whose balanced accuracy is as good as the best one's: around it the balanced accuracy hardly changes, and the
-/// lower one finds lighter touches. Where a whole range is as good because the validation part is small or easy, it is not below
-/// [`LEAST_ON`].
+/// The highest threshold whose balanced accuracy is as good as the best one's: around it the balanced accuracy hardly changes, and the
+/// higher one has fewer false touches.
 fn best(tried: &[TriedLevel]) -> Option<TriedLevel> {
-    let best = tried.iter().max_by(|a, b| a.ba.total_cmp(&b.ba))?;
-    let is_good = |level: &&TriedLevel| level.ba >= best.ba - AS_GOOD && level.on >= LEAST_ON.min(best.on);
-    tried.iter().filter(is_good).min_by(|a, b| a.on.total_cmp(&b.on)).copied()
+    let best = tried.iter().map(|level| level.ba).max_by(f64::total_cmp)?;
+    tried.iter().copied().filter(|level| level.ba >= best - AS_GOOD).max_by(|a, b| a.on.total_cmp(&b.on))
 }
 
 fn try_level(frames: &[Judged], on: f64, rate_hz: f64) -> TriedLevel {
@@ -248,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lowest_of_the_best_levels_is_taken() {
+    fn the_highest_of_the_best_levels_is_taken() {
         let of = |touch: f64, is_touch: bool, frame: usize| Judged {
             session: 0,
             frame,
@@ -262,13 +257,10 @@ mod tests {
             (0..600).map(|frame| if frame < 300 { of(0.305, false, frame) } else { of(0.895, true, frame) }).collect();
         let tried: Vec<TriedLevel> = [0.3, 0.31, 0.89, 0.9].map(|on| try_level(&frames, on, 100.0)).into();
         assert_eq!(tried.iter().map(|level| level.ba).collect::<Vec<_>>(), [0.5, 1.0, 1.0, 0.5]);
-        assert_eq!(best(&tried).map(|level| level.on), Some(0.89), "0.31 is as good, and too low");
+        assert_eq!(best(&tried).map(|level| level.on), Some(0.89));
         let level = |on: f64, ba: f64| TriedLevel { on, ba, mdf_gf: None, false_per_min: None };
         let nearly = [level(0.4, 0.98), level(0.5, 0.9824), level(0.6, 0.9823), level(0.7, 0.982)];
-        assert_eq!(best(&nearly).map(|level| level.on), Some(0.5), "0.4 is not within 0.02 points of the best");
-        let nearly = [level(0.3, 0.9823), level(0.45, 0.9823), level(0.6, 0.9824)];
-        assert_eq!(best(&nearly).map(|level| level.on), Some(0.45), "0.3 is too low");
-        assert_eq!(best(&nearly[..1]).map(|level| level.on), Some(0.3), "it is the best");
+        assert_eq!(best(&nearly).map(|level| level.on), Some(0.6), "within 0.02 points of the best");
         assert_eq!(tried[2].false_per_min, Some(0.0));
         // One false touch in 3 s.
         assert!((tried[0].false_per_min.unwrap() - 20.0).abs() < 1e-9);

@@ -100,7 +100,7 @@ fn a_network_that_gets_trust_is_trained_on_copies_with_held_touches_and_finds_to
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     let train = ["train", &bags[0], &bags[1], "--params-file", PARAMS, "--kind", "adaptive", "-o", "told.onnx"];
-    let run = tpf(out, &[&train[..], &["--steps", "120", "--batch", "16", "--held-touches", "2"]].concat()).ok();
+    let run = tpf(out, &[&train[..], &["--steps", "100", "--batch", "16", "--held-touches", "2"]].concat()).ok();
     assert!(run.stderr.contains("2 sessions (synthetic), and 4 copies with held light touches: "), "{run:?}");
     let report: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("told.report.json")).unwrap()).unwrap();
@@ -111,6 +111,15 @@ fn a_network_that_gets_trust_is_trained_on_copies_with_held_touches_and_finds_to
     let found = |more: &[&str]| find(&tpf(out, &[&eval[..], more].concat()).ok().json(), "ba").unwrap();
     let (followed, frozen) = (found(&[]), found(&["-p", "adaptation:=frozen"]));
     assert!(followed > 0.93 && frozen > 0.7, "{followed} followed, {frozen} frozen");
+    // Offsets are followed if that is asked for: the model says so.
+    let few = ["--follow-drift", "--steps", "1", "--batch", "16", "--held-touches", "0", "-o", "drift.onnx"];
+    tpf(out, &[&train[..7], &few].concat()).ok();
+    let drift = |model: &str| -> Option<usize> {
+        let metadata = tpf(out, &["inspect", model, "--json"]).ok().json()[0]["metadata"]["artifact"].clone();
+        let artifact: serde_json::Value = serde_json::from_str(metadata.as_str().unwrap()).unwrap();
+        artifact.get("drift").map(|drift| drift.as_array().unwrap().len())
+    };
+    assert_eq!((drift("told.onnx"), drift("drift.onnx")), (None, Some(6)));
     // The same command gives the same bytes; only an adaptive model gets touches.
     let short = [1, 2, 3].map(|user| bag(short_session(), user).to_str().unwrap().to_owned());
     let [first, again] = ["first.onnx", "again.onnx"].map(|output| {
@@ -121,7 +130,7 @@ fn a_network_that_gets_trust_is_trained_on_copies_with_held_touches_and_finds_to
     });
     assert!(first == again, "the models differ");
     for (kind, n, expected) in [
-        ("pose-aware", "1", "--light-touches and --held-touches are for --kind adaptive"),
+        ("pose-aware", "1", "--light-touches, --held-touches and --follow-drift are for --kind adaptive"),
         ("adaptive", "65", "--held-touches is 65, expected 0 to 64 copies of each session"),
     ] {
         let refused =

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::learn::{Donning, SLIP, STRIDE, dot};
+use super::donning::{Donning, STRIDE, dot};
 use super::{ARTIFACT_BASIS, DRIFT_TIME_S};
 
 /// Time of one offset, s, and the frames in the air that it needs.
@@ -27,12 +27,18 @@ struct Pairs {
     alike: f64,
 }
 
-/// Standard deviation of the offset of a taxel over many minutes, taxel units; `residual` is the variance of what shapes and gains
-/// don't explain. 0 where the sessions are too short to tell.
-pub(super) fn learn(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], residual: f64, rate_hz: f64) -> f64 {
+/// Standard deviation of the offset of a taxel over many minutes, taxel units; the variance of what shapes and gains don't explain and the
+/// deviation of the slip are given. 0 where the sessions are too short to tell.
+pub(super) fn learn(
+    donnings: &[Donning<'_>],
+    taxel: usize,
+    shapes: &[f64],
+    (residual, slip): (f64, f64),
+    rate_hz: f64,
+) -> f64 {
     let (mut near, mut far) = (Pairs::default(), Pairs::default());
     for donning in donnings {
-        let offsets = offsets(donning, taxel, shapes, residual, rate_hz);
+        let offsets = offsets(donning, taxel, shapes, (residual, slip), rate_hz);
         for (idx, (first_s, first)) in offsets.iter().enumerate() {
             for (other_s, other) in &offsets[idx + 1..] {
                 let apart_s = other_s - first_s;
@@ -57,7 +63,13 @@ pub(super) fn learn(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], resi
 
 /// The offset of a taxel in each block with enough frames in the air, beyond that of the whole donning, and the mean time of
 /// these frames, s. Gains may have slipped in each block.
-fn offsets(donning: &Donning<'_>, taxel: usize, shapes: &[f64], residual: f64, rate_hz: f64) -> Vec<(f64, f64)> {
+fn offsets(
+    donning: &Donning<'_>,
+    taxel: usize,
+    shapes: &[f64],
+    (residual, slip): (f64, f64),
+    rate_hz: f64,
+) -> Vec<(f64, f64)> {
     let (shapes, joints) = (donning.shapes_of(taxel, shapes), donning.n_joints);
     let block_of = |frame: usize| (frame as f64 / rate_hz / BLOCK_S) as usize;
     let width = joints + 1;
@@ -77,7 +89,7 @@ fn offsets(donning: &Donning<'_>, taxel: usize, shapes: &[f64], residual: f64, r
             left.ger(weight, &row, &row, 1.0);
             right.axpy(weight * (donning.tactile(frame, taxel) - donning.artifact(frame, taxel, shapes)), &row, 1.0);
         }
-        (0..joints).for_each(|joint| left[(joint, joint)] += SLIP.powi(-2));
+        (0..joints).for_each(|joint| left[(joint, joint)] += slip.powi(-2));
         left[(joints, joints)] += LEAST_CERTAINTY / residual;
         if let Some(found) = left.cholesky().map(|factors| factors.solve(&right)) {
             let middle = air.iter().map(|frame| *frame as f64).sum::<f64>() / air.len() as f64;

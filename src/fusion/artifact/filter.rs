@@ -28,15 +28,14 @@ const PATTERN_NOISE: f64 = 0.4;
 /// An innovation along the pattern of touch of more deviations than this is a touch that begins or ends.
 const ONSET_DEVIATIONS: f64 = 2.5;
 
+/// A touch that falls at once by this share of it ends, in part or wholly.
+const ENDING_SHARE: f64 = 0.5;
+
 /// A touch below this, gF, or below so many deviations of it, most likely is none; with this variance, gF^2, that is taken
 /// for a measurement.
 const FAINT_TOUCH: f64 = 1.5;
 const FAINT_DEVIATIONS: f64 = 2.0;
 const FAINT_VARIANCE: f64 = 100.0;
-
-/// The same for a touch that was seen before, where offsets drift: were a touch that hides the drift to become doubtful as it goes
-/// on, the offsets would take it.
-const STILL_DEVIATIONS: f64 = 1.0;
 
 /// Variance of the touch at the start of frames, gF^2: after a calibration, in which there was none, and after a gap.
 const CALIBRATED_VARIANCE: f64 = 1.0;
@@ -138,6 +137,8 @@ pub struct ArtifactFilter {
     sees_touch: bool,
     /// True if it was larger by far.
     sees_held: bool,
+    /// That uncertainty when the touch was seen first, gF.
+    seen_deviation: f64,
     /// Standard deviation of what gains that are not known better leave of the artifact, as a touch, at the last measurement, gF.
     left_deviation: f64,
     innovation: Vec<f64>,
@@ -174,6 +175,7 @@ impl ArtifactFilter {
             is_capped: false,
             sees_touch: false,
             sees_held: false,
+            seen_deviation: f64::INFINITY,
             left_deviation: UNKNOWN_VARIANCE.sqrt(),
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
@@ -539,7 +541,19 @@ impl ArtifactFilter {
         let deviation = (self.along_scratch(&self.covariance, 0..self.state.len()) + noise).max(0.0).sqrt() / square;
         if change.abs() > ONSET_DEVIATIONS * deviation {
             self.widen_touch(4.0 * change * change);
+            if change < -ENDING_SHARE * self.touch_gf() {
+                self.end_touch();
+            }
         }
+    }
+
+    /// What a touch hid is unknown when it ends: offsets have drifted meanwhile.
+    fn end_touch(&mut self) {
+        let grown = 1.0 - (-2.0 * std::mem::take(&mut self.hidden_s) / DRIFT_TIME_S).exp();
+        for offset in (0..self.n_slow()).filter(|slow| slow % self.width == self.model.n_joints) {
+            self.covariance[(offset, offset)] += grown * self.slip[(offset, offset)];
+        }
+        self.sees_touch = false;
     }
 
     /// Points `scratch` along the pattern of touch at the pose of the block.
@@ -606,9 +620,11 @@ impl ArtifactFilter {
         let deviation =
             self.along_scratch(&self.covariance, first..self.state.len()).max(0.0).sqrt() / self.pattern_square();
         let touch = self.touch_gf();
-        let still = self.sees_touch && !self.model.drift.is_empty();
-        let deviations = if still { STILL_DEVIATIONS } else { FAINT_DEVIATIONS };
-        self.sees_touch = touch >= FAINT_TOUCH.max(deviations * deviation);
+        // Gains and offsets become less certain while a touch hides them. The touch itself is as sure as when it was seen first.
+        let follows_drift = !self.model.drift.is_empty();
+        let doubt = if follows_drift && self.sees_touch { deviation.min(self.seen_deviation) } else { deviation };
+        self.sees_touch = touch >= FAINT_TOUCH.max(FAINT_DEVIATIONS * doubt);
+        self.seen_deviation = if self.sees_touch { doubt } else { f64::INFINITY };
         self.sees_held = touch >= LEAST_HELD.max(HELD_DEVIATIONS * deviation);
         if self.sees_touch {
             return;
