@@ -185,9 +185,7 @@ fn points_of_a_hand_become_its_joint_angles() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let bag = simulated(folder, "1", form);
-        // The paper's network takes seconds where others take parts of one.
-        let kind = if form == "openxr" { "pose_aware" } else { "adaptive" };
-        let model = in_source(&format!("models/glove1_{kind}.onnx"));
+        let model = in_source("models/glove1_adaptive.onnx"); // the paper's network takes seconds
         let run = init(folder, &bag, &["--model", &model]);
         assert!(run.failure().contains(&format!("Which hand is {topic}")), "{form}: {run:?}");
         assert!(!folder.join("made.yaml").exists());
