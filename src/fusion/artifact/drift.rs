@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::donning::{Donning, STRIDE, dot};
+use super::fit::ALIKE_FRAMES;
 use super::{ARTIFACT_BASIS, DRIFT_TIME_S};
 
 /// Time of one offset, s, and the frames in the air that it needs.
@@ -12,9 +13,6 @@ const LEAST_FRAMES: usize = 300;
 /// Two offsets that are no farther apart than the first, s, are near; those that are at least as far apart as the second are far.
 const NEAR_S: f64 = 45.0;
 const FAR_S: f64 = 120.0;
-
-/// Frames whose residuals are so alike that they count as one.
-const ALIKE_FRAMES: f64 = 30.0;
 
 /// Keeps an offset bounded where nothing tells it, as a share of the certainty of one frame.
 const LEAST_CERTAINTY: f64 = 1e-9;
@@ -27,15 +25,15 @@ struct Pairs {
     alike: f64,
 }
 
-/// Standard deviation of the offset of a taxel over many minutes, taxel units; the variance of what shapes and gains don't explain and the
-/// deviation of the slip are given. 0 where the sessions are too short to tell.
-pub(super) fn learn(
-    donnings: &[Donning<'_>],
-    taxel: usize,
-    shapes: &[f64],
-    (residual, slip): (f64, f64),
-    rate_hz: f64,
-) -> f64 {
+/// Standard deviation of each offset over many minutes, `[taxels]`, taxel units, with this variance of what shapes and gains don't
+/// explain, and this deviation of the slip. Empty where the sessions are too short to tell.
+pub(super) fn learn(donnings: &[Donning<'_>], shapes: &[f64], residual: &[f64], slip: f64, rate_hz: f64) -> Vec<f64> {
+    let of_taxel = |(taxel, residual): (usize, &f64)| of_taxel(donnings, taxel, shapes, (*residual, slip), rate_hz);
+    let drift: Vec<f64> = residual.iter().enumerate().map(of_taxel).collect();
+    if drift.iter().any(|deviation| *deviation > 0.0) { drift } else { Vec::new() }
+}
+
+fn of_taxel(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], (residual, slip): (f64, f64), rate_hz: f64) -> f64 {
     let (mut near, mut far) = (Pairs::default(), Pairs::default());
     for donning in donnings {
         let offsets = offsets(donning, taxel, shapes, (residual, slip), rate_hz);
@@ -87,7 +85,8 @@ fn offsets(
                 row[joint] = donning.gains[taxel * joints + joint] * dot(basis, shape);
             }
             left.ger(weight, &row, &row, 1.0);
-            right.axpy(weight * (donning.tactile(frame, taxel) - donning.artifact(frame, taxel, shapes)), &row, 1.0);
+            let artifact = row.rows(0, joints).sum() + donning.offset[taxel];
+            right.axpy(weight * (donning.tactile(frame, taxel) - artifact), &row, 1.0);
         }
         (0..joints).for_each(|joint| left[(joint, joint)] += slip.powi(-2));
         left[(joints, joints)] += LEAST_CERTAINTY / residual;

@@ -137,7 +137,7 @@ pub struct ArtifactFilter {
     sees_touch: bool,
     /// True if it was larger by far.
     sees_held: bool,
-    /// That uncertainty when the touch was seen first, gF.
+    /// That uncertainty at the last measurement, gF; of a touch that is seen, at most what it was when it was seen first.
     seen_deviation: f64,
     /// Standard deviation of what gains that are not known better leave of the artifact, as a touch, at the last measurement, gF.
     left_deviation: f64,
@@ -175,7 +175,7 @@ impl ArtifactFilter {
             is_capped: false,
             sees_touch: false,
             sees_held: false,
-            seen_deviation: f64::INFINITY,
+            seen_deviation: UNKNOWN_VARIANCE.sqrt(),
             left_deviation: UNKNOWN_VARIANCE.sqrt(),
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
@@ -450,9 +450,6 @@ impl ArtifactFilter {
         self.block_shapes.iter_mut().for_each(|sum| *sum /= n_block);
         if learns {
             self.predict(f64::from(self.n_since) * self.frame_s);
-        }
-        self.n_since = 0;
-        if learns {
             self.measure();
         } else if self.model.trust_inputs {
             self.look_along_touch();
@@ -460,6 +457,7 @@ impl ArtifactFilter {
             let (known, slipped) = (&self.covariance, (1.0 - SLIP_AT_START) * self.along_scratch(&self.slip, 0..first));
             self.tell_left(self.along_scratch(known, 0..first) + slipped);
         }
+        self.n_since = 0;
         self.drop_block();
     }
 
@@ -624,7 +622,7 @@ impl ArtifactFilter {
         let follows_drift = !self.model.drift.is_empty();
         let doubt = if follows_drift && self.sees_touch { deviation.min(self.seen_deviation) } else { deviation };
         self.sees_touch = touch >= FAINT_TOUCH.max(FAINT_DEVIATIONS * doubt);
-        self.seen_deviation = if self.sees_touch { doubt } else { f64::INFINITY };
+        self.seen_deviation = doubt;
         self.sees_held = touch >= LEAST_HELD.max(HELD_DEVIATIONS * deviation);
         if self.sees_touch {
             return;

@@ -9,7 +9,7 @@ use super::history::JointHistory;
 use super::{ArtifactError, ArtifactModel};
 
 /// Frames whose residuals are so alike that they count as one: what shapes don't explain changes as slowly as the pose does.
-const ALIKE_FRAMES: f64 = 30.0;
+pub(super) const ALIKE_FRAMES: f64 = 30.0;
 
 /// Standard deviation of an offset before anything is known of it, in deviations of the residual.
 const OFFSET_DEVIATIONS: f64 = 1e3;

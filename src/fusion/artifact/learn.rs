@@ -26,7 +26,8 @@ const SLIP: f64 = 0.3;
 const SLIP_COMMON: f64 = 0.35;
 const SLIP_TIME_S: f64 = 90.0;
 
-/// The artifact model of donnings, by the frames that may be learned from.
+/// The artifact model of donnings, by the frames that may be learned from; `with_drift` also learns how far offsets drift, so that
+/// they are followed.
 ///
 /// # Errors
 /// [`ArtifactError`] when there are too few frames in the air, or of light touch.
@@ -34,6 +35,7 @@ pub fn learn_artifact(
     donnings: &[DonningFrames<'_>],
     (n_taxels, n_joints): (usize, usize),
     rate_hz: f64,
+    with_drift: bool,
 ) -> Result<ArtifactModel, ArtifactError> {
     let mut donnings: Vec<Donning<'_>> =
         donnings.iter().map(|frames| Donning::new(*frames, (n_taxels, n_joints), rate_hz)).collect();
@@ -74,9 +76,10 @@ pub fn learn_artifact(
     });
     let (gain_variance, residual, touch): (_, Vec<f64>, _) =
         (gain_variance.collect(), residual.collect(), touch.collect());
-    let drift: Vec<f64> =
-        (0..n_taxels).map(|taxel| drift::learn(&donnings, taxel, &shapes, (residual[taxel], SLIP), rate_hz)).collect();
-    let drifts = drift.iter().any(|deviation| *deviation > 0.0);
+    let drift = match with_drift {
+        true => drift::learn(&donnings, &shapes, &residual, SLIP, rate_hz),
+        false => Vec::new(),
+    };
     let model = ArtifactModel {
         n_taxels,
         n_joints,
@@ -87,7 +90,7 @@ pub fn learn_artifact(
         touch,
         residual,
         shapes,
-        drift: if drifts { drift } else { Vec::new() },
+        drift,
         trust_inputs: false,
     };
     model.check()?;

@@ -199,7 +199,7 @@ fn training_learns_how_far_offsets_drift() {
             epoch: &epoch,
             learned: &is_learned,
         });
-        let model = learn_artifact(&donnings.collect::<Vec<_>>(), (TAXELS, JOINTS), HZ).unwrap();
+        let model = learn_artifact(&donnings.collect::<Vec<_>>(), (TAXELS, JOINTS), HZ, true).unwrap();
         model.drift.iter().sum::<f64>() / TAXELS as f64
     };
     // A sine of 100 has a deviation of 71.
