@@ -65,8 +65,6 @@ pub struct Request {
     /// Copies of each session in whose air light touches are held, for an adaptive model: its network also gets how far corrected
     /// taxels can be trusted. 0 for one that gets the taxels alone.
     pub held_touches: usize,
-    /// Whether the artifact filter of an adaptive model also follows how the zero of each taxel drifts.
-    pub follow_drift: bool,
     /// Frames from one training window to the next.
     pub stride: usize,
     /// Axes of the force: the normal force, or all three, for which the true force must have them.
@@ -103,7 +101,6 @@ impl Request {
             epochs: None,
             lambdas: Vec::new(),
             held_touches: if is_adaptive { HELD_TOUCHES } else { 0 },
-            follow_drift: false,
             stride: 1,
             axes: ForceAxes::Normal,
             in_air: None,
@@ -125,7 +122,7 @@ impl Request {
         if path.extension().is_none_or(|extension| extension != "onnx") {
             return Err(TrainingError::NotOnnx { path });
         }
-        let is_of_adaptive = self.train.light_touches > 0.0 || self.held_touches > 0 || self.follow_drift;
+        let is_of_adaptive = self.train.light_touches > 0.0 || self.held_touches > 0;
         if is_of_adaptive && self.train.kind != Kind::Adaptive {
             return Err(TrainingError::LightTouches);
         }

@@ -144,7 +144,6 @@ pub(crate) struct Training {
     learning_rate: Option<f64>,
     light_touches: Option<f32>,
     held_touches: Option<usize>,
-    follow_drift: bool,
     axes: usize,
     stride: usize,
     seed: u64,
@@ -200,7 +199,6 @@ impl Training {
             epochs: self.epochs,
             lambdas: if self.lambdas.len() > 1 { self.lambdas.clone() } else { Vec::new() },
             held_touches: self.held_touches.unwrap_or(usual.held_touches),
-            follow_drift: self.follow_drift,
             stride: self.stride,
             axes: match self.axes {
                 1 => ForceAxes::Normal,

@@ -193,7 +193,7 @@ fn judge(donnings: &[Donning<'_>], left_out: usize, sizes: (usize, usize)) -> Re
     let rate_hz = 1.0 / donning.session.period_s;
     let others = donnings.iter().enumerate().filter(|(idx, _)| *idx != left_out);
     let others: Vec<DonningFrames<'_>> = others.map(|(_, other)| other.frames()).collect();
-    let model = Arc::new(learn_artifact(&others, sizes, rate_hz, false)?); // without drift: training's default
+    let model = Arc::new(learn_artifact(&others, sizes, rate_hz)?);
     let wanted = (CALIBRATION_S * rate_hz) as u64;
     let (calibration, from) = donning.fit(&model, wanted)?;
     let (whole, _) = donning.fit(&model, u64::MAX)?;

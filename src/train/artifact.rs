@@ -5,12 +5,11 @@ use super::error::TrainError;
 use crate::eval::Part;
 use crate::fusion::{ArtifactModel, DonningFrames, learn_artifact};
 
-/// The artifact model of sessions, each of one donning, learned from the frames of their training part; `with_drift` also learns how
-/// far offsets drift.
+/// The artifact model of sessions, each of one donning, learned from the frames of their training part.
 ///
 /// # Errors
 /// [`TrainError::Artifact`] when there are too few frames in the air, or of light touch.
-pub fn fit_artifact(sessions: &[Session], rate_hz: f64, with_drift: bool) -> Result<ArtifactModel, TrainError> {
+pub fn fit_artifact(sessions: &[Session], rate_hz: f64) -> Result<ArtifactModel, TrainError> {
     let learned: Vec<Vec<bool>> = sessions
         .iter()
         .map(|session| session.frames().part.iter().map(|part| *part == Part::Train).collect())
@@ -30,6 +29,5 @@ pub fn fit_artifact(sessions: &[Session], rate_hz: f64, with_drift: bool) -> Res
         })
         .collect();
     let sizes = sessions.first().map_or((0, 0), |session| (session.n_taxels(), session.n_joints()));
-    learn_artifact(&donnings, sizes, rate_hz, with_drift)
-        .map_err(|error| TrainError::Artifact { what: error.to_string() })
+    learn_artifact(&donnings, sizes, rate_hz).map_err(|error| TrainError::Artifact { what: error.to_string() })
 }

@@ -82,7 +82,7 @@ impl Data {
                     true => TrainingError::Train(error),
                     false => TrainingError::at(Path::new(&format!("region {}", loader.region())), &error),
                 };
-                let mut artifact = fit_artifact(&raw, loader.rate_hz(), request.follow_drift).map_err(of_region)?;
+                let mut artifact = fit_artifact(&raw, loader.rate_hz()).map_err(of_region)?;
                 artifact.trust_inputs = request.held_touches > 0;
                 let artifact = Arc::new(artifact);
                 let (joints, name) = (loader.joints().to_vec(), loader.region().to_owned());

@@ -70,7 +70,7 @@ pub enum TrainingError {
     )]
     NoTruth { region: String },
     #[error(
-        "--light-touches, --held-touches and --follow-drift are for --kind adaptive: the taxels of other models keep the artifact of pose"
+        "--light-touches and --held-touches are for --kind adaptive: the taxels of other models keep the artifact of pose"
     )]
     LightTouches,
     #[error("--held-touches is {got}, expected 0 to {most} copies of each session")]

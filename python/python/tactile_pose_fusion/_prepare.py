@@ -149,7 +149,6 @@ def train(
     learning_rate: float | None = None,
     light_touches: float | None = None,
     held_touches: int | None = None,
-    follow_drift: bool = False,
     axes: Literal[1, 3] = 1,
     stride: int = 1,
     seed: int = 0,
@@ -187,8 +186,6 @@ def train(
         light_touches: For `"adaptive"`: share of the windows in the air to which a light touch is added, 0 to 1.
         held_touches: For `"adaptive"`: copies of each session with light touches held in its air and other hand trackers, for a
             network that also gets how far the taxels can be trusted; without it 4, and 0 for one that gets the taxels alone.
-        follow_drift: For `"adaptive"`: also follow how the zero of each taxel drifts. Finds more in the protocol, and can take a
-            light touch that is held for drift.
         axes: Axes of the model's force: the normal force, or all three where the true force has them; not for `"adaptive"`.
         stride: Frames from one training window to the next.
         seed: The same seed on the same data gives the same model.
@@ -226,7 +223,6 @@ def train(
         "learning_rate": learning_rate,
         "light_touches": light_touches,
         "held_touches": held_touches,
-        "follow_drift": follow_drift,
         "axes": axes,
         "stride": stride,
         "seed": seed,

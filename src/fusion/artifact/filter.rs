@@ -67,8 +67,10 @@ const HELD_FOR_S: f64 = 0.25;
 /// How far a gain may go from its calibration, in standard deviations of its slip.
 const MAX_DEVIATIONS: f64 = 3.0;
 
-/// Share of the slip that may have come since the calibration, at its end: part of its variance.
+/// Share of the slip, and of the drift, that may have come since the calibration, at its end: parts of their variances. Gains slip
+/// at once when the hand moves on; an offset that were as uncertain would take a start in contact.
 const SLIP_AT_START: f64 = 0.3;
+const DRIFT_AT_START: f64 = 0.05;
 
 /// Keeps the variance of a gain that slip leaves alone above zero.
 const LEAST_VARIANCE: f64 = 1e-4;
@@ -139,7 +141,8 @@ pub struct ArtifactFilter {
     sees_held: bool,
     /// That uncertainty at the last measurement, gF; of a touch that is seen, at most what it was when it was seen first.
     seen_deviation: f64,
-    /// Standard deviation of what gains that are not known better leave of the artifact, as a touch, at the last measurement, gF.
+    /// Standard deviation of what gains and offsets that are not known better leave of the artifact, as a touch, gF: at the last
+    /// measurement, or the least one since a touch that is seen.
     left_deviation: f64,
     innovation: Vec<f64>,
     noise: Vec<f64>,
@@ -229,6 +232,9 @@ impl ArtifactFilter {
         self.covariance.fill(0.0);
         self.covariance.view_mut((0, 0), (n * width, n * width)).copy_from(&self.slip);
         self.covariance *= SLIP_AT_START;
+        for offset in self.offsets() {
+            self.covariance[(offset, offset)] = DRIFT_AT_START * self.slip[(offset, offset)];
+        }
         for (idx, value) in fit.covariance.iter().enumerate() {
             let (taxel, column, row) = (idx / (joints * joints), idx / joints % joints, idx % joints);
             self.covariance[(taxel * width + row, taxel * width + column)] += value;
@@ -429,6 +435,12 @@ impl ArtifactFilter {
         self.model.n_taxels * self.width
     }
 
+    /// The offsets among them.
+    fn offsets(&self) -> impl Iterator<Item = usize> + use<> {
+        let n_offsets = if self.width > self.model.n_joints { self.model.n_taxels } else { 0 };
+        (self.model.n_joints..).step_by(self.width).take(n_offsets)
+    }
+
     fn pattern_square(&self) -> f64 {
         self.model.touch.iter().map(|pattern| pattern * pattern).sum()
     }
@@ -548,7 +560,7 @@ impl ArtifactFilter {
     /// What a touch hid is unknown when it ends: offsets have drifted meanwhile.
     fn end_touch(&mut self) {
         let grown = 1.0 - (-2.0 * std::mem::take(&mut self.hidden_s) / DRIFT_TIME_S).exp();
-        for offset in (0..self.n_slow()).filter(|slow| slow % self.width == self.model.n_joints) {
+        for offset in self.offsets() {
             self.covariance[(offset, offset)] += grown * self.slip[(offset, offset)];
         }
         self.sees_touch = false;
@@ -565,8 +577,11 @@ impl ArtifactFilter {
         }
     }
 
+    /// A touch that is seen does not become more doubtful, however long it hides the artifact: the taxels tell it from what came before.
+    /// Told is the least deviation since it began.
     fn tell_left(&mut self, variance: f64) {
-        self.left_deviation = variance.max(0.0).sqrt() / self.pattern_square();
+        let deviation = variance.max(0.0).sqrt() / self.pattern_square();
+        self.left_deviation = if self.sees_touch { deviation.min(self.left_deviation) } else { deviation };
     }
 
     /// Variance of a part of the state with this covariance, along `scratch`.

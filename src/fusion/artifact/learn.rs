@@ -26,8 +26,7 @@ const SLIP: f64 = 0.3;
 const SLIP_COMMON: f64 = 0.35;
 const SLIP_TIME_S: f64 = 90.0;
 
-/// The artifact model of donnings, by the frames that may be learned from; `with_drift` also learns how far offsets drift, so that
-/// they are followed.
+/// The artifact model of donnings, by the frames that may be learned from.
 ///
 /// # Errors
 /// [`ArtifactError`] when there are too few frames in the air, or of light touch.
@@ -35,7 +34,6 @@ pub fn learn_artifact(
     donnings: &[DonningFrames<'_>],
     (n_taxels, n_joints): (usize, usize),
     rate_hz: f64,
-    with_drift: bool,
 ) -> Result<ArtifactModel, ArtifactError> {
     let mut donnings: Vec<Donning<'_>> =
         donnings.iter().map(|frames| Donning::new(*frames, (n_taxels, n_joints), rate_hz)).collect();
@@ -76,10 +74,7 @@ pub fn learn_artifact(
     });
     let (gain_variance, residual, touch): (_, Vec<f64>, _) =
         (gain_variance.collect(), residual.collect(), touch.collect());
-    let drift = match with_drift {
-        true => drift::learn(&donnings, &shapes, &residual, SLIP, rate_hz),
-        false => Vec::new(),
-    };
+    let drift = drift::learn(&donnings, &shapes, &residual, SLIP, rate_hz);
     let model = ArtifactModel {
         n_taxels,
         n_joints,

@@ -96,10 +96,6 @@ struct RunArgs {
     /// how far the taxels can be trusted; 0 for one that gets the taxels alone [default: 4]
     #[arg(long, value_name = "N")]
     held_touches: Option<usize>,
-    /// For adaptive: also follow how the zero of each taxel drifts. Finds more in the protocol, and can take a light touch that
-    /// is held for drift
-    #[arg(long)]
-    follow_drift: bool,
     /// Frames from one training window to the next
     #[arg(long, value_name = "N", default_value_t = 1)]
     stride: usize,
@@ -228,7 +224,6 @@ impl Args {
             epochs: self.run.epochs,
             lambdas: self.loss.sweep_lambda.clone(),
             held_touches: self.run.held_touches.unwrap_or(of_kind.held_touches),
-            follow_drift: self.run.follow_drift,
             stride: self.run.stride,
             axes: if self.axes == "3" { ForceAxes::Patch } else { ForceAxes::Normal },
             in_air: self.in_air.told().cloned(),
