@@ -20,3 +20,4 @@ mod fusion_windows;
 mod hand;
 mod sim_glove;
 mod sim_session;
+mod worn;

@@ -1,0 +1,73 @@
+//! Tells how well a model keeps touches that are held while the hand moves, on a synthetic glove:
+//! `cargo run --release --example held_touches -- GLOVE [MODEL] [USERS]`, such as `-- 1 models/glove1_adaptive.onnx 4`.
+//!
+//! Users that no model knows move their hands in the air, tracked by markers or by a camera, and touches are laid on the taxels along
+//! the pattern that the model knows: for a minute, from before the recording on, as a slow ramp, and a grasp of ten minutes. SYNTHETIC data. For
+//! each it prints the share of the frames with contact and the mean force. The tests of `adaptive_touch` ask for some of it.
+
+#[path = "../tests/library/worn.rs"]
+#[allow(dead_code)] // tests use more of it
+mod worn;
+
+use std::error::Error;
+use std::io::Write;
+use std::path::PathBuf;
+
+use tactile_pose_fusion::sim::Tracking;
+use worn::{CALIBRATED_S, Felt, Worn, for_a_minute, in_span, setup, shipped};
+
+/// Forces that are held for a minute, gF; 0 is the air.
+const HELD_GF: [f64; 7] = [0.0, 5.0, 10.0, 15.0, 20.0, 40.0, 60.0];
+
+/// Forces that are there from before the recording on, gF.
+const AT_START_GF: [f64; 5] = [0.0, 5.0, 10.0, 15.0, 60.0];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let usage = "expected GLOVE [MODEL] [USERS], such as: 1 models/glove1_adaptive.onnx 4";
+    let (Some(glove @ 1..=3), true) = (args.first().and_then(|arg| arg.parse::<u8>().ok()), args.len() <= 3) else {
+        return Err(usage.into());
+    };
+    let model = args.get(1).map_or_else(|| shipped(glove), PathBuf::from);
+    let n_users: u32 = args.get(2).map_or(Ok(2), |arg| arg.parse().map_err(|_| usage))?;
+    let (_, models) = setup(glove, &model).map_err(|error| format!("{}: {error}", model.display()))?;
+    if models.infos[0].contract.artifact.is_none() {
+        return Err(format!("{}: has no artifact model, which says how taxels read a touch", model.display()).into());
+    }
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "SYNTHETIC data. Frames with contact and mean force, glove {glove}, {}\n", model.display())?;
+    for tracking in [Tracking::Markers, Tracking::Camera] {
+        for user in 1..=n_users {
+            let worn = Worn::new(glove, &model, tracking, user, 2.0);
+            let mut row = |what: &str, felt: &[Felt], spans: &[(&str, f64, f64)]| -> std::io::Result<()> {
+                let told: Vec<String> = spans.iter().map(|span| of_span(felt, *span)).collect();
+                writeln!(out, "{tracking:?}, user {user}, {what:22} {}", told.join("   "))
+            };
+            for force in HELD_GF {
+                let felt = worn.feel(CALIBRATED_S, for_a_minute(force));
+                let spans = [("first 4 s", 40.5, 44.5), ("last 4 s", 96.0, 100.0), ("after", 101.0, 106.0)];
+                row(&format!("{force} gF for a minute"), &felt, &spans)?;
+            }
+            for force in AT_START_GF {
+                let felt = worn.feel(15.0, |at_s| if at_s < 42.0 { force } else { 0.0 });
+                let spans = [("first 5 s", 15.0, 20.0), ("last 5 s", 37.0, 42.0), ("after", 43.0, 60.0)];
+                row(&format!("{force} gF at the start"), &felt, &spans)?;
+            }
+            let felt = worn.feel(CALIBRATED_S, |at_s| (0.5 * (at_s - 40.0)).clamp(0.0, 30.0));
+            let spans = [("5 gF", 49.0, 51.0), ("10 gF", 59.0, 61.0), ("15 gF", 69.0, 71.0), ("30 gF", 110.0, 116.0)];
+            row("0.5 gF more a second", &felt, &spans)?;
+            let grasp = |at_s: f64| if (40.0..640.0).contains(&at_s) { 120.0 + 60.0 * (at_s / 2.0).sin() } else { 0.0 };
+            let felt = Worn::new(glove, &model, tracking, user, 12.0).feel(CALIBRATED_S, grasp);
+            let spans =
+                [("before", 14.0, 40.0), ("grasp", 41.0, 640.0), ("5 s after", 640.3, 645.0), ("later", 645.0, 700.0)];
+            row("grasp of ten minutes", &felt, &spans)?;
+        }
+    }
+    Ok(())
+}
+
+/// What was felt in a span of time, s, with its name.
+fn of_span(felt: &[Felt], (name, from_s, to_s): (&str, f64, f64)) -> String {
+    let (found, force_gf) = in_span(felt, from_s, to_s);
+    format!("{name}: {:.0} %, {force_gf:.1} gF", 100.0 * found)
+}
