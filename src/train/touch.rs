@@ -66,7 +66,7 @@ pub struct TriedLevel {
 }
 
 /// Calibrates the touch output of a network to a probability on the validation part, and finds its contact thresholds:
-/// the highest ones whose balanced accuracy is within 0.02 points of the best.
+/// the middle ones of those whose balanced accuracy is within 0.02 points of the best.
 ///
 /// `None` for a network without such an output, and if the validation part lacks touch or air.
 ///
@@ -166,11 +166,14 @@ fn fit(frames: &[Judged]) -> Option<(f64, f64)> {
     (gain > 0.0).then_some((gain, shift))
 }
 
-/// The highest threshold whose balanced accuracy is as good as the best one's: around it the balanced accuracy hardly changes, and the
-/// higher one has fewer false touches.
+/// The threshold in the middle of those whose balanced accuracy is as good as the best one's. Around the best threshold the balanced
+/// accuracy hardly changes, so on other data the best one may be anywhere among them.
 fn best(tried: &[TriedLevel]) -> Option<TriedLevel> {
     let best = tried.iter().map(|level| level.ba).max_by(f64::total_cmp)?;
-    tried.iter().copied().filter(|level| level.ba >= best - AS_GOOD).max_by(|a, b| a.on.total_cmp(&b.on))
+    let good: Vec<&TriedLevel> = tried.iter().filter(|level| level.ba >= best - AS_GOOD).collect();
+    let middle = (good.first()?.on + good.last()?.on) / 2.0;
+    let nearest = good.into_iter().min_by(|a, b| (a.on - middle).abs().total_cmp(&(b.on - middle).abs()));
+    nearest.copied()
 }
 
 fn try_level(frames: &[Judged], on: f64, rate_hz: f64) -> TriedLevel {
@@ -243,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn the_highest_of_the_best_levels_is_taken() {
+    fn the_middle_of_the_best_levels_is_taken() {
         let of = |touch: f64, is_touch: bool, frame: usize| Judged {
             session: 0,
             frame,
@@ -255,12 +258,14 @@ mod tests {
         // Every threshold from 0.31 to 0.89 separates them equally well.
         let frames: Vec<Judged> =
             (0..600).map(|frame| if frame < 300 { of(0.305, false, frame) } else { of(0.895, true, frame) }).collect();
-        let tried: Vec<TriedLevel> = [0.3, 0.31, 0.89, 0.9].map(|on| try_level(&frames, on, 100.0)).into();
-        assert_eq!(tried.iter().map(|level| level.ba).collect::<Vec<_>>(), [0.5, 1.0, 1.0, 0.5]);
-        assert_eq!(best(&tried).map(|level| level.on), Some(0.89));
+        let tried: Vec<TriedLevel> = [0.3, 0.31, 0.55, 0.89, 0.9].map(|on| try_level(&frames, on, 100.0)).into();
+        assert_eq!(tried.iter().map(|level| level.ba).collect::<Vec<_>>(), [0.5, 1.0, 1.0, 1.0, 0.5]);
+        assert_eq!(best(&tried).map(|level| level.on), Some(0.55));
         let level = |on: f64, ba: f64| TriedLevel { on, ba, mdf_gf: None, false_per_min: None };
-        let nearly = [level(0.4, 0.98), level(0.5, 0.9824), level(0.6, 0.9823), level(0.7, 0.982)];
-        assert_eq!(best(&nearly).map(|level| level.on), Some(0.6), "within 0.02 points of the best");
+        let nearly = [level(0.3, 0.97), level(0.4, 0.9824), level(0.5, 0.9823), level(0.6, 0.9823), level(0.7, 0.982)];
+        assert_eq!(best(&nearly).map(|level| level.on), Some(0.5), "of those within 0.02 points of the best");
+        assert_eq!(best(&nearly[..1]).map(|level| level.on), Some(0.3));
+        assert_eq!(best(&[]), None);
         assert_eq!(tried[2].false_per_min, Some(0.0));
         // One false touch in 3 s.
         assert!((tried[0].false_per_min.unwrap() - 20.0).abs() < 1e-9);
