@@ -106,8 +106,8 @@
 //!
 //! # Where to find things
 //!
-//! - [`zero`] decides the zero of the forces, for bags and for the live node. The parameters `calibration.*` tell it what
-//!   to use, and when to refuse a zero.
+//! - [`zero`] decides the zero of the forces of a recording. The live node judges its zero by the same rules. The
+//!   parameters `calibration.*` tell it what to use, and when to refuse a zero.
 //! - The estimate of a region is a [`fusion::Estimate`]. Its [`fusion::Flags`] give the reasons not to trust it. A
 //!   [`fusion::Tick`] has the estimates of one frame of one tactile source. [`msg::Outgoing`] turns it into ROS
 //!   messages.

@@ -401,6 +401,26 @@ fn the_core_is_pure() {
     }
 }
 
+/// The library without the feature `ros` can't depend on it by accident.
+#[test]
+fn only_ros_uses_its_crates() {
+    let crates = ["ros2_client", "rustdds", "zenoh"];
+    let mut n_uses = 0;
+    for (path, relative) in sources() {
+        for used in circles::paths_of(&code_of(&path)) {
+            let is_of_ros = used.first().is_some_and(|first| crates.contains(&first.as_str()));
+            n_uses += usize::from(is_of_ros);
+            assert!(
+                !is_of_ros || module_of(&relative).as_deref() == Some("ros"),
+                "{} uses {}",
+                path.display(),
+                used.join("::")
+            );
+        }
+    }
+    assert!(n_uses > 50, "{n_uses} uses were found");
+}
+
 /// What ARCHITECTURE.md calls pure is what the test above looks at.
 #[test]
 fn what_architecture_md_calls_pure_is_checked() {
