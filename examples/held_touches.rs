@@ -1,5 +1,5 @@
 //! Tells how well a model keeps touches that are held while the hand moves, on a synthetic glove:
-//! `cargo run --release --example held_touches -- GLOVE [MODEL] [USERS]`, such as `-- 1 models/glove1_adaptive.onnx 4`.
+//! `cargo run --example held_touches -- GLOVE [MODEL] [USERS]`, such as `-- 1 models/glove1_adaptive.onnx 4`.
 //!
 //! Users that no model knows move their hands in the air, tracked by markers or by a camera, and touches are laid on the taxels along
 //! the pattern that the model knows: for a minute, from before the recording on, as a slow ramp, and a grasp of ten minutes. SYNTHETIC data. For
