@@ -11,10 +11,11 @@ mod worn;
 
 use std::error::Error;
 use std::io::Write;
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use tactile_pose_fusion::sim::Tracking;
-use worn::{CALIBRATED_S, Felt, Worn, for_a_minute, in_span, setup, shipped};
+use worn::{CALIBRATED_S, Felt, Worn, for_a_minute, in_span, long_grasp, setup, shipped, slow_ramp};
 
 /// Forces that are held for a minute, gF; 0 is the air.
 const HELD_GF: [f64; 7] = [0.0, 5.0, 10.0, 15.0, 20.0, 40.0, 60.0];
@@ -29,15 +30,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err(usage.into());
     };
     let model = args.get(1).map_or_else(|| shipped(glove), PathBuf::from);
-    let n_users: u32 = args.get(2).map_or(Ok(2), |arg| arg.parse().map_err(|_| usage))?;
-    let (_, models) = setup(glove, &model).map_err(|error| format!("{}: {error}", model.display()))?;
+    let n_users: NonZeroU32 = args.get(2).map_or("2", String::as_str).parse().map_err(|_| usage)?;
+    let (_, models) = setup(glove, &model).map_err(|error| error.to_string())?;
     if models.infos[0].contract.artifact.is_none() {
         return Err(format!("{}: has no artifact model, which says how taxels read a touch", model.display()).into());
     }
     let mut out = std::io::stdout().lock();
     writeln!(out, "SYNTHETIC data. Frames with contact and mean force, glove {glove}, {}\n", model.display())?;
     for tracking in [Tracking::Markers, Tracking::Camera] {
-        for user in 1..=n_users {
+        for user in 1..=n_users.get() {
             let worn = Worn::new(glove, &model, tracking, user, 2.0);
             let mut row = |what: &str, felt: &[Felt], spans: &[(&str, f64, f64)]| -> std::io::Result<()> {
                 let told: Vec<String> = spans.iter().map(|span| of_span(felt, *span)).collect();
@@ -53,11 +54,10 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let spans = [("first 5 s", 15.0, 20.0), ("last 5 s", 37.0, 42.0), ("after", 43.0, 60.0)];
                 row(&format!("{force} gF at the start"), &felt, &spans)?;
             }
-            let felt = worn.feel(CALIBRATED_S, |at_s| (0.5 * (at_s - 40.0)).clamp(0.0, 30.0));
+            let felt = worn.feel(CALIBRATED_S, slow_ramp);
             let spans = [("5 gF", 49.0, 51.0), ("10 gF", 59.0, 61.0), ("15 gF", 69.0, 71.0), ("30 gF", 110.0, 116.0)];
             row("0.5 gF more a second", &felt, &spans)?;
-            let grasp = |at_s: f64| if (40.0..640.0).contains(&at_s) { 120.0 + 60.0 * (at_s / 2.0).sin() } else { 0.0 };
-            let felt = Worn::new(glove, &model, tracking, user, 12.0).feel(CALIBRATED_S, grasp);
+            let felt = Worn::new(glove, &model, tracking, user, 12.0).feel(CALIBRATED_S, long_grasp);
             let spans =
                 [("before", 14.0, 40.0), ("grasp", 41.0, 640.0), ("5 s after", 640.3, 645.0), ("later", 645.0, 700.0)];
             row("grasp of ten minutes", &felt, &spans)?;

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use tactile_pose_fusion::fusion::Adaptation;
 use tactile_pose_fusion::sim::Tracking;
 
-use crate::worn::{CALIBRATED_S, Felt, Worn, for_a_minute, in_span, shipped};
+use crate::worn::{CALIBRATED_S, Felt, Worn, for_a_minute, in_span, long_grasp, shipped, slow_ramp};
 
 /// Users that no model knows.
 const USERS: std::ops::RangeInclusive<u32> = 1..=2;
@@ -55,11 +55,10 @@ fn a_touch_that_is_held_for_a_minute_in_a_moving_hand_is_kept() {
 fn a_slow_ramp_is_found() {
     for (tracking, found_at) in [(Tracking::Markers, 12.0), (Tracking::Camera, 25.0)] {
         for user in USERS {
-            let ramp = |at_s: f64| if at_s < 40.0 { 0.0 } else { (0.5 * (at_s - 40.0)).min(30.0) };
-            let felt = two_minutes(1, tracking, user, |worn| worn.feel(CALIBRATED_S, ramp));
+            let felt = two_minutes(1, tracking, user, |worn| worn.feel(CALIBRATED_S, slow_ramp));
             let loaded: Vec<&Felt> = felt.iter().filter(|felt| felt.at_s > 40.0).collect();
             let is_found = |second: &&[&Felt]| second.iter().filter(|felt| felt.contact).count() > 80;
-            let found = loaded.windows(100).find(is_found).map(|second| ramp(second[0].at_s));
+            let found = loaded.windows(100).find(is_found).map(|second| slow_ramp(second[0].at_s));
             assert!(found.is_some_and(|force| force < found_at), "{tracking:?}, user {user}: found at {found:?} gF");
         }
     }
@@ -70,8 +69,7 @@ fn ten_minutes_of_grasp_without_air_leave_no_false_touches() {
     for (glove, tracking) in
         [(1, Tracking::Markers), (1, Tracking::Camera), (3, Tracking::Markers), (3, Tracking::Camera)]
     {
-        let grasp = |at_s: f64| if (40.0..640.0).contains(&at_s) { 120.0 + 60.0 * (at_s / 2.0).sin() } else { 0.0 };
-        let felt = Worn::new(glove, &shipped(glove), tracking, 1, 12.0).feel(CALIBRATED_S, grasp);
+        let felt = Worn::new(glove, &shipped(glove), tracking, 1, 12.0).feel(CALIBRATED_S, long_grasp);
         let (before, within) = (in_span(&felt, 14.0, 40.0), in_span(&felt, 41.0, 640.0));
         let (after, later) = (in_span(&felt, 640.3, 645.0), in_span(&felt, 645.0, 700.0));
         let told =

@@ -151,6 +151,16 @@ pub fn for_a_minute(force_gf: f64) -> impl Fn(f64) -> f64 {
     move |at_s| if (40.0..100.0).contains(&at_s) { force_gf } else { 0.0 }
 }
 
+/// A force that rises by 0.5 gF a second from 40 s on, to 30 gF.
+pub fn slow_ramp(at_s: f64) -> f64 {
+    (0.5 * (at_s - 40.0)).clamp(0.0, 30.0)
+}
+
+/// A grasp of ten minutes, from 40 s on.
+pub fn long_grasp(at_s: f64) -> f64 {
+    if (40.0..640.0).contains(&at_s) { 120.0 + 60.0 * (at_s / 2.0).sin() } else { 0.0 }
+}
+
 /// Share of the frames in a span of time, s, with contact, and their mean force, gF.
 pub fn in_span(felt: &[Felt], from_s: f64, to_s: f64) -> (f64, f64) {
     let within: Vec<&Felt> = felt.iter().filter(|felt| (from_s..to_s).contains(&felt.at_s)).collect();
