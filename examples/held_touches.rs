@@ -2,8 +2,9 @@
 //! `cargo run --example held_touches -- GLOVE [MODEL] [USERS]`, such as `-- 1 models/glove1_adaptive.onnx 4`.
 //!
 //! Users that no model knows move their hands in the air, tracked by markers or by a camera, and touches are laid on the taxels along
-//! the pattern that the model knows: for a minute, from before the recording on, as a slow ramp, and a grasp of ten minutes. SYNTHETIC data. For
-//! each it prints the share of the frames with contact and the mean force. The tests of `adaptive_touch` ask for some of it.
+//! the pattern that the model knows: for a minute, from before the recording on, as a slow ramp, a grasp of ten minutes, one that is let
+//! go in part, and five minutes of a light touch. SYNTHETIC data. For each it prints the share of the frames with contact and the mean
+//! force. The tests of `adaptive_touch` ask for some of it.
 
 #[path = "../tests/library/worn.rs"]
 #[allow(dead_code)] // tests use more of it
@@ -39,11 +40,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     writeln!(out, "SYNTHETIC data. Frames with contact and mean force, glove {glove}, {}\n", model.display())?;
     for tracking in [Tracking::Markers, Tracking::Camera] {
         for user in 1..=n_users.get() {
-            let worn = Worn::new(glove, &model, tracking, user, 2.0);
             let mut row = |what: &str, felt: &[Felt], spans: &[(&str, f64, f64)]| -> std::io::Result<()> {
                 let told: Vec<String> = spans.iter().map(|span| of_span(felt, *span)).collect();
                 writeln!(out, "{tracking:?}, user {user}, {what:22} {}", told.join("   "))
             };
+            let worn = Worn::new(glove, &model, tracking, user, 2.0);
             for force in HELD_GF {
                 let felt = worn.feel(CALIBRATED_S, for_a_minute(force));
                 let spans = [("first 4 s", 40.5, 44.5), ("last 4 s", 96.0, 100.0), ("after", 101.0, 106.0)];
@@ -57,13 +58,35 @@ fn main() -> Result<(), Box<dyn Error>> {
             let felt = worn.feel(CALIBRATED_S, slow_ramp);
             let spans = [("5 gF", 49.0, 51.0), ("10 gF", 59.0, 61.0), ("15 gF", 69.0, 71.0), ("30 gF", 110.0, 116.0)];
             row("0.5 gF more a second", &felt, &spans)?;
-            let felt = Worn::new(glove, &model, tracking, user, 12.0).feel(CALIBRATED_S, long_grasp);
+            let worn = Worn::new(glove, &model, tracking, user, 12.0);
+            let felt = worn.feel(CALIBRATED_S, long_grasp);
             let spans =
                 [("before", 14.0, 40.0), ("grasp", 41.0, 640.0), ("5 s after", 640.3, 645.0), ("later", 645.0, 700.0)];
             row("grasp of ten minutes", &felt, &spans)?;
+            let felt = worn.feel(CALIBRATED_S, let_go_in_part);
+            let spans = [("30 gF", 345.0, 400.0), ("5 s after", 400.3, 405.0), ("later", 405.0, 460.0)];
+            row("let go in part", &felt, &spans)?;
+            let felt = worn.feel(CALIBRATED_S, five_light_minutes);
+            let spans = [
+                ("first 4 s", 41.0, 45.0),
+                ("last 10 s", 330.0, 340.0),
+                ("5 s after", 340.3, 345.0),
+                ("later", 345.0, 400.0),
+            ];
+            row("five light minutes", &felt, &spans)?;
         }
     }
     Ok(())
+}
+
+/// A grasp of five minutes, from 40 s on, of which 30 gF are left for a minute.
+fn let_go_in_part(at_s: f64) -> f64 {
+    if (340.0..400.0).contains(&at_s) { 30.0 } else { long_grasp(at_s) * f64::from(u8::from(at_s < 340.0)) }
+}
+
+/// 20 gF that change a little, for five minutes from 40 s on.
+fn five_light_minutes(at_s: f64) -> f64 {
+    if (40.0..340.0).contains(&at_s) { 20.0 + 5.0 * (at_s / 3.0).sin() } else { 0.0 }
 }
 
 /// What was felt in a span of time, s, with its name.
