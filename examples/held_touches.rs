@@ -40,11 +40,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     writeln!(out, "SYNTHETIC data. Frames with contact and mean force, glove {glove}, {}\n", model.display())?;
     for tracking in [Tracking::Markers, Tracking::Camera] {
         for user in 1..=n_users.get() {
+            let worn = Worn::new(glove, &model, tracking, user, 2.0);
             let mut row = |what: &str, felt: &[Felt], spans: &[(&str, f64, f64)]| -> std::io::Result<()> {
                 let told: Vec<String> = spans.iter().map(|span| of_span(felt, *span)).collect();
                 writeln!(out, "{tracking:?}, user {user}, {what:22} {}", told.join("   "))
             };
-            let worn = Worn::new(glove, &model, tracking, user, 2.0);
             for force in HELD_GF {
                 let felt = worn.feel(CALIBRATED_S, for_a_minute(force));
                 let spans = [("first 4 s", 40.5, 44.5), ("last 4 s", 96.0, 100.0), ("after", 101.0, 106.0)];
@@ -81,7 +81,11 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// A grasp of five minutes, from 40 s on, of which 30 gF are left for a minute.
 fn let_go_in_part(at_s: f64) -> f64 {
-    if (340.0..400.0).contains(&at_s) { 30.0 } else { long_grasp(at_s) * f64::from(u8::from(at_s < 340.0)) }
+    match at_s {
+        ..340.0 => long_grasp(at_s),
+        340.0..400.0 => 30.0,
+        _ => 0.0,
+    }
 }
 
 /// 20 gF that change a little, for five minutes from 40 s on.
