@@ -13,6 +13,7 @@
 
 mod donning;
 mod drift;
+mod falls;
 mod filter;
 mod fit;
 mod history;

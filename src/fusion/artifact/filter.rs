@@ -3,22 +3,26 @@
 //! State: how far each gain and each offset is from the calibration, and what each taxel reads of a touch. Several frames are averaged
 //! to one measurement of all taxels. What goes with changes of pose can only be a gain; a level that stays while the pose changes
 //! is touch, unless it comes as slowly as offsets drift, and on each taxel by itself. A touch that begins or ends is an innovation
-//! along the pattern of touches that the state did not expect: it widens the touches alone. A touch that is no larger than its own
-//! uncertainty is taken for none.
+//! along the pattern of touches that the state did not expect: it widens the touches alone. A large touch goes up and down on its
+//! own, so that gains don't have to explain it. A touch that is no larger than its own uncertainty is taken for none.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::falls::{ENDING_SHARE, Falls};
 use super::history::JointHistory;
 use super::{ARTIFACT_BASIS, ArtifactError, ArtifactFit, ArtifactModel, DRIFT_TIME_S};
 
 /// Time of one measurement, s.
 const BLOCK_S: f64 = 0.05;
 
-/// How fast a held touch changes, gF^2/s.
+/// How fast a held touch changes, gF^2/s; and how fast one of more than this force does, as a share of what is above it, in the
+/// square root of a second. Chosen on validation data (docs/validation).
 const TOUCH_WALK: f64 = 3.0;
+const LARGE_TOUCH: f64 = 20.0;
+const LARGE_TOUCH_WALK: f64 = 0.2;
 
 /// Share of a touch by which it may read differently on each taxel than the pattern says, as a standard deviation: for as long
 /// as it lasts, and from one measurement to the next.
@@ -27,9 +31,6 @@ const PATTERN_NOISE: f64 = 0.4;
 
 /// An innovation along the pattern of touch of more deviations than this is a touch that begins or ends.
 const ONSET_DEVIATIONS: f64 = 2.5;
-
-/// A touch that falls at once by this share of it ends, in part or wholly.
-const ENDING_SHARE: f64 = 0.5;
 
 /// A touch below this, gF, or below so many deviations of it, most likely is none; with this variance, gF^2, that is taken
 /// for a measurement.
@@ -125,6 +126,7 @@ pub struct ArtifactFilter {
     keep: Vec<f64>,
     /// Time for which a touch has hidden how offsets drift, s.
     hidden_s: f64,
+    falls: Falls,
     /// Frames of a block, and the frames and sums of the one that is being collected.
     block_frames: usize,
     n_block: usize,
@@ -168,6 +170,7 @@ impl ArtifactFilter {
             slip: DMatrix::zeros(n_slow, n_slow),
             keep: vec![0.0; n_slow],
             hidden_s: 0.0,
+            falls: Falls::default(),
             block_frames: (BLOCK_S * rate_hz).round().max(1.0) as usize,
             n_block: 0,
             block_tactile: vec![0.0; n],
@@ -242,6 +245,7 @@ impl ArtifactFilter {
         self.widen_touch(CALIBRATED_VARIANCE);
         (self.sees_touch, self.sees_held, self.left_deviation) = (false, false, UNKNOWN_VARIANCE.sqrt());
         self.hidden_s = 0.0;
+        self.falls = Falls::default();
     }
 
     /// The calibration with the gains as they are now, to be taken up again in the same donning.
@@ -281,6 +285,7 @@ impl ArtifactFilter {
             self.covariance.column_mut(touch).fill(0.0);
         }
         self.widen_touch(UNKNOWN_VARIANCE);
+        self.falls.restart();
         (self.sees_touch, self.sees_held) = (false, false);
     }
 
@@ -534,7 +539,8 @@ impl ArtifactFilter {
             }
         }
         self.state.as_mut_slice()[..first].iter_mut().zip(&self.keep).for_each(|(slow, keep)| *slow *= keep);
-        self.widen_touch(TOUCH_WALK * elapsed_s);
+        let above = if self.sees_touch { (self.touch_gf() - LARGE_TOUCH).max(0.0) } else { 0.0 };
+        self.widen_touch((TOUCH_WALK + (LARGE_TOUCH_WALK * above).powi(2)) * elapsed_s);
     }
 
     /// Widens touch where the taxels together say that one began or ended.
@@ -549,11 +555,14 @@ impl ArtifactFilter {
         }
         let noise = self.model.touch.iter().zip(&self.noise).map(|(k, noise)| k * k * noise).sum::<f64>();
         let deviation = (self.along_scratch(&self.covariance, 0..self.state.len()) + noise).max(0.0).sqrt() / square;
-        if change.abs() > ONSET_DEVIATIONS * deviation {
-            self.widen_touch(4.0 * change * change);
-            if change < -ENDING_SHARE * self.touch_gf() {
-                self.end_touch();
-            }
+        let touch = self.touch_gf();
+        let is_sudden = change.abs() > ONSET_DEVIATIONS * deviation;
+        let fall = self.falls.handle_reading(touch + change, self.sees_touch);
+        if let Some(size) = fall.or(is_sudden.then_some(change)) {
+            self.widen_touch(4.0 * size * size);
+        }
+        if fall.is_some() || is_sudden && change < -ENDING_SHARE * touch {
+            self.end_touch();
         }
     }
 
@@ -564,6 +573,7 @@ impl ArtifactFilter {
             self.covariance[(offset, offset)] += grown * self.slip[(offset, offset)];
         }
         self.sees_touch = false;
+        self.falls.restart();
     }
 
     /// Points `scratch` along the pattern of touch at the pose of the block.
