@@ -48,7 +48,7 @@ const HELD_TOUCHES: usize = 4;
 const MAX_HELD_TOUCHES: usize = 64;
 
 /// Steps of an adaptive model: its small network still improves where the paper's no longer does.
-const ADAPTIVE_STEPS: u64 = 20_000;
+const ADAPTIVE_STEPS: u64 = 12_000;
 
 /// The model to train, and how.
 #[derive(Debug, Clone)]

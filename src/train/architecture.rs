@@ -17,7 +17,7 @@ pub(super) const DILATIONS: [usize; 3] = [1, 2, 4];
 pub(super) const TAPS: usize = 3;
 
 /// Channels and dilations of the causal network: the last frame depends on all frames of a window but one.
-pub(super) const CAUSAL_CHANNELS: usize = 32;
+pub(super) const CAUSAL_CHANNELS: usize = 64;
 pub(super) const CAUSAL_DILATIONS: [usize; 5] = [1, 2, 4, 8, 16];
 
 /// Frames that the causal network needs for one force.

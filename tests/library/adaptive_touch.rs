@@ -88,6 +88,28 @@ fn ten_minutes_of_grasp_without_air_leave_no_false_touches() {
 }
 
 #[test]
+fn a_grasp_that_is_let_go_in_part_leaves_its_rest_and_then_nothing() {
+    let let_go_in_part = |at_s: f64| match at_s {
+        ..40.0 => 0.0,
+        ..340.0 => 120.0 + 60.0 * (at_s / 2.0).sin(),
+        ..400.0 => 30.0,
+        _ => 0.0,
+    };
+    for (glove, tracking, user) in
+        [(1, Tracking::Markers, 1), (2, Tracking::Markers, 3), (2, Tracking::Camera, 4), (3, Tracking::Camera, 1)]
+    {
+        let felt = Worn::new(glove, &shipped(glove), tracking, user, 7.5).feel(CALIBRATED_S, let_go_in_part);
+        let (left, later, after) =
+            (in_span(&felt, 341.0, 345.0), in_span(&felt, 345.0, 400.0), in_span(&felt, 400.3, 405.0));
+        let told = format!(
+            "glove {glove}, {tracking:?}, user {user}: {left:?}, then {later:?} of 30 gF, and {after:?} after it"
+        );
+        assert!(left.0 > 0.95 && later.0 > 0.95 && later.1 > 15.0, "{told}");
+        assert!(after.0 < 0.1 && after.1 < 3.0, "{told}");
+    }
+}
+
+#[test]
 fn a_start_in_contact_is_said_and_not_learned() {
     for (tracking, force_gf) in [(Tracking::Markers, 15.0), (Tracking::Camera, 60.0)] {
         for user in USERS {

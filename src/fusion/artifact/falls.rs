@@ -39,15 +39,15 @@ impl Falls {
         self.n_before = 0;
     }
 
-    /// Takes what the taxels read of a touch now, gF. Says by how much it fell, gF, if a touch that was there before has ended.
-    pub(super) fn handle_reading(&mut self, reading_gf: f64, is_touched: bool) -> Option<f64> {
-        let mut ended = None;
+    /// Takes what the taxels read of a touch now, gF. True if a touch that was there before has ended.
+    pub(super) fn handle_reading(&mut self, reading_gf: f64, is_touched: bool) -> bool {
+        let mut ended = false;
         if self.n_before == N_BEFORE {
             let before = self.before[..N_OLDEST].iter().sum::<f64>() / N_OLDEST as f64;
             let fall = before - reading_gf;
             let usual = self.variance.max(LEAST_VARIANCE).sqrt();
             if is_touched && fall > FALL_DEVIATIONS * usual && fall > ENDING_SHARE * before {
-                ended = Some(fall);
+                ended = true;
             } else {
                 self.variance += FOLLOWS * (fall * fall - self.variance);
             }
@@ -68,7 +68,7 @@ mod tests {
     fn ends(course: impl Fn(usize) -> f64) -> Vec<usize> {
         let mut falls = Falls::default();
         let mut ended = |at: &usize| {
-            let ended = falls.handle_reading(course(*at), true).is_some();
+            let ended = falls.handle_reading(course(*at), true);
             if ended {
                 falls.restart();
             }
@@ -97,7 +97,7 @@ mod tests {
         assert!(ends(|at| if at <= 100 { 100.0 } else { 60.0 }).is_empty(), "a touch that loses less than half stays");
         let mut falls = Falls::default();
         assert!(
-            (1..=200).all(|at| falls.handle_reading(if at <= 100 { 10.0 } else { 0.0 }, false).is_none()),
+            (1..=200).all(|at| !falls.handle_reading(if at <= 100 { 10.0 } else { 0.0 }, false)),
             "no touch, no end"
         );
     }
@@ -105,8 +105,8 @@ mod tests {
     #[test]
     fn readings_on_both_sides_of_a_gap_are_not_compared() {
         let mut falls = Falls::default();
-        (0..100).for_each(|_| assert!(falls.handle_reading(50.0, true).is_none()));
+        (0..100).for_each(|_| assert!(!falls.handle_reading(50.0, true)));
         falls.restart();
-        assert!((0..100).all(|_| falls.handle_reading(0.0, true).is_none()));
+        assert!((0..100).all(|_| !falls.handle_reading(0.0, true)));
     }
 }

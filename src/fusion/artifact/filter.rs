@@ -20,7 +20,7 @@ const BLOCK_S: f64 = 0.05;
 
 /// How fast a held touch changes, gF^2/s; and how fast one of more than this force does, as a share of what is above it, in the
 /// square root of a second. Chosen on validation data (docs/validation).
-const TOUCH_WALK: f64 = 3.0;
+const TOUCH_WALK: f64 = 1.0;
 const LARGE_TOUCH: f64 = 20.0;
 const LARGE_TOUCH_WALK: f64 = 0.2;
 
@@ -37,6 +37,9 @@ const ONSET_DEVIATIONS: f64 = 2.5;
 const FAINT_TOUCH: f64 = 1.5;
 const FAINT_DEVIATIONS: f64 = 2.0;
 const FAINT_VARIANCE: f64 = 100.0;
+
+/// The deviation of what is left of a touch that ends is larger by this share of what taxels read of it.
+const LEFT_SHARE: f64 = 0.5;
 
 /// Variance of the touch at the start of frames, gF^2: after a calibration, in which there was none, and after a gap.
 const CALIBRATED_VARIANCE: f64 = 1.0;
@@ -279,6 +282,12 @@ impl ArtifactFilter {
         self.history.clear();
         self.drop_block();
         (self.n_since, self.n_without_pose) = (0, 0);
+        self.forget_touch();
+        self.sees_held = false;
+    }
+
+    /// Whatever touched, nobody knows what touches now.
+    fn forget_touch(&mut self) {
         for touch in self.n_slow()..self.state.len() {
             self.state[touch] = 0.0;
             self.covariance.row_mut(touch).fill(0.0);
@@ -286,7 +295,7 @@ impl ArtifactFilter {
         }
         self.widen_touch(UNKNOWN_VARIANCE);
         self.falls.restart();
-        (self.sees_touch, self.sees_held) = (false, false);
+        self.sees_touch = false;
     }
 
     /// Takes the artifact out of a frame, `n_frames` after the last one, and learns from it.
@@ -470,9 +479,12 @@ impl ArtifactFilter {
             self.measure();
         } else if self.model.trust_inputs {
             self.look_along_touch();
-            let first = self.n_slow();
-            let (known, slipped) = (&self.covariance, (1.0 - SLIP_AT_START) * self.along_scratch(&self.slip, 0..first));
-            self.tell_left(self.along_scratch(known, 0..first) + slipped);
+            let of_offset = |offset: usize| self.scratch[offset].powi(2) * self.slip[(offset, offset)];
+            let drift: f64 = self.offsets().map(of_offset).sum();
+            let slow = 0..self.n_slow();
+            let slip = self.along_scratch(&self.slip, slow.clone()) - drift;
+            let since = (1.0 - SLIP_AT_START) * slip + (1.0 - DRIFT_AT_START) * drift;
+            self.tell_left(self.along_scratch(&self.covariance, slow) + since);
         }
         self.n_since = 0;
         self.drop_block();
@@ -557,23 +569,27 @@ impl ArtifactFilter {
         let deviation = (self.along_scratch(&self.covariance, 0..self.state.len()) + noise).max(0.0).sqrt() / square;
         let touch = self.touch_gf();
         let is_sudden = change.abs() > ONSET_DEVIATIONS * deviation;
-        let fall = self.falls.handle_reading(touch + change, self.sees_touch);
-        if let Some(size) = fall.or(is_sudden.then_some(change)) {
-            self.widen_touch(4.0 * size * size);
-        }
-        if fall.is_some() || is_sudden && change < -ENDING_SHARE * touch {
-            self.end_touch();
+        let reading = touch + change;
+        if self.falls.handle_reading(reading, self.sees_touch) || is_sudden && change < -ENDING_SHARE * touch {
+            self.end_touch(reading);
+        } else if is_sudden {
+            self.widen_touch(4.0 * change * change);
         }
     }
 
-    /// What a touch hid is unknown when it ends: offsets have drifted meanwhile.
-    fn end_touch(&mut self) {
+    /// What is left of a touch that ends is unknown, and so is what it hid: offsets have drifted meanwhile.
+    fn end_touch(&mut self, left_gf: f64) {
+        let touches = self.state.iter().skip(self.n_slow());
+        self.innovation.iter_mut().zip(touches).for_each(|(value, touch)| *value += touch);
+        self.forget_touch();
+        self.widen_touch((LEFT_SHARE * left_gf).powi(2));
         let grown = 1.0 - (-2.0 * std::mem::take(&mut self.hidden_s) / DRIFT_TIME_S).exp();
         for offset in self.offsets() {
             self.covariance[(offset, offset)] += grown * self.slip[(offset, offset)];
         }
-        self.sees_touch = false;
-        self.falls.restart();
+        if self.model.trust_inputs {
+            self.tell_left(self.along_scratch(&self.covariance, 0..self.n_slow()));
+        }
     }
 
     /// Points `scratch` along the pattern of touch at the pose of the block.

@@ -267,6 +267,25 @@ fn minutes_of_grasp_teach_nothing_wrong() {
 }
 
 #[test]
+fn what_is_left_of_a_grasp_that_is_let_go_in_part_stays_touch() {
+    for make in MAKES {
+        for seed in 0..5 {
+            let mut finger = make(seed);
+            let mut filter = finger.calibrated(Following::On);
+            finger.feel(&mut filter, 60.0, |at_s| 120.0 + 60.0 * (at_s / 2.0).sin());
+            finger.feel(&mut filter, 1.0, |_| 30.0);
+            let (at_first, _) = finger.feel(&mut filter, 2.0, |_| 30.0);
+            finger.feel(&mut filter, 26.0, |_| 30.0);
+            let (at_last, _) = finger.feel(&mut filter, 2.0, |_| 30.0);
+            assert!(at_first > 25.0 && at_last > 25.0, "seed {seed}: {at_first}, then {at_last} of 30 gF");
+            finger.feel(&mut filter, 1.0, |_| 0.0);
+            let air = finger.feel(&mut filter, 5.0, |_| 0.0);
+            assert!(air.0.abs() < 3.0 && air.1 < 3.0, "seed {seed}: {air:?} gF in the air");
+        }
+    }
+}
+
+#[test]
 fn what_can_not_teach_is_not_learned_and_said() {
     let mut finger = Finger::new(1);
     let mut filter = finger.calibrated(Following::On);
@@ -480,6 +499,9 @@ fn a_network_is_told_how_far_the_taxels_can_be_trusted() {
     finger.feel(&mut filter, 60.0, |_| 20.0);
     let held = told(&filter)[1];
     assert!(held <= touched[1], "{held} after a minute, {} before: a held touch does not become doubtful", touched[1]);
+    finger.feel(&mut filter, 0.06, |_| 0.0);
+    let ended = told(&filter)[1];
+    assert!(ended > 1.1 * held, "{ended} right after it, {held} before: gains slipped meanwhile");
     finger.feel(&mut filter, 30.0, |_| 0.0);
     let over = told(&filter)[1];
     assert!((0.5 * left..2.0 * left).contains(&over), "{over} when it is over, {left} before");

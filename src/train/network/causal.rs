@@ -31,7 +31,7 @@ impl Weights<'_> {
         Output { force, base: None, touch: Some(touch), artifact: None, statistics: None }
     }
 
-    /// `[L, N, C]` to `[L - 2 * dilation, N, 32]`.
+    /// `[L, N, C]` to `[L - 2 * dilation, N, CAUSAL_CHANNELS]`.
     fn causal_convolution(&self, name: &str, x: Tensor<3>, dilation: usize) -> Tensor<3> {
         let bias = self.flat(&format!("{name}.bias"));
         let ([frames, n, n_in], n_out) = (x.dims(), bias.dims()[0]);

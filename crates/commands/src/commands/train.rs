@@ -79,7 +79,7 @@ struct RunArgs {
     /// Passes over the training windows
     #[arg(long, value_name = "E", conflicts_with = "steps")]
     epochs: Option<f64>,
-    /// Steps in all [default: 5000; 20000 for adaptive]
+    /// Steps in all [default: 5000; 12000 for adaptive]
     #[arg(long, value_name = "N")]
     steps: Option<u64>,
     /// Windows in a step
