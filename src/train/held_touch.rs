@@ -38,8 +38,9 @@ const AFTER_GRASP_S: (f32, f32) = (10.0, 120.0);
 /// where there are none.
 const RAMP_S: (f32, f32) = (0.03, 1.0);
 
-/// How many touches, other than grasps, there are already when the filter starts, or nearly so.
-const STARTS_IN_TOUCH: f32 = 0.3;
+/// In how many touches, other than grasps, the filter starts, and the time between two starts in one of them, s.
+const STARTS_IN_TOUCH: f32 = 0.7;
+const TOUCHED_STARTS_S: (f32, f32) = (1.0, 20.0);
 
 /// How long a grasp takes to end, s.
 const RELEASE_S: (f32, f32) = (0.03, 2.0);
@@ -132,7 +133,8 @@ impl TouchedSession<'_> {
         let mut touched = frames.clone();
         let mut past = BTreeMap::new();
         for air in runs_in_air(frames) {
-            past.extend(starts(&air, rate_hz, &mut random).into_iter().map(|frame| (frame, Past::Start)));
+            let begins = starts(&air, rate_hz, &mut random);
+            past.extend(begins.into_iter().map(|frame| (frame, Past::start(&mut random))));
             let mut begin = air.start + n_frames(&mut random, BETWEEN_S, rate_hz);
             while begin < air.end {
                 let ends = [spread(&mut random), spread(&mut random)];
@@ -145,7 +147,13 @@ impl TouchedSession<'_> {
                 hold(&mut touched, held.clone(), &ends, &course, &mut random);
                 match grasp {
                     Some((grasp, _)) => _ = past.insert(begin, Past::Grasp(grasp)),
-                    None if random.unit() < STARTS_IN_TOUCH => _ = past.insert(begin + held.len() / 4, Past::Start),
+                    None if random.unit() < STARTS_IN_TOUCH => {
+                        let mut at = begin + held.len() / 4;
+                        while at < held.end {
+                            past.insert(at, Past::start(&mut random));
+                            at += n_frames(&mut random, TOUCHED_STARTS_S, rate_hz).max(1);
+                        }
+                    }
                     None => {}
                 }
                 begin = held.end + n_frames(&mut random, between, rate_hz);
@@ -186,7 +194,7 @@ impl TouchedSession<'_> {
     ) -> Result<Vec<f32>, TrainError> {
         let artifact = self.artifact;
         let (n, n_columns) = (artifact.n_taxels, artifact.n_columns());
-        let started = || -> Result<ArtifactFilter, TrainError> {
+        let started = |fit: &ArtifactFit| -> Result<ArtifactFilter, TrainError> {
             let mut filter = ArtifactFilter::new(Arc::clone(artifact), self.rate_hz, following);
             filter.handle_fit(fit.clone()).map_err(|error| TrainError::Artifact { what: error.to_string() })?;
             Ok(filter)
@@ -196,14 +204,15 @@ impl TouchedSession<'_> {
             let age = tracked.age[frame];
             filter.correct(taxels, (age != Age::Old).then_some(pose), 1, age == Age::Fresh);
         };
-        let mut filter = started()?;
+        let mut filter = started(fit)?;
         let chance = RESTARTS_PER_MIN / 60.0 / self.rate_hz as f32;
         let mut columns = vec![0.0; frames.truth_gf.len() * n_columns];
         for (frame, row) in columns.chunks_exact_mut(n_columns).enumerate() {
             let taxels_of = |frame: usize| &frames.tactile[frame * n..(frame + 1) * n];
             let is_lost = random.as_mut().is_some_and(|random| random.unit() < chance);
             match past.get(&frame) {
-                Some(Past::Start) => filter = started()?,
+                Some(Past::Start) => filter = started(fit)?,
+                Some(Past::StartKnowing) => filter = started(&filter.fit().unwrap_or_else(|| fit.clone()))?,
                 Some(Past::Grasp(grasp)) => {
                     let mut taxels = vec![0.0; n];
                     for (again, force) in grasp.frames(frame) {
@@ -442,6 +451,21 @@ mod tests {
             }
         }
         assert!(n_starts >= 6 && n_grasps >= 3, "{n_starts} starts, {n_grasps} grasps");
+    }
+
+    #[test]
+    fn a_start_goes_back_to_the_calibration_or_goes_on_from_what_the_filter_knew() {
+        let (raw, artifact) = (raw(), artifact());
+        let off = ArtifactFit { gains: vec![0.8; 2], ..fit() };
+        let touched = TouchedSession { raw: &raw, artifact: &artifact, fit: &off, rate_hz: HZ };
+        let left_after = |past: Past| {
+            let (frames, at) = (raw.frames(), 11_000);
+            let past = BTreeMap::from([(at, past)]);
+            let columns = touched.columns(frames, &past, &Tracked::of(frames), &off, Following::On, None).unwrap();
+            columns[at * 4].abs()
+        };
+        let (back, on) = (left_after(Past::Start), left_after(Past::StartKnowing));
+        assert!(back > 1.0 && on < 0.2 * back, "{back} is left at the calibration, {on} of what the filter knew");
     }
 
     #[test]

@@ -41,6 +41,12 @@ const FAINT_VARIANCE: f64 = 100.0;
 /// The deviation of what is left of a touch that ends is larger by this share of what taxels read of it.
 const LEFT_SHARE: f64 = 0.5;
 
+/// Share of a touch that is let go by which taxels may still read one, as a standard deviation, and how fast that goes away, s. No touch
+/// is larger than the third, gF: such a reading is at fault, and must not count for long.
+const RELAXING_SHARE: f64 = 0.02;
+const RELAXING_S: f64 = 0.7;
+const LARGEST_TOUCH: f64 = 1e4;
+
 /// Variance of the touch at the start of frames, gF^2: after a calibration, in which there was none, and after a gap.
 const CALIBRATED_VARIANCE: f64 = 1.0;
 const UNKNOWN_VARIANCE: f64 = 100.0;
@@ -149,6 +155,9 @@ pub struct ArtifactFilter {
     /// Standard deviation of what gains and offsets that are not known better leave of the artifact, as a touch, gF: at the last
     /// measurement, or the least one since a touch that is seen.
     left_deviation: f64,
+    /// What the taxels read of a touch, gF: now, and the most of late.
+    reading: f64,
+    recent_reading: f64,
     innovation: Vec<f64>,
     noise: Vec<f64>,
     /// `[taxels]`: variance of what noise of the joint angles puts into each.
@@ -186,6 +195,8 @@ impl ArtifactFilter {
             sees_held: false,
             seen_deviation: UNKNOWN_VARIANCE.sqrt(),
             left_deviation: UNKNOWN_VARIANCE.sqrt(),
+            reading: 0.0,
+            recent_reading: 0.0,
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
             pose_noise: vec![0.0; n],
@@ -282,6 +293,7 @@ impl ArtifactFilter {
         self.history.clear();
         self.drop_block();
         (self.n_since, self.n_without_pose) = (0, 0);
+        (self.reading, self.recent_reading) = (0.0, 0.0);
         self.forget_touch();
         self.sees_held = false;
     }
@@ -332,6 +344,10 @@ impl ArtifactFilter {
         for (taxel, value) in tactile.iter_mut().enumerate() {
             *value = (f64::from(*value) - self.artifact(taxel, &self.shapes[taxel * self.width..])) as f32;
         }
+        let along = self.model.touch.iter().zip(&*tactile).map(|(pattern, value)| pattern * f64::from(*value));
+        self.reading = along.sum::<f64>() / self.pattern_square();
+        let kept = (-f64::from(n_frames) * self.frame_s / RELAXING_S).exp();
+        self.recent_reading = (self.recent_reading * kept).max(self.reading.min(LARGEST_TOUCH));
         if self.n_block == self.block_frames {
             self.end_block(learns);
         }
@@ -351,7 +367,8 @@ impl ArtifactFilter {
     }
 
     /// Writes how far taxels that it corrected can be trusted, for a network that gets this: how much noise of the joint angles
-    /// adds to them, and the standard deviation of what gains that are not known better leave of the artifact at this pose.
+    /// adds to them, and the standard deviation of what gains that are not known better leave of the artifact at this pose, and of what taxels
+    /// still read of a large touch that was let go a moment ago.
     /// Where gains are kept, it counts what may have slipped since the calibration. Without a calibration, without trusted angles
     /// for a moment, and at most, it is 10 gF.
     ///
@@ -363,7 +380,8 @@ impl ArtifactFilter {
     pub fn write_trust(&self, out: &mut [f32]) {
         let is_known = self.fit.is_some() && self.is_recent();
         let unknown = UNKNOWN_VARIANCE.sqrt();
-        let left = if is_known { self.left_deviation.min(unknown) } else { unknown };
+        let relaxing = RELAXING_SHARE * (self.recent_reading - self.reading.max(0.0)).max(0.0);
+        let left = if is_known { self.left_deviation.hypot(relaxing).min(unknown) } else { unknown };
         let noise = unknown * self.doubt.ln_1p();
         let reading = self.model.touch.iter().map(|touch| touch.abs()).sum::<f64>() / self.model.n_taxels as f64;
         for (out, deviation) in out.iter_mut().zip([noise, left]) {

@@ -475,16 +475,24 @@ fn a_touch_beyond_doubt_is_told_for_as_long_as_it_is_measured() {
     }
 }
 
+/// A finger whose network is told how far taxels can be trusted.
+fn trusting(seed: u64) -> Finger {
+    let mut finger = Finger::new(seed);
+    finger.model = Arc::new(ArtifactModel { trust_inputs: true, ..ArtifactModel::clone(&finger.model) });
+    finger
+}
+
+/// What a network is told, gF.
+fn told(filter: &ArtifactFilter) -> [f64; TRUST_INPUTS] {
+    let reading = model().touch.iter().sum::<f64>() / TAXELS as f64;
+    let mut columns = [f32::NAN; TRUST_INPUTS];
+    filter.write_trust(&mut columns);
+    columns.map(|column| f64::from(column) / reading)
+}
+
 #[test]
 fn a_network_is_told_how_far_the_taxels_can_be_trusted() {
-    let mut finger = Finger::new(3);
-    finger.model = Arc::new(ArtifactModel { trust_inputs: true, ..ArtifactModel::clone(&finger.model) });
-    let reading = finger.model.touch.iter().sum::<f64>() / TAXELS as f64;
-    let told = |filter: &ArtifactFilter| {
-        let mut columns = [f32::NAN; TRUST_INPUTS];
-        filter.write_trust(&mut columns);
-        columns.map(|column| f64::from(column) / reading) // gF
-    };
+    let mut finger = trusting(3);
     let new = ArtifactFilter::new(finger.model.clone(), HZ, Following::On);
     assert_eq!(told(&new).map(f64::round), [0.0, 10.0], "without a calibration gains are not followed");
     let mut filter = finger.calibrated(Following::On);
@@ -529,4 +537,38 @@ fn a_network_is_told_how_far_the_taxels_can_be_trusted() {
         shaken.correct(&mut tactile, Some(&pose), 1, true);
     }
     assert!(told(&shaken)[0] > 5.0, "{:?}", told(&shaken));
+}
+
+#[test]
+fn a_network_is_told_for_a_moment_that_a_large_touch_was_let_go() {
+    for following in [Following::On, Following::Frozen] {
+        let mut finger = trusting(3);
+        let mut filter = finger.calibrated(following);
+        finger.feel(&mut filter, 10.0, |_| 0.0);
+        let before = told(&filter)[1];
+        finger.feel(&mut filter, 3.0, |_| 300.0);
+        let held = told(&filter)[1];
+        assert!(held < before + 1.0, "{following:?}: {held} while it is held, {before} before");
+        let mut missed = filter.clone();
+        missed.restart();
+        finger.feel(&mut filter, 0.06, |_| 60.0);
+        let in_part = told(&filter)[1];
+        assert!(in_part > 4.0, "{following:?}: {in_part} when it is let go in part, {before} before");
+        finger.feel(&mut missed, 0.06, |_| 0.0);
+        let missed = told(&missed)[1];
+        assert!(missed < in_part - 1.0, "{following:?}: {missed} when nobody knows what was touched before");
+        finger.feel(&mut filter, 5.0, |_| 0.0);
+        let over = told(&filter)[1];
+        assert!(over < 1.5 * before + 0.5, "{following:?}: {over} when it is over, {before} before");
+    }
+    // A reading beyond all reason counts for seconds, not for minutes.
+    let mut finger = trusting(3);
+    let mut filter = finger.calibrated(Following::Frozen);
+    finger.feel(&mut filter, 10.0, |_| 0.0);
+    let before = told(&filter)[1];
+    let (_, pose, _) = finger.frame(0.0);
+    filter.correct(&mut [1e30; TAXELS], Some(&pose), 1, false);
+    finger.feel(&mut filter, 10.0, |_| 0.0);
+    let after = told(&filter)[1];
+    assert!(after < 1.5 * before, "{after} ten seconds after it, {before} before");
 }
