@@ -212,7 +212,7 @@ impl TouchedSession<'_> {
             let is_lost = random.as_mut().is_some_and(|random| random.unit() < chance);
             match past.get(&frame) {
                 Some(Past::Start) => filter = started(fit)?,
-                Some(Past::StartKnowing) => filter = started(&filter.fit().unwrap_or_else(|| fit.clone()))?,
+                Some(Past::StartKnowing) => filter = started(filter.fit().as_ref().unwrap_or(fit))?,
                 Some(Past::Grasp(grasp)) => {
                     let mut taxels = vec![0.0; n];
                     for (again, force) in grasp.frames(frame) {

@@ -344,10 +344,11 @@ impl ArtifactFilter {
         for (taxel, value) in tactile.iter_mut().enumerate() {
             *value = (f64::from(*value) - self.artifact(taxel, &self.shapes[taxel * self.width..])) as f32;
         }
-        let along = self.model.touch.iter().zip(&*tactile).map(|(pattern, value)| pattern * f64::from(*value));
-        self.reading = along.sum::<f64>() / self.pattern_square();
-        let kept = (-f64::from(n_frames) * self.frame_s / RELAXING_S).exp();
-        self.recent_reading = (self.recent_reading * kept).max(self.reading.min(LARGEST_TOUCH));
+        if self.model.trust_inputs {
+            self.reading = self.along_pattern(tactile.iter().map(|value| f64::from(*value)));
+            let kept = (-f64::from(n_frames) * self.frame_s / RELAXING_S).exp();
+            self.recent_reading = (self.recent_reading * kept).max(self.reading.min(LARGEST_TOUCH));
+        }
         if self.n_block == self.block_frames {
             self.end_block(learns);
         }
@@ -361,8 +362,12 @@ impl ArtifactFilter {
 
     /// The touch that the filter sees, gF: what taxels read of it, along the pattern of touches.
     pub fn touch_gf(&self) -> f64 {
-        let touches = self.state.iter().skip(self.n_slow());
-        let along: f64 = self.model.touch.iter().zip(touches).map(|(pattern, touch)| pattern * touch).sum();
+        self.along_pattern(self.state.iter().skip(self.n_slow()).copied())
+    }
+
+    /// The touch, gF, that these taxels read along the pattern of touches.
+    fn along_pattern(&self, taxels: impl Iterator<Item = f64>) -> f64 {
+        let along: f64 = self.model.touch.iter().zip(taxels).map(|(pattern, value)| pattern * value).sum();
         along / self.pattern_square()
     }
 
@@ -576,8 +581,7 @@ impl ArtifactFilter {
     /// Widens touch where the taxels together say that one began or ended.
     fn open_for_touch(&mut self) {
         let square = self.pattern_square();
-        let along = |values: &[f64]| self.model.touch.iter().zip(values).map(|(k, value)| k * value).sum::<f64>();
-        let change = along(&self.innovation) / square;
+        let change = self.along_pattern(self.innovation.iter().copied());
         // The variance of that: of the state, seen along the pattern, and of the measurement.
         self.look_along_touch();
         if self.model.trust_inputs {

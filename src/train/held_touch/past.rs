@@ -89,7 +89,7 @@ impl Grasp {
     }
 }
 
-/// Frames in which the filter starts from its calibration.
+/// Frames in which the filter starts.
 pub fn starts(frames: &Range<usize>, rate_hz: f64, random: &mut Random) -> Vec<usize> {
     let mut starts = Vec::new();
     let mut at = frames.start + n_frames(random, STARTS_S, rate_hz);
