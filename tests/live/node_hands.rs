@@ -17,7 +17,7 @@ use common::onnx::LinearModel;
 use common::tpf::tpf;
 use node_common::{Live, peer_command, write_definitions};
 use tactile_pose_fusion::hand::NamedLayout;
-use tactile_pose_fusion::msg::{ContactArray, Float32MultiArray, MultiArrayLayout};
+use tactile_pose_fusion::msg::{ContactArray, ContactState, Float32MultiArray, MultiArrayLayout};
 
 const INDEX: [&str; 4] = ["index_dip", "index_pip", "index_mcp_flex", "index_mcp_abd"];
 
@@ -58,7 +58,11 @@ fn forces_as_in_replay(folder: &Path, what: &str) -> Vec<f64> {
     assert!(compared.stdout.contains("every field equal, bit by bit"), "{what}: {compared:?}");
     let arrays: Vec<ContactArray> = decoded(&folder.join("live.mcap"), "/tactile_pose_fusion/contacts");
     let of = arrays.iter().map(|array| &array.contacts[0]);
-    of.filter(|state| state.pose_age.is_finite()).map(|state| state.force).filter(|force| force.is_finite()).collect()
+    // While a pose in the window is unknown, at the start or when a sender was held up, force is force_base.
+    of.filter(|state| state.flags & ContactState::STALE_POSE == 0)
+        .map(|state| state.force)
+        .filter(|force| force.is_finite())
+        .collect()
 }
 
 #[test]
