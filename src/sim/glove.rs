@@ -149,6 +149,7 @@ pub const GLOVES: [GloveDesign; 3] = [
 #[derive(Debug)]
 pub struct WornGlove {
     strain: StrainField,
+    has_artifacts: bool,
     contact: ContactField,
     readout: Readout,
     /// Of taxels with three axes.
@@ -194,6 +195,7 @@ impl WornGlove {
         WornGlove {
             shear,
             strain,
+            has_artifacts: spec.conditions.physics != Physics::None,
             contact: ContactField::new(design, &mut hardware, &mut noise),
             readout: Readout::new(design, &mut hardware, &mut noise),
             slip: Slip::new(design, &mut noise),
@@ -212,7 +214,10 @@ impl WornGlove {
             jumps.advance(dt_s, &mut self.slip);
         }
         let slip = self.slip.advance(dt_s, &mut self.noise);
-        let (artifacts, bends) = self.strain.advance(dt_s, &state.pose, &slip);
+        let (mut artifacts, bends) = self.strain.advance(dt_s, &state.pose, &slip);
+        if !self.has_artifacts {
+            artifacts.fill(0.0);
+        }
         let touched = self.contact.advance(dt_s, &bends, state.contact, slip.common, &mut self.noise);
         let felt = touched.iter().zip(&artifacts).map(|(touched, artifact)| touched + artifact).collect();
         let pressed = self.readout.advance(dt_s, felt, &mut self.noise);

@@ -352,7 +352,7 @@ fn options_that_make_no_sense_are_refused_in_one_line_before_a_folder_is_made() 
     }
     for (options, told) in [
         (&["hand"][..], "expected 1, 2, 3, hand1, hand2 or hand3, got \"hand\""),
-        (&["1", "--physics", "real"], "expected one of separable, coupled, got \"real\""),
+        (&["1", "--physics", "real"], "expected one of separable, coupled, none, got \"real\""),
         (&["1", "--episodes", "grasp,nap"], "got \"nap\""),
     ] {
         let refused = tpf(folder, &[&asked[..], options].concat());

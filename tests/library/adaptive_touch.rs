@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use tactile_pose_fusion::fusion::Adaptation;
-use tactile_pose_fusion::sim::Tracking;
+use tactile_pose_fusion::sim::{Physics, Tracking};
 
 use crate::worn::{CALIBRATED_S, Felt, Worn, for_a_minute, in_span, long_grasp, shipped, slow_ramp};
 
@@ -20,7 +20,7 @@ fn two_minutes<R>(glove: u8, tracking: Tracking, user: u32, of: impl FnOnce(&Wor
     static SESSIONS: Mutex<Sessions> = Mutex::new(BTreeMap::new());
     let key = (glove, tracking == Tracking::Camera, user);
     let session = Arc::clone(SESSIONS.lock().unwrap().entry(key).or_default());
-    of(session.get_or_init(|| Worn::new(glove, &shipped(glove), tracking, user, 2.0)))
+    of(session.get_or_init(|| Worn::new((glove, Physics::default()), &shipped(glove), tracking, user, 2.0)))
 }
 
 fn share_of(felt: &[Felt], from_s: f64, to_s: f64, states: &[Adaptation]) -> f64 {
@@ -74,7 +74,8 @@ fn ten_minutes_of_grasp_without_air_leave_no_false_touches() {
         (3, Tracking::Markers, 1),
         (3, Tracking::Camera, 1),
     ] {
-        let felt = Worn::new(glove, &shipped(glove), tracking, user, 12.0).feel(CALIBRATED_S, long_grasp);
+        let felt = Worn::new((glove, Physics::default()), &shipped(glove), tracking, user, 12.0)
+            .feel(CALIBRATED_S, long_grasp);
         let (before, within) = (in_span(&felt, 14.0, 40.0), in_span(&felt, 41.0, 640.0));
         let (after, later) = (in_span(&felt, 640.3, 645.0), in_span(&felt, 645.0, 700.0));
         let told = format!(
@@ -98,7 +99,8 @@ fn a_grasp_that_is_let_go_in_part_leaves_its_rest_and_then_nothing() {
     for (glove, tracking, user) in
         [(1, Tracking::Markers, 1), (2, Tracking::Markers, 3), (2, Tracking::Camera, 4), (3, Tracking::Camera, 1)]
     {
-        let felt = Worn::new(glove, &shipped(glove), tracking, user, 7.5).feel(CALIBRATED_S, let_go_in_part);
+        let felt = Worn::new((glove, Physics::default()), &shipped(glove), tracking, user, 7.5)
+            .feel(CALIBRATED_S, let_go_in_part);
         let (left, later, after) =
             (in_span(&felt, 341.0, 345.0), in_span(&felt, 345.0, 400.0), in_span(&felt, 400.3, 405.0));
         let told = format!(

@@ -532,6 +532,32 @@ fn other_physics_changes_taxels_and_nothing_else() {
     assert_eq!(simulate(&coupled).unwrap().metadata()["physics"], "coupled");
 }
 
+#[test]
+fn without_artifacts_a_pose_leaves_the_taxels_alone_and_nothing_else_changes() {
+    let none = Conditions { physics: Physics::None, ..Conditions::default() };
+    let none = SessionSpec { conditions: none, ..spec(MIN_MINUTES) };
+    let (usual, without) = (records(&spec(MIN_MINUTES)), records(&none));
+    // The largest change of a taxel in the air, counts, where the hand bends.
+    let spread_in_air = |records: &[Record]| {
+        let (mut in_air, mut least, mut most) = (false, f32::MAX, f32::MIN);
+        for record in records {
+            match record {
+                Record::Stage { zero_load, .. } => in_air = *zero_load,
+                Record::Taxels { values, .. } if in_air => (least, most) = (least.min(values[0]), most.max(values[0])),
+                _ => {}
+            }
+        }
+        most - least
+    };
+    let (bent, still) = (spread_in_air(&usual), spread_in_air(&without));
+    assert!(bent > 200.0 && still < 0.7 * bent, "{bent} and {still} counts");
+    assert_eq!(usual.len(), without.len());
+    for (usual, without) in usual.iter().zip(&without).filter(|(usual, _)| !matches!(usual, Record::Taxels { .. })) {
+        assert_eq!(usual, without);
+    }
+    assert_eq!(simulate(&none).unwrap().metadata()["physics"], "none");
+}
+
 fn hand(touching: Option<Finger>, spec: SessionSpec) -> SessionSpec {
     SessionSpec { conditions: Conditions { fingers: Fingers::All, touching, ..Conditions::default() }, ..spec }
 }

@@ -31,6 +31,8 @@ pub enum Physics {
     Separable,
     /// From several joints together, with slack and with folds that buckle.
     Coupled,
+    /// Not at all: what is left is the best that any correction can reach.
+    None,
 }
 
 impl Physics {
@@ -39,6 +41,7 @@ impl Physics {
         match self {
             Physics::Separable => "separable",
             Physics::Coupled => "coupled",
+            Physics::None => "none",
         }
     }
 }

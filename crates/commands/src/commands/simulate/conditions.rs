@@ -24,8 +24,8 @@ impl fmt::Display for GloveArg {
 /// Of all sessions that are written.
 #[derive(Debug, clap::Args)]
 pub(super) struct ConditionArgs {
-    /// How a pose becomes an artifact: separable (a sum over joints), or coupled (of several joints together, with slack and
-    /// with folds that buckle)
+    /// How a pose becomes an artifact: separable (a sum over joints), coupled (of several joints together, with slack and
+    /// with folds that buckle), or none (it does not: what is left limits any correction)
     #[arg(long, value_name = "NAME", default_value = "separable", value_parser = physics, help_heading = "Glove")]
     physics: Physics,
     /// Axes of a taxel: 1 (pressure), or 3: x, y and z of the patch, for a hand that also drags. Then the message has three numbers
@@ -116,7 +116,7 @@ fn named<T: Copy>(known: &[T], name: fn(T) -> &'static str, text: &str) -> Resul
 }
 
 fn physics(text: &str) -> Result<Physics, String> {
-    named(&[Physics::Separable, Physics::Coupled], Physics::name, text)
+    named(&[Physics::Separable, Physics::Coupled, Physics::None], Physics::name, text)
 }
 
 fn axes(text: &str) -> Result<Axes, String> {
