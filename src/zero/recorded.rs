@@ -1,6 +1,7 @@
 //! Finds the zero of a recording: in a file, from its annotations, or from its first seconds.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::{
     ArtifactCollector, ArtifactTimes, Donning, KnownModels, LoadCheck, Zero, ZeroError, ZeroFrom, forgiven, from_file,
@@ -13,6 +14,9 @@ use crate::recording::{PoseDegrader, input_topics};
 
 /// Minimum share of the requested seconds with data. Some frames may be missing, but not a large part.
 const SHORTEST: f64 = 0.5;
+
+/// Most time at rest that an artifact is fitted to, s: later, the glove has slipped.
+const LONGEST_FIT_S: f64 = 600.0;
 
 /// Source of the zero that the user asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,7 +118,7 @@ fn from_bag(
         ZeroLoad::First(_) => ZeroFrom::First { seconds },
     };
     let mut donning = Donning { baselines, ..Donning::default() };
-    let notes = fit_artifacts(&mut donning, cfg, bags, models, &rest, pose)?;
+    let notes = fit_artifacts(&mut donning, cfg, bags, models, (zero_load, &rest), pose)?;
     let check = Some(check(&from, cfg, rest));
     let mut notes: Vec<String> = notes.into_iter().collect();
     if is_all {
@@ -125,20 +129,27 @@ fn from_bag(
     Ok(Zero { check, notes, ..Zero::new(from, donning) })
 }
 
-/// Fits the artifacts to the first seconds at rest, for models with an artifact model. Returns a note, if there is one.
+/// Fits the artifacts to the first seconds at rest, as many as were asked for, for models with an artifact model. Returns a note, if
+/// there is one.
 fn fit_artifacts(
     donning: &mut Donning,
     cfg: &Config,
     bags: &[PathBuf],
     models: &KnownModels,
-    rest: &[Vec<Rest>],
+    (zero_load, rest): (ZeroLoad, &[Vec<Rest>]),
     mut pose: Option<PoseDegrader>,
 ) -> Result<Option<String>, ZeroError> {
     let artifacts = models.artifacts_of_regions(cfg);
     if artifacts.iter().all(Option::is_none) {
         return Ok(None);
     }
-    let times = ArtifactTimes { most: cfg.calibration.duration, least_s: cfg.calibration.min_duration.as_secs_f64() };
+    let most = match zero_load {
+        ZeroLoad::First(seconds) if seconds > 0.0 => {
+            cfg.calibration.duration.max(Duration::from_secs_f64(seconds.min(LONGEST_FIT_S)))
+        }
+        _ => cfg.calibration.duration,
+    };
+    let times = ArtifactTimes { most, least_s: cfg.calibration.min_duration.as_secs_f64() };
     let mut collector = ArtifactCollector::new(cfg.fusion(), &artifacts, &donning.baselines, rest, times)?;
     let mut reader = BagReader::open(bags)?;
     let mut inputs = Inputs::new(input_topics(cfg), &mut reader)?;

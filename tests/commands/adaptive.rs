@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use common::ROOT;
 use common::bags::{decoded, messages};
 use common::tpf::{Run, tpf};
+use tactile_pose_fusion::calibration::Calibration;
 use tactile_pose_fusion::msg::{ContactArray, ContactState};
 
 const PARAMS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../params/glove3.yaml");
@@ -91,6 +92,28 @@ fn an_adaptive_model_finds_touch_on_a_user_it_does_not_know_and_best_when_it_fol
     let by_force = |more: &[&str]| balanced_accuracy(&[&["--touch", "force"], more].concat());
     let (followed, left) = (by_force(&[]), by_force(&["-p", "adaptation:=none"]));
     assert!(followed > 0.95 && 1.0 - followed < 0.6 * (1.0 - left), "{followed} followed, {left} where it is left");
+}
+
+#[test]
+fn an_artifact_is_fitted_to_all_seconds_that_are_known_to_be_in_the_air() {
+    let (bag, model) = (bag(short_session(), 3), trained().join("model.onnx"));
+    let folder = tempfile::tempdir().unwrap();
+    // How uncertain the gains are: the sum of their variances.
+    let uncertain = |seconds: &str, more: &[&str]| -> f64 {
+        let out = format!("{seconds}{}.yaml", more.len());
+        let calibrate =
+            ["calibrate", bag.to_str().unwrap(), "--params-file", PARAMS, "--model", model.to_str().unwrap()];
+        let times = ["--calibrate-first", seconds, "-o", &out, "-p", "calibration.max_loaded_fraction:=1.0"];
+        tpf(folder.path(), &[&calibrate[..], &times, more].concat()).ok();
+        let made = Calibration::load(&folder.path().join(&out), "", "", &[]).unwrap();
+        made.artifacts
+            .values()
+            .map(|fit| fit.covariance.chunks_exact(4 * 4).map(|of_taxel| of_taxel[0]).sum::<f64>())
+            .sum()
+    };
+    let (ten, twenty) = (uncertain("10", &[]), uncertain("20", &[]));
+    assert!(0.0 < twenty && twenty < 0.9 * ten, "{ten} with 10 s, {twenty} with 20 s");
+    assert_eq!(uncertain("20", &["-p", "calibration.duration_s:=20.0"]), twenty);
 }
 
 #[test]
