@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let model = args.get(1).map_or_else(|| shipped(glove), PathBuf::from);
     let n_users: NonZeroU32 = args.get(2).map_or("2", String::as_str).parse().map_err(|_| usage)?;
     let asked = args.get(3).map_or("separable", String::as_str);
-    let physics = [Physics::Separable, Physics::Coupled, Physics::None].into_iter().find(|one| one.name() == asked);
+    let physics = Physics::ALL.into_iter().find(|one| one.name() == asked);
     let physics = physics.ok_or_else(|| format!("expected separable, coupled or none for PHYSICS, got {asked:?}"))?;
     let (_, models) = setup(glove, &model).map_err(|error| error.to_string())?;
     if models.infos[0].contract.artifact.is_none() {

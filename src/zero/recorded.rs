@@ -15,8 +15,8 @@ use crate::recording::{PoseDegrader, input_topics};
 /// Minimum share of the requested seconds with data. Some frames may be missing, but not a large part.
 const SHORTEST: f64 = 0.5;
 
-/// Most time at rest that an artifact is fitted to, s: later, the glove has slipped.
-const LONGEST_FIT_S: f64 = 600.0;
+/// Most time at rest that an artifact is fitted to where it was named: later, the glove has slipped.
+const LONGEST_FIT: Duration = Duration::from_secs(600);
 
 /// Source of the zero that the user asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,10 +144,8 @@ fn fit_artifacts(
         return Ok(None);
     }
     let most = match zero_load {
-        ZeroLoad::First(seconds) if seconds > 0.0 => {
-            cfg.calibration.duration.max(Duration::from_secs_f64(seconds.min(LONGEST_FIT_S)))
-        }
-        _ => cfg.calibration.duration,
+        ZeroLoad::First(_) => LONGEST_FIT, // `rest` ends with these seconds
+        ZeroLoad::Annotated => cfg.calibration.duration,
     };
     let times = ArtifactTimes { most, least_s: cfg.calibration.min_duration.as_secs_f64() };
     let mut collector = ArtifactCollector::new(cfg.fusion(), &artifacts, &donning.baselines, rest, times)?;

@@ -98,7 +98,7 @@ fn an_adaptive_model_finds_touch_on_a_user_it_does_not_know_and_best_when_it_fol
 fn an_artifact_is_fitted_to_all_seconds_that_are_known_to_be_in_the_air() {
     let (bag, model) = (bag(short_session(), 3), trained().join("model.onnx"));
     let folder = tempfile::tempdir().unwrap();
-    // How uncertain the gains are: the sum of their variances.
+    // How uncertain gains are: the sum of the variances of the first joint's.
     let uncertain = |seconds: &str, more: &[&str]| -> f64 {
         let out = format!("{seconds}{}.yaml", more.len());
         let calibrate =

@@ -31,11 +31,14 @@ pub enum Physics {
     Separable,
     /// From several joints together, with slack and with folds that buckle.
     Coupled,
-    /// Not at all: what is left is the best that any correction can reach.
+    /// Not at all: what is left limits any correction.
     None,
 }
 
 impl Physics {
+    /// All of them.
+    pub const ALL: [Physics; 3] = [Physics::Separable, Physics::Coupled, Physics::None];
+
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {

@@ -116,7 +116,7 @@ fn named<T: Copy>(known: &[T], name: fn(T) -> &'static str, text: &str) -> Resul
 }
 
 fn physics(text: &str) -> Result<Physics, String> {
-    named(&[Physics::Separable, Physics::Coupled, Physics::None], Physics::name, text)
+    named(&Physics::ALL, Physics::name, text)
 }
 
 fn axes(text: &str) -> Result<Axes, String> {
