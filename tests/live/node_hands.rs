@@ -105,7 +105,7 @@ fn the_simulators_hand_in_every_form_gives_live_what_its_recording_gives_in_repl
         let _glove = Publisher(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
         std::thread::sleep(Duration::from_secs(1)); // it publishes before anyone listens
         let node = Live::start(folder, &["--params-file", "params.yaml", "--record", "live.mcap"]);
-        std::thread::sleep(Duration::from_secs(4)); // of data
+        std::thread::sleep(Duration::from_secs(8)); // to find each other on a busy machine, and two of data
         node.stop();
         let n = forces_as_in_replay(folder, form).len();
         assert!(n > 150, "{form}: {n} frames with a pose");
@@ -153,7 +153,7 @@ fn frames_that_another_middleware_told_before_the_node_was_there_place_the_point
     let frames = Publisher(frames);
     assert!(lines.by_ref().map_while(Result::ok).any(|line| line == "told"));
     let node = Live::start(folder, &["--params-file", "params.yaml", "--record", "live.mcap"]);
-    std::thread::sleep(Duration::from_secs(4)); // of data
+    std::thread::sleep(Duration::from_secs(8)); // to find each other on a busy machine, and two of data
     node.stop();
     drop(frames);
     let forces = forces_as_in_replay(folder, "Cyclone DDS");
