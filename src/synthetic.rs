@@ -21,7 +21,7 @@ use crate::units::Stamp;
 pub use device_messages::{HandJointPose, HandJointPoses, ManusErgonomics, ManusGlove, ManusRawNode};
 pub use hand_forms::{HandForm, static_frames};
 pub use hand_message::HandMessage;
-pub use shipped::{SHIPPED, Shipped};
+pub use shipped::{SHIPPED, SHIPPED_HAND1, Shipped, ShippedHand};
 
 /// Topic of the taxels.
 pub const TAXELS: &str = "/glove/taxels";

@@ -213,18 +213,23 @@ pub fn read_estimates(
     Ok((columns, losses))
 }
 
-/// All frames of a bag's first region, with the estimates in the bag.
+/// All frames of each region of a bag, with the estimates in the bag. A region whose force sensor the bag lacks has NaN as true
+/// force.
 ///
+/// # Shapes
+/// `[regions]`
 /// # Errors
-/// [`SessionError`] if the bag can't be read, or lacks true force or annotations.
-pub fn recorded(bag: &Path, cfg: &Config, observer: &dyn Observer) -> Result<ScoredFrames, SessionError> {
-    let labelled = Labelled::read(bag, cfg, None, NeedsTruth::All, observer)?;
+/// [`SessionError`] if the bag can't be read, or lacks annotations.
+pub fn recorded(bag: &Path, cfg: &Config, observer: &dyn Observer) -> Result<Vec<ScoredFrames>, SessionError> {
+    let labelled = Labelled::read(bag, cfg, None, NeedsTruth::None, observer)?;
     let topic = EstimateTopics::of_node(&cfg.node.to_string(), cfg.fusion()).contacts;
     let (columns, _) = read_estimates(bag, cfg, &topic, observer)?;
-    let region = &cfg.fusion().regions()[0];
-    let truth_idx = cfg.truth_of_region()[0];
     let max_gap = cfg.fusion().timing().max_gap;
-    Ok(labelled.frames(&columns[0], truth_idx, 0, max_gap, region.contact, &Origin::default()))
+    let regions = cfg.fusion().regions().iter().zip(cfg.truth_of_region()).zip(&columns);
+    let frames = regions.map(|((region, truth_idx), column)| {
+        labelled.frames(column, *truth_idx, 0, max_gap, region.contact, &Origin::default())
+    });
+    Ok(frames.collect())
 }
 
 /// True if bags have estimates of a node.

@@ -26,3 +26,18 @@ macro_rules! shipped {
 
 /// Those of the gloves 1, 2 and 3.
 pub const SHIPPED: [Shipped; 3] = [shipped!("1"), shipped!("2"), shipped!("3")];
+
+/// Parameters and the model of a synthetic glove with taxels on all five fingertips. The model was trained on SYNTHETIC data.
+#[derive(Debug, Clone, Copy)]
+pub struct ShippedHand {
+    /// Text of the parameter file, which names the model as `../models/hand<N>_adaptive.onnx`.
+    pub params: &'static str,
+    /// ONNX file of the model that follows the artifact, one for all five fingertips.
+    pub adaptive: &'static [u8],
+}
+
+/// Those of the glove hand1.
+pub const SHIPPED_HAND1: ShippedHand = ShippedHand {
+    params: include_str!("../../params/hand1_shared.yaml"),
+    adaptive: include_bytes!("../../models/hand1_adaptive.onnx"),
+};

@@ -1,6 +1,7 @@
 //! `tpf demo`: everything once, with nothing but this program: a synthetic glove on a user whom no model knows, the models
 //! that ship, a table, a picture.
 
+mod gloves;
 mod linear;
 
 use std::path::{Path, PathBuf};
@@ -20,8 +21,10 @@ use tactile_pose_fusion::synthetic;
 use tactile_pose_fusion::zero::Wanted;
 
 use super::{Failure, Outcome, interrupt, print, say, tell};
+use crate::report::evaluation;
+use crate::report::picture::{self, Series};
 use crate::report::progress::{Said, Shown};
-use crate::report::{evaluation, picture};
+use gloves::{Glove, Model};
 
 /// Users that the shipped models were trained on are 1 to 5 of seed 1; the demo takes another one.
 const UNKNOWN_USER: u32 = 6;
@@ -30,12 +33,14 @@ const UNKNOWN_USER: u32 = 6;
 const MARKER: &str = "made_by_tpf_demo.txt";
 
 /// Shows what pose does to force, on a synthetic glove: simulates a session of a user whom no model knows, replays it with
-/// taxels times a gain, the tactile-only model, the paper's and the adaptive one, and compares all with the true force.
+/// taxels times a gain, the tactile-only model, the paper's and the adaptive one, and compares all with the true force. With
+/// hand1: taxels times a gain and one adaptive model, on each of five fingertips.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Which synthetic glove: 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts
-    #[arg(long, value_name = "1|2|3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
-    glove: u8,
+    /// Which synthetic glove: 1 capacitive, 2 dull to touch, 3 sensitive with strong artifacts, each with taxels on the index
+    /// fingertip; hand1: glove 1 with taxels on all five
+    #[arg(long, value_name = "1|2|3|hand1", default_value = "3", value_parser = Glove::named)]
+    glove: Glove,
     /// Length of the session, 2 to 120
     #[arg(long, value_name = "M", default_value_t = 4.0)]
     minutes: f64,
@@ -47,83 +52,63 @@ pub(super) struct Args {
     output: PathBuf,
 }
 
+impl Args {
+    /// A session of a user whom no model knows.
+    fn spec(&self) -> SessionSpec {
+        SessionSpec {
+            glove: self.glove.number(),
+            user: UNKNOWN_USER,
+            session: 1,
+            seed: u64::from(self.seed),
+            minutes: self.minutes,
+            activity: Activity::Manipulation,
+            tracking: Tracking::Markers,
+            conditions: Conditions {
+                fingers: self.glove.fingers(),
+                episodes: vec![Episode::Air, Episode::Touches],
+                start: Start::InAir,
+                ..Conditions::default()
+            },
+        }
+    }
+}
+
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let shipped = &synthetic::SHIPPED[usize::from(args.glove) - 1];
-    let folder = Folder { path: &args.output, glove: args.glove };
+    let (folder, spec) = (Folder { path: &args.output, glove: args.glove }, args.spec());
     folder.prepare()?;
     interrupt::listen();
-    // Whoever goes on with this file wants the best of the models.
-    write(&folder.params(), shipped.params.replace("_pose_aware.onnx", "_adaptive.onnx").as_bytes())?;
-    write(&folder.model(Model::TactileOnly), shipped.tactile_only)?;
-    write(&folder.model(Model::PoseAware), shipped.pose_aware)?;
-    write(&folder.model(Model::Adaptive), shipped.adaptive)?;
-    let adaptive = model::inspect(&folder.model(Model::Adaptive))?.contract;
-    let artifact = adaptive.artifact.ok_or_else(|| Failure("the adaptive model tells no artifact".to_owned()))?;
-    write(&folder.model(Model::Gain), &linear::model(&artifact, adaptive.rate_hz))?;
-    say(&format!("SYNTHETIC DEMO: a simulated glove {} on a simulated hand, no recording.", args.glove));
+    folder.write_models()?;
+    say(&format!("SYNTHETIC DEMO: a simulated glove {} on a simulated hand, no recording.", spec.glove_name()));
     say(&format!("No model knows the user, nor this donning of {} minutes.\n", args.minutes));
 
-    let spec = SessionSpec {
-        glove: args.glove,
-        user: UNKNOWN_USER,
-        session: 1,
-        seed: u64::from(args.seed),
-        minutes: args.minutes,
-        activity: Activity::Manipulation,
-        tracking: Tracking::Markers,
-        conditions: Conditions {
-            episodes: vec![Episode::Air, Episode::Touches],
-            start: Start::InAir,
-            ..Conditions::default()
-        },
-    };
     tell(&format!("simulate a hand that bends in the air and touches lightly: {}", folder.session().display()));
     synthetic::write(&spec, &folder.session(), true, &Shown::steps("simulate"))?;
 
-    let mut frames = Vec::new();
+    let mut series = Vec::new();
     let mut cfg = config::load(&folder.params(), config::DEFAULT_NODE)?;
     // Taxels times a gain read bending as force, so no zero is good enough for them; this one is known to be in the air.
     cfg.calibration.max_loaded_fraction = 1.0;
-    for model in Model::ALL {
+    for model in args.glove.models().iter().copied() {
         let replayed = folder.replayed(model);
         tell(&format!("replay it with the {} model: {}", model.name(), replayed.display()));
         folder.replay(model, cfg.clone())?;
-        frames.push((model.name(), recorded(&replayed, &cfg, &Said)?));
+        let regions = recorded(&replayed, &cfg, &Said)?;
+        series.push(Series { name: model.name(), colour: model.colour(), regions });
     }
     tell(&format!("draw force over time: {}", folder.picture().display()));
-    write(&folder.picture(), picture::draw(&frames, Model::TactileOnly.name(), args.glove)?.as_bytes())?;
+    let regions: Vec<&str> = cfg.fusion().regions().iter().map(|region| region.name.as_str()).collect();
+    let picture = picture::draw(&series, args.glove.baseline().name(), &spec.glove_name(), &regions)?;
+    write(&folder.picture(), picture.as_bytes())?;
     tell("score all against the true force\n");
     let found = folder.evaluate(cfg)?;
     print(&(evaluation::short_text(&found) + &next_steps(&folder)))?;
     Ok(Outcome::Done)
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Model {
-    Gain,
-    TactileOnly,
-    PoseAware,
-    Adaptive,
-}
-
-impl Model {
-    /// From the simplest to the best.
-    const ALL: [Model; 4] = [Model::Gain, Model::TactileOnly, Model::PoseAware, Model::Adaptive];
-
-    fn name(self) -> &'static str {
-        match self {
-            Model::Gain => "taxels-times-gain",
-            Model::Adaptive => "adaptive",
-            Model::TactileOnly => "tactile-only",
-            Model::PoseAware => "pose-aware",
-        }
-    }
-}
-
 /// Where everything goes.
 struct Folder<'a> {
     path: &'a Path,
-    glove: u8,
+    glove: Glove,
 }
 
 impl Folder<'_> {
@@ -144,14 +129,28 @@ impl Folder<'_> {
         write(&marker, b"Made by `tpf demo`, which may write over it.\n")
     }
 
+    /// Writes the parameters and the models that ship, and taxels times a gain.
+    fn write_models(&self) -> Result<(), Failure> {
+        let (_, params) = self.glove.params();
+        write(&self.params(), params.as_bytes())?;
+        for (model, bytes) in self.glove.shipped_models() {
+            write(&self.model(model), bytes)?;
+        }
+        let adaptive = model::inspect(&self.model(Model::Adaptive))?.contract;
+        let touch = linear::touch_pattern(&adaptive);
+        let touch = touch.ok_or_else(|| Failure("the adaptive model tells no artifact".to_owned()))?;
+        write(&self.model(Model::Gain), &linear::model(&touch, adaptive.rate_hz))
+    }
+
     // Parameters and models are laid out as in the source tree, so that the parameters find their model.
 
     fn params(&self) -> PathBuf {
-        self.path.join(format!("params/glove{}.yaml", self.glove))
+        let (name, _) = self.glove.params();
+        self.path.join("params").join(name)
     }
 
     fn model(&self, model: Model) -> PathBuf {
-        self.path.join(format!("models/glove{}_{}.onnx", self.glove, model.name().replace('-', "_")))
+        self.path.join(format!("models/{}_{}.onnx", self.glove.file_stem(), model.file_stem()))
     }
 
     fn session(&self) -> PathBuf {
@@ -159,7 +158,7 @@ impl Folder<'_> {
     }
 
     fn replayed(&self, model: Model) -> PathBuf {
-        self.path.join(model.name().replace('-', "_"))
+        self.path.join(model.file_stem())
     }
 
     fn picture(&self) -> PathBuf {
@@ -179,7 +178,8 @@ impl Folder<'_> {
     /// As `tpf eval SESSION --params-file … --model … --compare … --whole`.
     fn evaluate(&self, cfg: Config) -> Result<Evaluated, Failure> {
         let bags = [self.session()];
-        let compare = [Model::Gain, Model::TactileOnly, Model::PoseAware].map(|model| self.model(model));
+        let compared = self.glove.models().iter().filter(|model| **model != Model::Adaptive);
+        let compare: Vec<PathBuf> = compared.map(|model| self.model(*model)).collect();
         let model = self.model(Model::Adaptive);
         let request = Request { model: Some(&model), compare: &compare, ..Request::new(&bags) };
         Ok(evaluate::run(cfg, &request, &Shown::bytes("eval"))?)
@@ -191,28 +191,43 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 }
 
 fn next_steps(folder: &Folder<'_>) -> String {
-    let path = folder.path.display();
-    let picture = folder.picture();
+    let (differs, own_glove) = match folder.glove {
+        Glove::OneFinger { .. } => ("also in which of tactile-only and pose-aware is better", OWN_GLOVE),
+        Glove::Hand1 => ("also in which fingers touch", OWN_HAND),
+    };
     format!(
         "
-These are scores of one user and one donning. With another --seed they differ, also in which of tactile-only and pose-aware is better.
+These are scores of one user and one donning. With another --seed they differ, {differs}.
 All of it is in {path} (synthetic). The picture is {picture}.
 
 The same session with the adaptive model:
   tpf view {adaptive} --params-file {params}
   tpf export {adaptive} --params-file {params} -o forces.csv
-  tpf eval {session} --params-file {params} --compare {tactile_only} --whole --by substage --report report.html
+  tpf eval {session} --params-file {params} --compare {baseline} --whole --by substage --report report.html
 With your own glove:
-  tpf inspect YOUR_BAG
+{own_glove}",
+        path = folder.path.display(),
+        picture = folder.picture().display(),
+        session = quoted_path(&folder.session()),
+        params = quoted_path(&folder.params()),
+        adaptive = quoted_path(&folder.replayed(Model::Adaptive)),
+        baseline = quoted_path(&folder.model(folder.glove.baseline())),
+    )
+}
+
+/// What to do with a glove of one region.
+const OWN_GLOVE: &str = "  tpf inspect YOUR_BAG
   tpf init YOUR_BAG -o glove.yaml
   tpf train YOUR_BAGS_WITH_A_LOAD_CELL --params-file glove.yaml --kind adaptive -o model.onnx
   tpf replay YOUR_BAG --params-file glove.yaml --model model.onnx --calibrate-first 10 --merge -o forces.mcap
   tpf eval YOUR_BAGS --params-file glove.yaml --model model.onnx --report report.html
-",
-        picture = picture.display(),
-        session = quoted_path(&folder.session()),
-        params = quoted_path(&folder.params()),
-        adaptive = quoted_path(&folder.replayed(Model::Adaptive)),
-        tactile_only = quoted_path(&folder.model(Model::TactileOnly)),
-    )
-}
+";
+
+/// What to do with a glove of several regions, for one model of all.
+const OWN_HAND: &str = "  tpf inspect YOUR_BAG
+  tpf init YOUR_BAG -o glove.yaml
+  tpf train YOUR_BAGS_WITH_A_LOAD_CELL --params-file glove.yaml --kind adaptive --region YOUR_REGIONS -o model.onnx
+  tpf init YOUR_BAG --model model.onnx -o hand.yaml
+  tpf replay YOUR_BAG --params-file hand.yaml --calibrate-first 10 --merge -o forces.mcap
+  tpf eval YOUR_BAGS --params-file hand.yaml --report report.html
+";

@@ -1,28 +1,42 @@
-//! Force over time in a picture: truth, both models, and who said contact when.
+//! Force over time in a picture: truth, all models, and who said contact when.
 
+mod panel;
+mod stretch;
+
+use plotters::coord::Shift;
 use plotters::prelude::*;
-use tactile_pose_fusion::eval::{ScoredFrames, Scoring};
+use tactile_pose_fusion::eval::ScoredFrames;
 
-use crate::page::longest_step;
+use panel::Panel;
+use stretch::Stretch;
 
-/// Length of the part of the session that is shown, s.
-const SPAN_S: f64 = 25.0;
-
-/// Upper limit of the force axis, gF: a firm press must not make light touches invisible.
-const CUT_GF: f64 = 100.0;
-
-const SIZE: (u32, u32) = (1000, 500);
-
-/// Height of the rows of contact, and width of what stands left of the axes.
-const CONTACTS_PX: u32 = 130;
+/// Width of the picture, and of what stands left of the axes.
+const WIDTH_PX: u32 = 1000;
 const LABELS_PX: u32 = 175;
 
+/// Height of the chart of one finger, and of its rows of contact.
+const FORCES_PX: u32 = 370;
+const CONTACTS_PX: u32 = 130;
+
+/// Heights in a picture of several fingers: all above them, then of each finger, and the time axis below them.
+const HEAD_PX: u32 = 74;
+const HAND_FORCES_PX: u32 = 104;
+const HAND_CONTACTS_PX: u32 = 39;
+const TIME_PX: u32 = 50;
+
+/// What people must know of a picture of several fingers.
+const HAND_IN_WORDS: &str = "Only the finger above the load cell is touched. The others move in the air, so their contact is false. \
+     Forces are cut at the edges.";
+
 /// Okabe and Ito's colours, which people tell apart however they see them.
-const ORANGE: RGBColor = RGBColor(230, 159, 0);
-const BLUE: RGBColor = RGBColor(0, 114, 178);
-const GREEN: RGBColor = RGBColor(0, 158, 115);
+pub const ORANGE: RGBColor = RGBColor(230, 159, 0);
+/// The second of them.
+pub const BLUE: RGBColor = RGBColor(0, 114, 178);
+/// The third.
+pub const GREEN: RGBColor = RGBColor(0, 158, 115);
+/// For what is there for comparison.
+pub const LIGHT_GRAY: RGBColor = RGBColor(170, 170, 170);
 const GRAY: RGBColor = RGBColor(110, 110, 110);
-const LIGHT_GRAY: RGBColor = RGBColor(170, 170, 170);
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
@@ -35,61 +49,65 @@ pub enum PictureError {
     Draw(String),
 }
 
+/// The estimates of a model.
+#[derive(Debug)]
+pub struct Series {
+    /// Name of the model.
+    pub name: &'static str,
+    /// Its colour.
+    pub colour: RGBColor,
+    /// `[regions]`: its frames.
+    pub regions: Vec<ScoredFrames>,
+}
+
 /// An SVG of the stretch that shows most: light touches, and movement in the air that the model `by` takes for touch, or
-/// touches that it misses.
+/// touches that it misses. Several regions are drawn one below the other.
 ///
+/// # Shapes
+/// `regions`: `[regions]`, their names.
 /// # Errors
 /// [`PictureError`] when no series has that name, or the drawing library refuses.
-pub fn draw(series: &[(&str, ScoredFrames)], by: &str, glove: u8) -> Result<String, PictureError> {
-    let (_, first) = series.iter().find(|(name, _)| *name == by).ok_or(PictureError::Empty)?;
+pub fn draw(series: &[Series], by: &str, glove: &str, regions: &[&str]) -> Result<String, PictureError> {
+    let by = series.iter().find(|series| series.name == by).ok_or(PictureError::Empty)?;
+    let stretch = Stretch::telling(&by.regions);
+    let panels: Vec<Panel<'_>> = by.regions.iter().enumerate().map(|(idx, truth)| panel(series, idx, truth)).collect();
+    let height_px = match panels.len() {
+        0 => return Err(PictureError::Empty),
+        1 => FORCES_PX + CONTACTS_PX,
+        n => HEAD_PX + n as u32 * (HAND_FORCES_PX + HAND_CONTACTS_PX) + TIME_PX,
+    };
     let mut svg = String::new();
-    let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-    paint(&root, series, first, glove).map_err(|error| PictureError::Draw(error.to_string()))?;
+    let root = SVGBackend::with_string(&mut svg, (WIDTH_PX, height_px)).into_drawing_area();
+    let painted = match panels.as_slice() {
+        [only] => paint_one(&root, only, &stretch, glove),
+        several => paint_hand(&root, several, &stretch, glove, regions),
+    };
+    painted.map_err(|error| PictureError::Draw(error.to_string()))?;
     drop(root);
     Ok(svg)
 }
 
+fn panel<'a>(series: &'a [Series], region_idx: usize, truth: &'a ScoredFrames) -> Panel<'a> {
+    let of_region = |series: &'a Series| Some((series.name, series.colour, series.regions.get(region_idx)?));
+    Panel { truth, estimates: series.iter().filter_map(of_region).collect() }
+}
+
 type Painted = Result<(), Box<dyn std::error::Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-fn paint(
-    root: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
-    series: &[(&str, ScoredFrames)],
-    first: &ScoredFrames,
-    glove: u8,
-) -> Painted {
+/// One finger: its forces, and the rows of contact below them.
+fn paint_one(root: &Area<'_>, panel: &Panel<'_>, stretch: &Stretch, glove: &str) -> Painted {
     root.fill(&WHITE)?;
-    let range = telling_stretch(first);
-    let start = first.stamp.get(range.start).copied().unwrap_or_default();
-    let seconds = |frames: &ScoredFrames, idx: usize| frames.stamp[idx].nanos_since(start) as f64 * 1e-9;
-    let colours = [LIGHT_GRAY, ORANGE, BLUE, GREEN];
-    let truth = range.clone().map(|idx| first.truth_gf[idx]).filter(|force| force.is_finite());
-    let highest = (1.3 * truth.fold(30.0_f64, f64::max)).min(CUT_GF); // forces beyond it are drawn at the edge
-    let lowest = -0.2 * highest;
-
-    let (upper, lower) = root.split_vertically(SIZE.1 - CONTACTS_PX);
+    let (upper, lower) = root.split_vertically(FORCES_PX);
     let title = format!("Synthetic glove {glove}: force on a fingertip while the hand moves and touches");
     let mut chart = ChartBuilder::on(&upper)
         .caption(title, ("sans-serif", 18))
         .margin(10)
         .x_label_area_size(34)
         .y_label_area_size(LABELS_PX)
-        .build_cartesian_2d(0.0..SPAN_S, lowest..highest)?;
+        .build_cartesian_2d(0.0..stretch.span_s, stretch.lowest_gf..stretch.highest_gf)?;
     chart.configure_mesh().x_desc("time, s").y_desc("force, gF (cut at the edges)").light_line_style(WHITE).draw()?;
-    let mut line = |name: &str, points: Vec<(f64, Option<f64>)>, colour: RGBColor, width: u32| -> Painted {
-        chart
-            .draw_series(unbroken(&points).into_iter().map(|run| PathElement::new(run, colour.stroke_width(width))))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
-        Ok(())
-    };
-    let truth = range.clone().map(|idx| (seconds(first, idx), Some(first.truth_gf[idx].min(highest))));
-    line("true force", truth.collect(), BLACK, 2)?;
-    for ((name, frames), colour) in series.iter().zip(colours) {
-        let known = range.clone().filter(|idx| *idx < frames.stamp.len());
-        let force = |idx: usize| frames.estimate_gf.get(idx).copied().flatten().map(|gf| gf.clamp(lowest, highest));
-        let points = known.map(|idx| (seconds(frames, idx), force(idx)));
-        line(name, points.collect(), colour, 1)?;
-    }
+    panel.draw_forces(&mut chart, stretch)?;
     chart
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperRight)
@@ -97,104 +115,66 @@ fn paint(
         .border_style(GRAY)
         .label_font(("sans-serif", 13))
         .draw()?;
-
-    let rows = series.len() as i32 + 1;
-    let mut contacts = ChartBuilder::on(&lower)
-        .margin_left(10)
-        .margin_right(10)
-        .y_label_area_size(LABELS_PX)
-        .build_cartesian_2d(0.0..SPAN_S, 0..rows)?;
-    let scoring = Scoring::default();
-    let mut row = |idx: i32, name: &str, states: Vec<(f64, bool)>, colour: RGBColor| -> Painted {
-        let y = rows - 1 - idx;
-        for (from, to) in stretches(&states) {
-            contacts.draw_series([Rectangle::new([(from, y), (to, y + 1)], colour.mix(0.8).filled())])?;
-        }
-        let middle = (CONTACTS_PX as i32 * (2 * idx + 1)) / (2 * rows) - 7; // half the height of the letters
-        lower.draw(&Text::new(format!("contact, {name}"), (8, middle), ("sans-serif", 12).into_font()))?;
-        Ok(())
-    };
-    let states = |frames: &ScoredFrames, state: &dyn Fn(usize) -> bool| -> Vec<(f64, bool)> {
-        range.clone().filter(|idx| *idx < frames.stamp.len()).map(|idx| (seconds(frames, idx), state(idx))).collect()
-    };
-    row(0, "true", states(first, &|idx| scoring.is_touch(first.truth_gf[idx])), BLACK)?;
-    for (idx, ((name, frames), colour)) in series.iter().zip(colours).enumerate() {
-        row(idx as i32 + 1, name, states(frames, &|idx| frames.contact[idx]), colour)?;
-    }
+    panel.draw_contacts(&lower, stretch, 12)?;
     root.present()?;
     Ok(())
 }
 
-/// The runs of points that a line goes through: it ends where a force is unknown, and where frames are missing.
-fn unbroken(points: &[(f64, Option<f64>)]) -> Vec<Vec<(f64, f64)>> {
-    let longest = longest_step(&points.iter().map(|(at, _)| *at).collect::<Vec<_>>());
-    let (mut runs, mut open): (Vec<Vec<(f64, f64)>>, Option<f64>) = (Vec::new(), None);
-    for (at, force) in points {
-        let Some(force) = force.filter(|force| force.is_finite()) else {
-            open = None;
-            continue;
-        };
-        match runs.last_mut() {
-            Some(run) if open.is_some_and(|before| at - before <= longest) => run.push((*at, force)),
-            _ => runs.push(vec![(*at, force)]),
-        }
-        open = Some(*at);
+/// Fingers one below the other, over the same time.
+fn paint_hand(root: &Area<'_>, panels: &[Panel<'_>], stretch: &Stretch, glove: &str, names: &[&str]) -> Painted {
+    root.fill(&WHITE)?;
+    let (head, mut rest) = root.split_vertically(HEAD_PX);
+    paint_head(&head, &panels[0], glove)?;
+    for (panel, name) in panels.iter().zip(names) {
+        let (forces, below) = rest.split_vertically(HAND_FORCES_PX);
+        let (contacts, below) = below.split_vertically(HAND_CONTACTS_PX);
+        rest = below;
+        let mut chart = ChartBuilder::on(&forces)
+            .margin_left(10)
+            .margin_right(10)
+            .margin_top(12)
+            .y_label_area_size(LABELS_PX)
+            .build_cartesian_2d(0.0..stretch.span_s, stretch.lowest_gf..stretch.highest_gf)?;
+        chart.configure_mesh().y_desc("force, gF").y_labels(4).light_line_style(WHITE).draw()?;
+        panel.draw_forces(&mut chart, stretch)?;
+        let style = ("sans-serif", 16).into_font().style(FontStyle::Bold);
+        forces.draw(&Text::new((*name).to_owned(), (8, 10), style))?;
+        panel.draw_contacts(&contacts, stretch, 11)?;
     }
-    runs
+    paint_time(&rest, stretch)?;
+    root.present()?;
+    Ok(())
 }
 
-/// From when to when a state held; not over time without frames.
-fn stretches(states: &[(f64, bool)]) -> Vec<(f64, f64)> {
-    let longest = longest_step(&states.iter().map(|(at, _)| *at).collect::<Vec<_>>());
-    let mut found: Vec<(f64, f64)> = Vec::new();
-    let mut open = false;
-    for pair in states.windows(2) {
-        let ((from, state), (next, _)) = (pair[0], pair[1]);
-        let is_gap = next - from > longest;
-        let to = if is_gap { from } else { next };
-        match found.last_mut() {
-            Some(last) if state && open => last.1 = to,
-            _ if state => found.push((from, to)),
-            _ => {}
-        }
-        open = state && !is_gap;
+/// The title, what the lines are, and what people must know of them.
+fn paint_head(area: &Area<'_>, panel: &Panel<'_>, glove: &str) -> Painted {
+    let title = format!("Synthetic glove {glove}: force on all fingertips while the hand moves and touches");
+    let below_title = area.margin(6, 0, 0, 0).titled(&title, ("sans-serif", 18))?;
+    let left = LABELS_PX as i32 + 10;
+    let truth = ("true force, while the load cell is under the finger", BLACK);
+    let estimates = panel.estimates.iter().map(|(name, colour, _)| (*name, *colour));
+    let style = ("sans-serif", 13).into_text_style(area);
+    let mut x = left;
+    for (name, colour) in std::iter::once(truth).chain(estimates) {
+        below_title.draw(&PathElement::new([(x, 9), (x + 24, 9)], colour.stroke_width(2)))?;
+        below_title.draw(&Text::new(name, (x + 30, 2), style.clone()))?;
+        x += 60 + below_title.estimate_text_size(name, &style)?.0 as i32;
     }
-    found
+    below_title.draw(&Text::new(HAND_IN_WORDS, (left, 20), style))?;
+    Ok(())
 }
 
-/// The stretch in which the first series is most often wrong about touch, among those that hold touch and air.
-fn telling_stretch(frames: &ScoredFrames) -> std::ops::Range<usize> {
-    let n = frames.stamp.len();
-    let scoring = Scoring::default();
-    let is_touch: Vec<bool> = frames.truth_gf.iter().map(|truth| scoring.is_touch(*truth)).collect();
-    let span_ns = (SPAN_S * 1e9) as i64;
-    let mut best = (0..n.min(1), 0);
-    for start in (0..n).step_by(100) {
-        let end =
-            start + frames.stamp[start..].partition_point(|stamp| stamp.nanos_since(frames.stamp[start]) < span_ns);
-        let n_touch = is_touch[start..end].iter().filter(|touch| **touch).count();
-        let wrong = (start..end).filter(|&idx| frames.contact[idx] != is_touch[idx]).count();
-        let mixed = (end - start) / 5..=(end - start) * 4 / 5;
-        if mixed.contains(&n_touch) && wrong >= best.1 {
-            best = (start..end, wrong);
-        }
-    }
-    if best.1 > 0 { best.0 } else { 0..frames.stamp.partition_point(|at| at.nanos_since(frames.stamp[0]) < span_ns) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_and_states_end_where_frames_or_forces_are_missing() {
-        let at = |k: usize| k as f64 + if k >= 5 { 20.0 } else { 0.0 };
-        let points: Vec<(f64, Option<f64>)> = (0..10).map(|k| (at(k), (k != 2).then_some(k as f64))).collect();
-        let runs: Vec<usize> = unbroken(&points).iter().map(Vec::len).collect();
-        assert_eq!(runs, [2, 2, 5], "without a force at 2 s, without frames from 4 s to 25 s");
-        let nan: Vec<(f64, Option<f64>)> = vec![(0.0, Some(f64::NAN)), (1.0, Some(1.0)), (2.0, None)];
-        assert_eq!(unbroken(&nan), [vec![(1.0, 1.0)]]);
-        let states: Vec<(f64, bool)> = (0..10).map(|k| (at(k), true)).collect();
-        assert_eq!(stretches(&states), [(0.0, 4.0), (25.0, 29.0)]);
-    }
+/// The time axis that all fingers share.
+fn paint_time(area: &Area<'_>, stretch: &Stretch) -> Painted {
+    let mut chart = ChartBuilder::on(area)
+        .margin_left(10)
+        .margin_right(10)
+        .margin_top(4)
+        .margin_bottom(10)
+        .x_label_area_size(34)
+        .y_label_area_size(LABELS_PX)
+        .build_cartesian_2d(0.0..stretch.span_s, 0.0..1.0)?;
+    let letters = ("sans-serif", 12); // by itself they are as high as a part of the chart, which has no height here
+    chart.configure_mesh().disable_mesh().disable_y_axis().label_style(letters).x_desc("time, s").draw()?;
+    Ok(())
 }
