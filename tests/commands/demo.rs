@@ -49,7 +49,15 @@ fn the_demo_of_a_hand_draws_and_scores_each_finger() {
     let run = tpf(folder, &["demo", "--glove", "hand1", "--minutes=2", "-o", "shown"]).ok();
     assert!(run.stderr.contains("SYNTHETIC DEMO: a simulated glove hand1"), "{run:?}");
     // In two minutes the load cell was under some of the fingers.
-    for told in ["SYNTHETIC data", "hand1/middle", "hand1/ring", "hand1_taxels_times_gain", "hand1_adaptive"] {
+    let names = [
+        "SYNTHETIC data",
+        "hand1/middle",
+        "hand1/ring",
+        "hand1_taxels_times_gain",
+        "hand1_adaptive",
+        "regions of glove hand1",
+    ];
+    for told in names {
         assert!(run.stdout.contains(told), "{told}: {run:?}");
     }
     assert!(!run.stdout.contains("tactile-only") && !run.stdout.contains("pose-aware"), "no such models: {run:?}");

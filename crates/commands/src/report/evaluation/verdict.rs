@@ -38,7 +38,10 @@ pub(super) fn verdict(result: &Evaluated) -> Option<Said> {
     let synthetic = if result.synthetic { "SYNTHETIC data, " } else { "" };
     let gloves = match headline.gloves.as_slice() {
         [only] => format!("glove {}", only.glove),
-        several => format!("{} gloves", several.len()),
+        several => match glove_of_regions(several) {
+            Some(glove) => format!("{} regions of glove {glove}", several.len()),
+            None => format!("{} gloves", several.len()),
+        },
     };
     let who = match &headline.from {
         Some(from) => format!("{} against {from}", headline.to),
@@ -116,6 +119,13 @@ fn users(result: &Evaluated, headline: &Headline, glove: &str, measure: Measure)
     let pairing = result.paired.iter().find(|pairing| pairing.from == *from && pairing.to == headline.to)?;
     let test = pairing.tests.iter().find(|test| test.glove == glove && test.measure == measure)?;
     (test.pairs.len() > 1).then(|| format!("{} of {} users", test.n_improved, test.pairs.len()))
+}
+
+/// The glove whose regions these are, `GLOVE/REGION`, if they are of one.
+fn glove_of_regions(gloves: &[GloveHeadline]) -> Option<&str> {
+    let mut names = gloves.iter().map(|glove| glove.glove.rsplit_once('/').map(|(glove, _)| glove));
+    let first = names.next()??;
+    names.all(|name| name == Some(first)).then_some(first)
 }
 
 /// From where to where the change is on several gloves.
