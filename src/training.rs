@@ -8,6 +8,7 @@ mod data;
 mod error;
 mod folds;
 mod load;
+mod others;
 mod report;
 
 use std::num::NonZero;

@@ -9,7 +9,7 @@ use crate::fusion::{ArtifactModel, DonningFrames, learn_artifact};
 ///
 /// # Errors
 /// [`TrainError::Artifact`] when there are too few frames in the air, or of light touch.
-pub fn fit_artifact(sessions: &[Session], rate_hz: f64) -> Result<ArtifactModel, TrainError> {
+pub fn fit_artifact(sessions: &[&Session], rate_hz: f64) -> Result<ArtifactModel, TrainError> {
     let learned: Vec<Vec<bool>> = sessions
         .iter()
         .map(|session| session.frames().part.iter().map(|part| *part == Part::Train).collect())

@@ -42,6 +42,11 @@ const RAMP_S: (f32, f32) = (0.03, 1.0);
 const STARTS_IN_TOUCH: f32 = 0.7;
 const TOUCHED_STARTS_S: (f32, f32) = (1.0, 20.0);
 
+/// How many touches are let go in part at first, the shares of them that are left, and for how long, s.
+const IN_PART: f32 = 0.3;
+const LEFT_SHARES: (f32, f32) = (0.1, 0.7);
+const LEFT_S: (f32, f32) = (0.5, 20.0);
+
 /// How long a grasp takes to end, s.
 const RELEASE_S: (f32, f32) = (0.03, 2.0);
 
@@ -143,8 +148,13 @@ impl TouchedSession<'_> {
                     Some((grasp, left)) => (*left, Course::end_of(grasp.force_gf, rate_hz, &mut random), AFTER_GRASP_S),
                     None => (n_frames(&mut random, HELD_S, rate_hz), Course::new(rate_hz, &mut random), BETWEEN_S),
                 };
-                let held = begin..(begin + length).min(air.end);
+                let mut held = begin..(begin + length).min(air.end);
                 hold(&mut touched, held.clone(), &ends, &course, &mut random);
+                if random.unit() < IN_PART {
+                    let (left, rest) = course.left(&held, &mut random);
+                    held.end = left.end.min(air.end);
+                    hold(&mut touched, left.start..held.end, &ends, &rest, &mut random);
+                }
                 match grasp {
                     Some((grasp, _)) => _ = past.insert(begin, Past::Grasp(grasp)),
                     None if random.unit() < STARTS_IN_TOUCH => {
@@ -271,6 +281,14 @@ impl Course {
     fn end_of(level_gf: f32, rate_hz: f64, random: &mut Random) -> Self {
         let fall = n_frames(random, RELEASE_S, rate_hz).max(1) as f32;
         Course { level_gf, fall, rise: 1.0, ..Course::new(rate_hz, random) }
+    }
+
+    /// What is left for a while of a touch in these frames that is let go in part, and its frames: it rises as the touch falls.
+    fn left(&self, held: &Range<usize>, random: &mut Random) -> (Range<usize>, Self) {
+        let level_gf = self.level_gf * log_uniform(random, LEFT_SHARES);
+        let begin = held.end - (self.fall as usize).min(held.len());
+        let frames = begin..held.end + n_frames(random, LEFT_S, self.rate_hz);
+        (frames, Course { level_gf, rise: self.fall, ..Course::new(self.rate_hz, random) })
     }
 }
 

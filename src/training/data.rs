@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::load::TrainingLoader;
+use super::others::{artifacts_of_others, by_others};
 use super::report::SessionNotes;
 use super::{Request, TrainingError};
 use crate::config::Config;
@@ -61,28 +62,35 @@ impl Data {
         note_on_axes(cfg, request, observer);
         let is_one = loaded.len() == 1;
         let n_reads = loaded.iter().map(|region| region.bags.len()).sum::<usize>() as u64;
-        let total = if kind == Kind::Adaptive { n_reads * (2 + request.held_touches as u64) } else { n_reads };
+        let total = match (kind, request.held_touches as u64) {
+            (Kind::Adaptive, 0) => 2 * n_reads,
+            (Kind::Adaptive, n_copies) => n_reads * (3 + n_copies),
+            _ => n_reads,
+        };
         let mut n_read = 0;
         let mut count = || {
             n_read += 1;
             observer.progress(n_read, total);
         };
         let mut terms: BTreeMap<String, RegionTerms> = BTreeMap::new();
-        // By region, for copies; empty where there are to be none.
-        let mut raws: Vec<Vec<Session>> = Vec::new();
+        // By region, for copies: sessions, and the artifact models of others than their users. Empty where there are to be none.
+        let mut raws: Vec<(Vec<Session>, Vec<Arc<ArtifactModel>>)> = Vec::new();
         if kind == Kind::Adaptive {
             // Once to learn what pose makes of the taxels, and once more by the core that takes it out.
             for OfRegion { loader, bags: of_region } in &mut loaded {
-                let mut raw = Vec::new();
+                let (mut raw, mut users) = (Vec::new(), Vec::new());
                 for bag in &*of_region {
-                    raw.push(loader.load(&bags[*bag], observer)?.session);
+                    let loaded = loader.load(&bags[*bag], observer)?;
+                    raw.push(loaded.session);
+                    users.push(loaded.notes.user);
                     count();
                 }
                 let of_region = |error: TrainError| match is_one {
                     true => TrainingError::Train(error),
                     false => TrainingError::at(Path::new(&format!("region {}", loader.region())), &error),
                 };
-                let mut artifact = fit_artifact(&raw, loader.rate_hz()).map_err(of_region)?;
+                let sessions: Vec<&Session> = raw.iter().collect();
+                let mut artifact = fit_artifact(&sessions, loader.rate_hz()).map_err(of_region)?;
                 artifact.trust_inputs = request.held_touches > 0;
                 let artifact = Arc::new(artifact);
                 let (joints, name) = (loader.joints().to_vec(), loader.region().to_owned());
@@ -90,28 +98,33 @@ impl Data {
                     name,
                     RegionTerms { joints, pose_range: pose_range(&raw), artifact: Arc::clone(&artifact) },
                 );
-                loader.take_out(artifact);
                 if request.held_touches > 0 {
-                    raws.push(raw);
+                    let of_others = artifacts_of_others(&raw, &users, &artifact, loader.rate_hz());
+                    raws.push((raw, of_others));
                 }
+                loader.take_out(artifact);
             }
         }
         let (mut sessions, mut notes): (Vec<Session>, Vec<SessionNotes>) = (Vec::new(), Vec::new());
         let mut copies = Vec::new();
-        for (region_idx, OfRegion { loader, bags: of_region }) in loaded.iter().enumerate() {
+        for (region_idx, OfRegion { loader, bags: of_region }) in loaded.iter_mut().enumerate() {
             for (idx, &bag_idx) in of_region.iter().enumerate() {
-                let loaded = loader.load(&bags[bag_idx], observer)?;
+                let mut loaded = loader.load(&bags[bag_idx], observer)?;
                 count();
-                let raw = raws.get(region_idx).map(|of_region| &of_region[idx]);
-                if let (Some(raw), Some(terms), Some(fit)) = (raw, terms.get(loader.region()), &loaded.fit) {
-                    let rate_hz = loader.rate_hz();
-                    let touched = TouchedSession { raw, artifact: &terms.artifact, fit, rate_hz };
-                    let first = sessions.len() * request.held_touches;
-                    let of_session = touched.copies(request.train.seed, first..first + request.held_touches, || {
-                        count();
-                        Ok::<(), TrainingError>(observer::check(observer)?)
-                    });
-                    copies.extend(of_session?);
+                let of_others = raws.get(region_idx).map(|(raw, of_others)| (&raw[idx], &of_others[idx]));
+                if let Some((raw, artifact)) = of_others {
+                    loaded = by_others(loader, &bags[bag_idx], loaded, artifact, observer)?;
+                    count();
+                    if let Some(fit) = &loaded.fit {
+                        let touched = TouchedSession { raw, artifact, fit, rate_hz: loader.rate_hz() };
+                        let first = sessions.len() * request.held_touches;
+                        let numbers = first..first + request.held_touches;
+                        let of_session = touched.copies(request.train.seed, numbers, || {
+                            count();
+                            Ok::<(), TrainingError>(observer::check(observer)?)
+                        });
+                        copies.extend(of_session?);
+                    }
                 }
                 notes.push(SessionNotes {
                     name: loaded.session.name().to_owned(),

@@ -72,9 +72,9 @@ impl<'c> TrainingLoader<'c> {
         Ok(TrainingLoader { cfg, region_idx, truth_idx, window, split, rate_hz, artifact: None, in_air, axes })
     }
 
-    /// From now on taxels are those that this artifact was taken out of, followed as while the glove is worn.
-    pub(super) fn take_out(&mut self, artifact: Arc<ArtifactModel>) {
-        self.artifact = Some(artifact);
+    /// From now on taxels are those that this artifact was taken out of, followed as while the glove is worn. Returns the one before.
+    pub(super) fn take_out(&mut self, artifact: Arc<ArtifactModel>) -> Option<Arc<ArtifactModel>> {
+        self.artifact.replace(artifact)
     }
 
     /// Joints of its region, in their order, as the model is to name them.
