@@ -76,8 +76,15 @@ fn the_file_of_a_synthetic_glove_gives_the_forces_of_the_one_that_ships() {
         assert_eq!((made.tactile(), made.joints()), (known.tactile(), known.joints()));
         assert_eq!((made.truth(), &made.truth_sources()[0].unit), (known.truth(), &known.truth_sources()[0].unit));
         assert_eq!(made.truth_sources()[0].inverted, known.truth_sources()[0].inverted);
-        assert_eq!(made.fusion().regions(), known.fusion().regions());
-        let of_made = forces(folder, &bag, "made.yaml", "index", &[]);
+        // No bag tells the threshold that was chosen for glove 2.
+        let chosen = known.fusion().regions()[0].contact.touch;
+        assert_eq!(chosen.is_some(), glove == 2);
+        let mut regions = made.fusion().regions().to_vec();
+        regions[0].contact.touch = chosen;
+        assert_eq!(regions, known.fusion().regions());
+        let touch_on = chosen.map(|levels| format!("contact.touch_on:={}", levels.on));
+        let chosen: Vec<&str> = touch_on.iter().flat_map(|touch_on| ["-p", touch_on.as_str()]).collect();
+        let of_made = forces(folder, &bag, "made.yaml", "index", &chosen);
         let with = ["--model", &model];
         let of_shipped = forces(folder, &bag, &shipped, "index", if glove == 1 { &[] } else { &with });
         assert!(of_made.len() > 9_000, "{}", of_made.len());
