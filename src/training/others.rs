@@ -53,6 +53,9 @@ pub(super) fn by_others(
     observer: &dyn Observer,
 ) -> Result<LoadedSession, TrainingError> {
     let own = loader.take_out(Arc::clone(others));
+    if own.as_ref().is_some_and(|own| Arc::ptr_eq(own, others)) {
+        return Ok(loaded); // nobody else taught it
+    }
     let by_others = loader.load(bag, &Again(observer));
     if let Some(own) = own {
         loader.take_out(own);
