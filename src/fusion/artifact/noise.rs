@@ -10,7 +10,8 @@ const STEP_S: f64 = 0.05;
 /// Median of the distance of an angle from the line through the two before it, in deviations of the noise.
 const MEDIAN: f64 = 0.6745 * 2.449_489_742_783_178; // of a normal error; sqrt(1 + 4 + 1) for three independent ones
 
-/// How fast the measured noise follows, 1/s: it is multiplied or divided by e in a second, and so finds the median.
+/// How fast the measured noise follows, 1/s: it is multiplied or divided by e in a second, and so finds the median. The first
+/// second finds where it begins, in steps of the logarithm of one over the number of angles (Robbins and Monro, 1951).
 const FOLLOWS_PER_S: f64 = 1.0;
 
 /// The least noise, rad: that of markers.
@@ -33,6 +34,8 @@ pub(super) struct JointNoise {
     past: Vec<f64>,
     next: usize,
     n_past: usize,
+    /// Frames that told of noise so far.
+    n_told: u32,
     /// `[joints]`, rad.
     deviation: Vec<f64>,
     smoothed: Vec<f64>,
@@ -47,6 +50,7 @@ impl JointNoise {
             past: vec![0.0; 2 * step * n_joints],
             next: 0,
             n_past: 0,
+            n_told: 0,
             deviation: vec![LEAST; n_joints],
             smoothed: vec![0.0; n_joints],
         }
@@ -66,7 +70,8 @@ impl JointNoise {
             f64::from(*angle) != before || before != self.past[oldest + joint]
         };
         let tells = self.n_past == 2 * self.step && pose.iter().enumerate().any(differs);
-        let follows = (FOLLOWS_PER_S * self.frame_s).exp();
+        self.n_told = self.n_told.saturating_add(u32::from(tells));
+        let follows = (FOLLOWS_PER_S * self.frame_s).max(1.0 / f64::from(self.n_told.max(1))).exp();
         for (joint, angle) in pose.iter().enumerate() {
             let angle = f64::from(*angle);
             let deviation = &mut self.deviation[joint];
@@ -132,6 +137,21 @@ mod tests {
         let moving = measured(3000, bends);
         assert!(moving < 0.7, "{moving} degrees of a hand that bends in a second and back");
         assert!(measured(3000, |_| 0.4) < 0.11);
+    }
+
+    #[test]
+    fn the_first_second_tells_it_already() {
+        let (mut state, mut held) = (1, 0.0);
+        let mut camera = |frame: usize| {
+            if frame.is_multiple_of(3) {
+                held = bends(frame) + 5.0 * RAD_PER_DEG * normal(&mut state);
+            }
+            held
+        };
+        let soon = measured(110, &mut camera);
+        assert!((2.0..10.0).contains(&soon), "{soon} of 5 degrees after a second");
+        let moving = measured(110, bends);
+        assert!(moving < 0.7, "{moving} degrees of a hand that bends");
     }
 
     #[test]
