@@ -59,8 +59,14 @@ impl ContactDetector {
     }
 
     /// Takes the force and the probability of touch of the frame at `stamp`, `None` where there is no estimate. A frame
-    /// with a force alone is judged by its force.
-    pub fn handle_estimate(&mut self, stamp: Stamp, force: Option<Newton>, touch: Option<f64>) -> Contact {
+    /// with a force alone is judged by its force. `evidence_margin`: log odds by which this frame is less evidence of a contact, 0 or more.
+    pub fn handle_estimate(
+        &mut self,
+        stamp: Stamp,
+        force: Option<Newton>,
+        touch: Option<f64>,
+        evidence_margin: f64,
+    ) -> Contact {
         let levels = self.thresholds.touch_levels(self.output.as_ref());
         let by_touch = touch.zip(levels);
         let judged = match (by_touch, force) {
@@ -86,7 +92,7 @@ impl ContactDetector {
             }
             if let Some((touch, levels)) = by_touch.filter(|_| !self.state) {
                 // Of a number that is none, nothing is left: `max` takes the other one.
-                self.evidence = (self.evidence + log_odds(touch) - log_odds(levels.off)).max(0.0);
+                self.evidence = (self.evidence + log_odds(touch) - log_odds(levels.off) - evidence_margin).max(0.0);
             }
             let is_beyond_doubt = self.state || by_touch.is_none() || self.evidence >= self.thresholds.touch_evidence;
             if self.run_frames >= needed.get() && is_beyond_doubt {
@@ -159,7 +165,7 @@ mod tests {
 
     fn run(detector: &mut ContactDetector, forces: &[f64]) -> Vec<Contact> {
         let frames = forces.iter().enumerate();
-        frames.map(|(k, &force)| detector.handle_estimate(Stamp(k as i64), Some(Newton(force)), None)).collect()
+        frames.map(|(k, &force)| detector.handle_estimate(Stamp(k as i64), Some(Newton(force)), None, 0.0)).collect()
     }
 
     #[test]
@@ -185,13 +191,13 @@ mod tests {
     #[test]
     fn a_frame_without_estimate_holds_the_state_and_a_reset_ends_it() {
         let mut detector = detector(1, 1);
-        assert_eq!(detector.handle_estimate(Stamp(0), Some(Newton(1.0)), None).event, ContactEvent::Onset);
-        let unknown = detector.handle_estimate(Stamp(1), None, None);
+        assert_eq!(detector.handle_estimate(Stamp(0), Some(Newton(1.0)), None, 0.0).event, ContactEvent::Onset);
+        let unknown = detector.handle_estimate(Stamp(1), None, None, 0.0);
         assert!(unknown.state && !unknown.raw);
         detector.handle_reset();
-        let ended = detector.handle_estimate(Stamp(9), None, None);
+        let ended = detector.handle_estimate(Stamp(9), None, None, 0.0);
         assert_eq!(ended, Contact { event: ContactEvent::Offset, since: Stamp(9), ..Contact::default() });
-        assert_eq!(detector.handle_estimate(Stamp(10), None, None).event, ContactEvent::None);
+        assert_eq!(detector.handle_estimate(Stamp(10), None, None, 0.0).event, ContactEvent::None);
     }
     #[test]
     fn the_probability_of_touch_decides_where_there_is_one() {
@@ -201,7 +207,7 @@ mod tests {
         let mut at = 0;
         let mut contact = |detector: &mut ContactDetector, force: f64, touch: Option<f64>| {
             at += 1;
-            let contact = detector.handle_estimate(Stamp(at), Some(Newton(force)), touch);
+            let contact = detector.handle_estimate(Stamp(at), Some(Newton(force)), touch, 0.0);
             (contact.raw, contact.state, contact.by_touch)
         };
         assert_eq!(contact(&mut detector, 1.0, Some(0.79)), (false, false, true), "a large force that is no touch");
@@ -221,23 +227,27 @@ mod tests {
     #[test]
     fn a_doubtful_touch_takes_longer_than_one_without_doubt() {
         let output = TouchOutput { levels: TouchLevels { on: 0.5, off: 0.25 }, false_per_min: None };
-        let begins_after = |evidence: f64, touch: &[f64]| {
+        let begins_after = |evidence: f64, margin: f64, touch: &[f64]| {
             let thresholds = ContactThresholds { touch_evidence: evidence, ..*detector(2, 1).thresholds() };
             let mut detector = ContactDetector::new(thresholds, Some(output));
             let mut frames = (0..).zip(touch.iter().cycle().take(1000));
             frames.find_map(|(at, touch)| {
-                let contact = detector.handle_estimate(Stamp(at), None, Some(*touch));
+                let contact = detector.handle_estimate(Stamp(at), None, Some(*touch), margin);
                 (contact.event == ContactEvent::Onset).then_some((at, contact.since))
             })
         };
         // The lower level has log odds of -1.10, so 0.5 adds 1.10 a frame, 0.999 adds 8.0.
-        assert_eq!(begins_after(6.0, &[0.999]), Some((1, Stamp(0))), "no later than its two frames");
-        assert_eq!(begins_after(6.0, &[0.5]), Some((5, Stamp(0))));
-        assert_eq!(begins_after(0.0, &[0.5]), Some((1, Stamp(0))));
+        assert_eq!(begins_after(6.0, 0.0, &[0.999]), Some((1, Stamp(0))), "no later than its two frames");
+        assert_eq!(begins_after(6.0, 0.0, &[0.5]), Some((5, Stamp(0))));
+        assert_eq!(begins_after(0.0, 0.0, &[0.5]), Some((1, Stamp(0))));
+        assert_eq!(begins_after(6.0, 0.5, &[0.5]), Some((10, Stamp(0))), "each frame is 0.60");
+        assert_eq!(begins_after(0.0, 0.5, &[0.5]), Some((1, Stamp(0))), "none is asked for");
+        assert_eq!(begins_after(6.0, 1.2, &[0.5]), None, "no frame is evidence");
+        assert_eq!(begins_after(6.0, 1.2, &[0.999]), Some((1, Stamp(0))));
         // One frame of three is at the lower level: it takes nothing away, and the two others must follow on each other.
-        assert_eq!(begins_after(6.0, &[0.25, 0.6, 0.6]), Some((5, Stamp(4))));
-        assert_eq!(begins_after(6.0, &[0.6, 0.6, 0.6, 0.001]), None, "doubt takes away what was there");
-        assert_eq!(begins_after(6.0, &[0.6, 0.6, 0.6, f64::NAN]), None);
-        assert_eq!(begins_after(6.0, &[1.0]), Some((1, Stamp(0))), "a certain one is finite");
+        assert_eq!(begins_after(6.0, 0.0, &[0.25, 0.6, 0.6]), Some((5, Stamp(4))));
+        assert_eq!(begins_after(6.0, 0.0, &[0.6, 0.6, 0.6, 0.001]), None, "doubt takes away what was there");
+        assert_eq!(begins_after(6.0, 0.0, &[0.6, 0.6, 0.6, f64::NAN]), None);
+        assert_eq!(begins_after(6.0, 0.0, &[1.0]), Some((1, Stamp(0))), "a certain one is finite");
     }
 }

@@ -73,6 +73,8 @@ pub(super) struct Readiness {
     pub(super) artifact_change: Option<f64>,
     /// Log odds by which a touch must be clearer than the model says.
     pub(super) touch_margin: f64,
+    /// Log odds by which the frame is less evidence of a contact.
+    pub(super) evidence_margin: f64,
     /// Touch that the artifact filter sees without doubt, gF.
     pub(super) held_gf: Option<f64>,
 }
@@ -266,8 +268,16 @@ impl Region {
             }
         }
         let touch_margin = self.artifact.as_ref().map_or(0.0, ArtifactFilter::touch_margin);
+        let evidence_margin = self.artifact.as_ref().map_or(0.0, ArtifactFilter::evidence_margin);
         let held_gf = self.artifact.as_ref().and_then(ArtifactFilter::held_touch_gf);
-        Readiness { run: true, base_only, touch_margin, held_gf, ..self.no_estimate(flags, pose_age_ns) }
+        Readiness {
+            run: true,
+            base_only,
+            touch_margin,
+            evidence_margin,
+            held_gf,
+            ..self.no_estimate(flags, pose_age_ns)
+        }
     }
 
     /// Adds its taxels of the frame that [`Region::handle_frame`] was given last.
@@ -326,7 +336,7 @@ impl Region {
         if readiness.after_reset {
             self.contact.handle_reset();
         }
-        let contact = self.contact.handle_estimate(stamp, force, touch);
+        let contact = self.contact.handle_estimate(stamp, force, touch, readiness.evidence_margin);
         counters.onsets += u64::from(contact.event == ContactEvent::Onset);
         counters.offsets += u64::from(contact.event == ContactEvent::Offset);
         let Readiness { pose_age_ns, adaptation, artifact_change, .. } = *readiness;
@@ -389,7 +399,7 @@ impl Region {
         let after_reset = std::mem::take(&mut self.was_reset);
         let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
         let artifact_change = self.artifact_change();
-        let (run, base_only, touch_margin, held_gf) = (false, false, 0.0, None);
+        let (run, base_only, touch_margin, evidence_margin, held_gf) = (false, false, 0.0, 0.0, None);
         Readiness {
             run,
             base_only,
@@ -399,6 +409,7 @@ impl Region {
             adaptation,
             artifact_change,
             touch_margin,
+            evidence_margin,
             held_gf,
         }
     }

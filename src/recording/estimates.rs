@@ -140,6 +140,6 @@ impl EstimateTrack {
 /// Contact by forces: of each frame alone, and with hysteresis and debounce.
 fn contacts(stamps: &[Stamp], forces: &[Option<Newton>], thresholds: ContactThresholds) -> (Vec<bool>, Vec<bool>) {
     let mut detector = ContactDetector::new(thresholds, None);
-    let contacts = stamps.iter().zip(forces).map(|(stamp, force)| detector.handle_estimate(*stamp, *force, None));
+    let contacts = stamps.iter().zip(forces).map(|(stamp, force)| detector.handle_estimate(*stamp, *force, None, 0.0));
     contacts.map(|contact| (contact.raw, contact.state)).unzip()
 }

@@ -206,7 +206,7 @@ fn false_per_min(frames: &[Judged], levels: TouchLevels, rate_hz: f64) -> Option
         if !follows {
             contact = detector();
         }
-        let event = contact.handle_estimate(Stamp(frame.frame as i64), None, Some(frame.touch)).event;
+        let event = contact.handle_estimate(Stamp(frame.frame as i64), None, Some(frame.touch), 0.0).event;
         n_rest += u64::from(frame.zero_load);
         n_false += u64::from(frame.zero_load && event == ContactEvent::Onset);
         before = Some(frame);

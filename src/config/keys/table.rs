@@ -477,7 +477,7 @@ pub static KEYS: &[ParamKey] = &[
         "contact.touch_evidence",
         Kind::Double,
         Double(TOUCH_EVIDENCE),
-        "What the log odds of touch above those of touch_off must add up to before a contact begins; 0 for none",
+        "What the log odds of touch above those of touch_off must add up to before a contact begins, each frame up to 1 less with a noisy hand tracker; 0 for none",
     )
     .range(TOUCH_EVIDENCE_RANGE)
     .at_run_time(),

@@ -68,6 +68,10 @@ const DOUBT_S: f64 = 1.0;
 const DOUBT_ODDS: f64 = 10.0;
 const TOLERATED_ODDS: f64 = 0.4;
 
+/// A network that is told of that noise keeps its log odds. At most so many are lost where they add up to evidence of a contact.
+/// Chosen on validation data (docs/validation).
+const MOST_EVIDENCE_LOST: f64 = 1.0;
+
 /// A touch of so many deviations, and of the least force that counts as touch, gF, is held for as long as the measurements
 /// are not older than this, s.
 const HELD_DEVIATIONS: f64 = 5.0;
@@ -408,6 +412,13 @@ impl ArtifactFilter {
     /// gets the noise itself.
     pub fn touch_margin(&self) -> f64 {
         if self.model.trust_inputs { 0.0 } else { self.margin_of_noise() }
+    }
+
+    /// Log odds by which each frame is less evidence of a contact, for a network that gets the noise itself: errors of a camera stay
+    /// for several frames, so that many frames of a doubtful touch must not add up to a sure one. Zero with a good tracker, and
+    /// for any other network, whose log odds [`ArtifactFilter::touch_margin`] has lowered already.
+    pub fn evidence_margin(&self) -> f64 {
+        if self.model.trust_inputs { self.margin_of_noise().min(MOST_EVIDENCE_LOST) } else { 0.0 }
     }
 
     fn margin_of_noise(&self) -> f64 {

@@ -427,6 +427,33 @@ fn noise_of_the_angles_is_noise_of_the_taxels_and_a_touch_must_be_clearer() {
 }
 
 #[test]
+fn with_noisy_angles_a_network_that_is_told_of_them_must_show_a_touch_for_longer() {
+    let evidence = |trust_inputs: bool, is_noisy: bool| {
+        let mut finger = Finger::new(1);
+        finger.model = Arc::new(ArtifactModel { trust_inputs, ..ArtifactModel::clone(&finger.model) });
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 30.0, |_| 0.0);
+        let mut held = [0.0; JOINTS];
+        for _ in 0..3000 {
+            let (mut tactile, pose) = match is_noisy {
+                true => seen_by_a_camera(&mut finger, &mut held, 0.0),
+                false => {
+                    let (tactile, pose, _) = finger.frame(0.0);
+                    (tactile, pose)
+                }
+            };
+            filter.correct(&mut tactile, Some(&pose), 1, true);
+        }
+        (filter.evidence_margin(), filter.touch_margin())
+    };
+    assert_eq!(evidence(true, false), (0.0, 0.0));
+    let told = evidence(true, true);
+    assert!((0.5..=1.0).contains(&told.0) && told.1 == 0.0, "{told:?}");
+    let not_told = evidence(false, true);
+    assert!(not_told.0 == 0.0 && not_told.1 > 0.5, "{not_told:?}");
+}
+
+#[test]
 fn noise_of_the_angles_is_not_learned_as_a_change_of_gains() {
     for seed in 0..4 {
         let mut finger = Finger::new(seed);
