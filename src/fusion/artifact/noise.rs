@@ -129,6 +129,17 @@ mod tests {
         0.6 + 0.6 * (std::f64::consts::TAU * frame as f64 / HZ / 2.0).sin()
     }
 
+    /// Angles of a camera at 33 Hz with so much noise, degrees.
+    fn camera(noise: f64) -> impl FnMut(usize) -> f64 {
+        let (mut state, mut held) = (1, 0.0);
+        move |frame| {
+            if frame.is_multiple_of(3) {
+                held = bends(frame) + noise * RAD_PER_DEG * normal(&mut state);
+            }
+            held
+        }
+    }
+
     #[test]
     fn noise_is_measured_and_movement_is_none() {
         let mut state = 1;
@@ -141,14 +152,7 @@ mod tests {
 
     #[test]
     fn the_first_second_tells_it_already() {
-        let (mut state, mut held) = (1, 0.0);
-        let mut camera = |frame: usize| {
-            if frame.is_multiple_of(3) {
-                held = bends(frame) + 5.0 * RAD_PER_DEG * normal(&mut state);
-            }
-            held
-        };
-        let soon = measured(110, &mut camera);
+        let soon = measured(110, camera(5.0));
         assert!((2.0..10.0).contains(&soon), "{soon} of 5 degrees after a second");
         let moving = measured(110, bends);
         assert!(moving < 0.7, "{moving} degrees of a hand that bends");
@@ -156,13 +160,7 @@ mod tests {
 
     #[test]
     fn a_cameras_held_angles_tell_its_noise_and_a_silent_tracker_nothing() {
-        let (mut state, mut held) = (1, 0.0);
-        let mut camera = |frame: usize| {
-            if frame.is_multiple_of(3) {
-                held = bends(frame) + 4.0 * RAD_PER_DEG * normal(&mut state);
-            }
-            held
-        };
+        let mut camera = camera(4.0);
         let seen = measured(3000, &mut camera);
         assert!((3.0..6.0).contains(&seen), "{seen} of 4 degrees");
         let lost = measured(6000, |frame| if frame < 3000 { camera(frame) } else { 0.5 });
