@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use tactile_pose_fusion::fusion::Adaptation;
-use tactile_pose_fusion::sim::{Physics, Tracking};
+use tactile_pose_fusion::sim::{Conditions, Tracking};
 
 use crate::worn::{CALIBRATED_S, Felt, Worn, for_a_minute, in_span, long_grasp, shipped, slow_ramp};
 
@@ -20,7 +20,7 @@ fn two_minutes<R>(glove: u8, tracking: Tracking, user: u32, of: impl FnOnce(&Wor
     static SESSIONS: Mutex<Sessions> = Mutex::new(BTreeMap::new());
     let key = (glove, tracking == Tracking::Camera, user);
     let session = Arc::clone(SESSIONS.lock().unwrap().entry(key).or_default());
-    of(session.get_or_init(|| Worn::new((glove, Physics::default()), &shipped(glove), tracking, user, 2.0)))
+    of(session.get_or_init(|| Worn::new((glove, &Conditions::default()), &shipped(glove), tracking, user, 2.0)))
 }
 
 fn share_of(felt: &[Felt], from_s: f64, to_s: f64, states: &[Adaptation]) -> f64 {
@@ -51,6 +51,18 @@ fn a_touch_that_is_held_for_a_minute_in_a_moving_hand_is_kept() {
     }
 }
 
+/// A glove that slips at once can take a light touch away (docs/validation/2026-11-28-sudden-slips.md). One that slips slowly does not.
+#[test]
+fn without_sudden_slips_a_light_touch_is_kept_for_the_whole_minute() {
+    let conditions = Conditions { slips_per_min: Some(0.0), ..Conditions::default() };
+    for (glove, user) in (1..=3).flat_map(|glove| (1..=6).map(move |user| (glove, user))) {
+        let worn = Worn::new((glove, &conditions), &shipped(glove), Tracking::Markers, user, 2.0);
+        let force_gf = if glove == 1 { 10.0 } else { 20.0 };
+        let (found, _) = in_span(&worn.feel(CALIBRATED_S, for_a_minute(force_gf)), 41.0, 100.0);
+        assert!(found > 0.95, "glove {glove}, user {user}, {force_gf} gF: found in {found} of its frames");
+    }
+}
+
 #[test]
 fn a_slow_ramp_is_found() {
     for (tracking, found_at) in [(Tracking::Markers, 12.0), (Tracking::Camera, 25.0)] {
@@ -74,7 +86,7 @@ fn ten_minutes_of_grasp_without_air_leave_no_false_touches() {
         (3, Tracking::Markers, 1),
         (3, Tracking::Camera, 1),
     ] {
-        let felt = Worn::new((glove, Physics::default()), &shipped(glove), tracking, user, 12.0)
+        let felt = Worn::new((glove, &Conditions::default()), &shipped(glove), tracking, user, 12.0)
             .feel(CALIBRATED_S, long_grasp);
         let (before, within) = (in_span(&felt, 14.0, 40.0), in_span(&felt, 41.0, 640.0));
         let (after, later) = (in_span(&felt, 640.3, 645.0), in_span(&felt, 645.0, 700.0));
@@ -99,7 +111,7 @@ fn a_grasp_that_is_let_go_in_part_leaves_its_rest_and_then_nothing() {
     for (glove, tracking, user) in
         [(1, Tracking::Markers, 1), (2, Tracking::Markers, 3), (2, Tracking::Camera, 4), (3, Tracking::Camera, 1)]
     {
-        let felt = Worn::new((glove, Physics::default()), &shipped(glove), tracking, user, 7.5)
+        let felt = Worn::new((glove, &Conditions::default()), &shipped(glove), tracking, user, 7.5)
             .feel(CALIBRATED_S, let_go_in_part);
         let (left, later, after) =
             (in_span(&felt, 341.0, 345.0), in_span(&felt, 345.0, 400.0), in_span(&felt, 400.3, 405.0));

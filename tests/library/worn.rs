@@ -8,7 +8,7 @@ use tactile_pose_fusion::config::{self, Config, DEFAULT_NODE};
 use tactile_pose_fusion::fusion::*;
 use tactile_pose_fusion::glove::{Models, replace_model};
 use tactile_pose_fusion::sim::manipulation::{Episode, Start};
-use tactile_pose_fusion::sim::{Activity, Conditions, Physics, Record, SessionSpec, Tracking, simulate};
+use tactile_pose_fusion::sim::{Activity, Conditions, Record, SessionSpec, Tracking, simulate};
 use tactile_pose_fusion::units::{GramForce, Newton, Stamp};
 use tactile_pose_fusion::zero::{ArtifactCollector, ArtifactTimes, Donning, Rest};
 
@@ -48,11 +48,16 @@ pub fn setup(glove: u8, model: &Path) -> Result<(Config, Models), Box<dyn Error>
 }
 
 impl Worn {
-    /// So many minutes of a user that no model knows, with its calibration.
-    pub fn new((glove, physics): (u8, Physics), model: &Path, tracking: Tracking, user: u32, minutes: f64) -> Self {
+    /// So many minutes of a user that no model knows, with its calibration. Of the conditions, start and episodes are replaced.
+    pub fn new(
+        (glove, conditions): (u8, &Conditions),
+        model: &Path,
+        tracking: Tracking,
+        user: u32,
+        minutes: f64,
+    ) -> Self {
         let (cfg, models) = setup(glove, model).unwrap();
-        let episodes = vec![Episode::Air];
-        let conditions = Conditions { start: Start::InAir, episodes, physics, ..Conditions::default() };
+        let conditions = Conditions { start: Start::InAir, episodes: vec![Episode::Air], ..conditions.clone() };
         let activity = Activity::Manipulation;
         let spec = SessionSpec { glove, user, session: 1, seed: 11, minutes, activity, tracking, conditions };
         let records: Vec<Record> = simulate(&spec).unwrap().collect();
