@@ -125,6 +125,11 @@ impl ContactDetector {
         (self.run_frames, self.evidence) = (0, 0.0);
     }
 
+    /// True if there is contact, as the last estimate had it.
+    pub fn state(&self) -> bool {
+        self.state
+    }
+
     /// Probability of touch from which there is contact, if contact is decided on it.
     pub fn touch_on(&self) -> Option<f64> {
         self.thresholds.touch_levels(self.output.as_ref()).map(|levels| levels.on)

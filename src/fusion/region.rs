@@ -22,6 +22,10 @@ use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
 const SEEN_NS: f64 = 0.3e9;
 const DENIED_TOUCH: f64 = 0.047_425_873_177_566_78;
 
+/// A contact that ended with a gap of at most this time may be held again for so long after the gap, ns.
+const RESUMED_GAP_NS: i64 = NANOS_PER_SEC;
+const RESUMES_NS: i64 = 3 * NANOS_PER_SEC;
+
 /// Counters of a region's frames, by outcome. Every frame is counted in `estimates` or in exactly one of the five after it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct RegionCounters {
@@ -126,6 +130,9 @@ pub(super) struct Region {
     gain: Option<ForceGain>,
     /// Frames in which the model saw the touch that goes on.
     seen_frames: u32,
+    /// Frame of the last estimate, and until when a contact from before a gap may be held again.
+    last_estimate: Option<Stamp>,
+    resumes_until: Option<Stamp>,
     /// Faults of its taxels at the current frame.
     faults: Flags,
     /// True if the window was emptied since the last frame. Contact learns of it with the next one, because frames from
@@ -171,6 +178,8 @@ impl Region {
             faulty: false,
             gain: None,
             seen_frames: 0,
+            last_estimate: None,
+            resumes_until: None,
             faults: Flags::default(),
             was_reset: false,
             max_gap_ns,
@@ -307,7 +316,8 @@ impl Region {
             None => (None, None, None),
         };
         let (mut force, mut tangential) = self.along_and_across(given);
-        if let Some(held) = self.hold(readiness, &mut touch) {
+        self.remember_contact(stamp, readiness.after_reset);
+        if let Some(held) = self.hold(stamp, readiness, &mut touch) {
             force = force.map(|force| if force < held { held } else { force }); // and NaN stays
         }
         let (mut force_base, base_tangential) = self.along_and_across(given_base);
@@ -358,7 +368,8 @@ impl Region {
     /// Holds a touch that the model saw for as long as the artifact filter sees it, unless the model denies it: the model
     /// sees a fraction of a second, in which a light touch that is held looks like an artifact. Raises the probability of touch
     /// to that of contact, and returns the force that the filter sees.
-    fn hold(&mut self, readiness: &Readiness, touch: &mut Option<f64>) -> Option<Newton> {
+    fn hold(&mut self, stamp: Stamp, readiness: &Readiness, touch: &mut Option<f64>) -> Option<Newton> {
+        let resumes = self.resumes_until.is_some_and(|until| stamp <= until);
         let of_contact = touch.as_mut().zip(self.contact.touch_on()).filter(|_| !readiness.after_reset);
         let Some((touch, on)) = of_contact else {
             self.seen_frames = 0;
@@ -368,13 +379,27 @@ impl Region {
             self.seen_frames = self.seen_frames.saturating_add(1);
             return None;
         }
-        let was_seen = f64::from(self.seen_frames) * self.frame_ns >= SEEN_NS;
+        let was_seen = resumes || f64::from(self.seen_frames) * self.frame_ns >= SEEN_NS;
         let Some(held_gf) = readiness.held_gf.filter(|_| was_seen && *touch >= DENIED_TOUCH) else {
             self.seen_frames = 0;
             return None;
         };
+        if resumes {
+            self.seen_frames = self.seen_frames.max((SEEN_NS / self.frame_ns).ceil() as u32);
+        }
         *touch = on;
         Some(self.of_donning(GramForce(held_gf).into()))
+    }
+
+    /// A contact from before a short gap may be held again for some time, though the model did not see its onset. A gap that follows
+    /// within that time doesn't end it.
+    fn remember_contact(&mut self, stamp: Stamp, after_reset: bool) {
+        let Some(last) = self.last_estimate.replace(stamp).filter(|_| after_reset) else { return };
+        if !(0..=RESUMED_GAP_NS).contains(&stamp.nanos_since(last)) {
+            self.resumes_until = None;
+        } else if self.contact.state() {
+            self.resumes_until = Some(stamp.offset(RESUMES_NS));
+        }
     }
 
     /// Normal and tangential force of what the model gave, in this donning. The gain of the donning is that of all axes:

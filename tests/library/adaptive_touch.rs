@@ -64,6 +64,18 @@ fn without_sudden_slips_a_light_touch_is_kept_for_the_whole_minute() {
 }
 
 #[test]
+fn a_light_touch_goes_on_after_frames_were_lost() {
+    // Frames of this session are lost at 57 s. The network sees no onset after them, but the filter sees the touch.
+    let conditions = Conditions { slips_per_min: Some(0.0), ..Conditions::default() };
+    let worn = Worn::new((3, &conditions), &shipped(3), Tracking::Markers, 4, 2.0);
+    let felt = worn.feel(CALIBRATED_S, for_a_minute(10.0));
+    let n_after_gap = felt.iter().filter(|felt| (57.0..57.8).contains(&felt.at_s)).count();
+    assert!(n_after_gap < 40, "{n_after_gap} estimates: no frames were lost");
+    let (before, after) = (in_span(&felt, 50.0, 56.0), in_span(&felt, 59.5, 66.0));
+    assert!(before.0 > 0.95 && after.0 > 0.95, "{before:?}, then {after:?}");
+}
+
+#[test]
 fn a_slow_ramp_is_found() {
     for (tracking, found_at) in [(Tracking::Markers, 12.0), (Tracking::Camera, 25.0)] {
         for user in USERS {
