@@ -22,6 +22,9 @@ use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
 const SEEN_NS: f64 = 0.3e9;
 const DENIED_TOUCH: f64 = 0.047_425_873_177_566_78;
 
+/// Contact starts anew with a new zero, as if more time were lost than there is.
+const NEW_ZERO: i64 = i64::MAX;
+
 /// A contact that ended with a gap of at most this time may be held again for so long after the gap, ns.
 const RESUMED_GAP_NS: i64 = NANOS_PER_SEC;
 const RESUMES_NS: i64 = 3 * NANOS_PER_SEC;
@@ -69,8 +72,8 @@ pub(super) struct Readiness {
     pub(super) run: bool,
     /// True if only the tactile branch of what comes out may be used.
     pub(super) base_only: bool,
-    /// True if frames were lost before this one: contact starts again.
-    pub(super) after_reset: bool,
+    /// Time that was lost before this frame, ns, so that contact starts again; [`NEW_ZERO`] for a new zero.
+    pub(super) lost_ns: Option<i64>,
     pub(super) pose_age_ns: Option<i64>,
     pub(super) flags: Flags,
     pub(super) adaptation: Adaptation,
@@ -130,14 +133,13 @@ pub(super) struct Region {
     gain: Option<ForceGain>,
     /// Frames in which the model saw the touch that goes on.
     seen_frames: u32,
-    /// Frame of the last estimate, and until when a contact from before a gap may be held again.
-    last_estimate: Option<Stamp>,
+    /// Until when a contact from before a gap may be held again.
     resumes_until: Option<Stamp>,
     /// Faults of its taxels at the current frame.
     faults: Flags,
-    /// True if the window was emptied since the last frame. Contact learns of it with the next one, because frames from
-    /// before may still wait for their forces.
-    was_reset: bool,
+    /// Time that was lost, if the window was emptied since the last frame. Contact learns of it with the next one, because
+    /// frames from before may still wait for their forces.
+    lost_ns: Option<i64>,
     max_gap_ns: i64,
     pub(super) contact: ContactDetector,
     pub(super) counters: RegionCounters,
@@ -178,10 +180,9 @@ impl Region {
             faulty: false,
             gain: None,
             seen_frames: 0,
-            last_estimate: None,
             resumes_until: None,
             faults: Flags::default(),
-            was_reset: false,
+            lost_ns: None,
             max_gap_ns,
             contact: ContactDetector::new(cfg.contact, contract.touch),
             counters: RegionCounters::default(),
@@ -196,7 +197,7 @@ impl Region {
         }
         self.corrected = None;
         self.gain = None;
-        self.reset();
+        self.reset(NEW_ZERO);
     }
 
     /// Takes the gain of its forces from known touches of this donning.
@@ -230,17 +231,16 @@ impl Region {
         self.counters.frames += 1;
         self.faults = faults;
         self.adaptation = self.artifact.as_ref().map(ArtifactFilter::idle).unwrap_or_default();
-        let connected = self
-            .last
-            .as_ref()
-            .is_some_and(|last| last.epoch == frame.epoch && frame.stamp.nanos_since(last.stamp) <= self.max_gap_ns);
-        if self.last.is_some() && !connected {
-            self.reset();
+        let since_last_ns = self.last.as_ref().map(|last| frame.stamp.nanos_since(last.stamp));
+        let is_connected = |last: &LastGood| last.epoch == frame.epoch && since_last_ns <= Some(self.max_gap_ns);
+        let connected = self.last.as_ref().is_some_and(is_connected);
+        if let Some(lost_ns) = since_last_ns.filter(|_| !connected) {
+            self.reset(lost_ns);
         }
         let Some(baseline) = baseline else { return self.no_estimate(Flags::UNCALIBRATED, None) };
         if faults.contains(Flags::FROZEN) {
             // Readings that stand still are no data: the window starts again after it, as after a gap.
-            self.reset();
+            self.reset(0);
             let (_, pose_age_ns) = self.read_pose(joints, frame.stamp);
             return self.no_estimate(Flags::FROZEN, pose_age_ns);
         }
@@ -316,7 +316,9 @@ impl Region {
             None => (None, None, None),
         };
         let (mut force, mut tangential) = self.along_and_across(given);
-        self.remember_contact(stamp, readiness.after_reset);
+        if let Some(lost_ns) = readiness.lost_ns {
+            self.remember_contact(stamp, lost_ns);
+        }
         if let Some(held) = self.hold(stamp, readiness, &mut touch) {
             force = force.map(|force| if force < held { held } else { force }); // and NaN stays
         }
@@ -343,7 +345,7 @@ impl Region {
             None if flags.contains(Flags::STALE_POSE) => counters.stale_pose += 1,
             None => counters.warmup += 1,
         }
-        if readiness.after_reset {
+        if readiness.lost_ns.is_some() {
             self.contact.handle_reset();
         }
         let contact = self.contact.handle_estimate(stamp, force, touch, readiness.evidence_margin);
@@ -370,7 +372,7 @@ impl Region {
     /// to that of contact, and returns the force that the filter sees.
     fn hold(&mut self, stamp: Stamp, readiness: &Readiness, touch: &mut Option<f64>) -> Option<Newton> {
         let resumes = self.resumes_until.is_some_and(|until| stamp <= until);
-        let of_contact = touch.as_mut().zip(self.contact.touch_on()).filter(|_| !readiness.after_reset);
+        let of_contact = touch.as_mut().zip(self.contact.touch_on()).filter(|_| readiness.lost_ns.is_none());
         let Some((touch, on)) = of_contact else {
             self.seen_frames = 0;
             return None;
@@ -393,9 +395,8 @@ impl Region {
 
     /// A contact from before a short gap may be held again for some time, though the model did not see its onset. A gap that follows
     /// within that time doesn't end it.
-    fn remember_contact(&mut self, stamp: Stamp, after_reset: bool) {
-        let Some(last) = self.last_estimate.replace(stamp).filter(|_| after_reset) else { return };
-        if !(0..=RESUMED_GAP_NS).contains(&stamp.nanos_since(last)) {
+    fn remember_contact(&mut self, stamp: Stamp, lost_ns: i64) {
+        if !(0..=RESUMED_GAP_NS).contains(&lost_ns) {
             self.resumes_until = None;
         } else if self.contact.state() {
             self.resumes_until = Some(stamp.offset(RESUMES_NS));
@@ -421,14 +422,14 @@ impl Region {
     }
 
     fn no_estimate(&mut self, flags: Flags, pose_age_ns: Option<i64>) -> Readiness {
-        let after_reset = std::mem::take(&mut self.was_reset);
+        let lost_ns = self.lost_ns.take();
         let (adaptation, flags) = (self.adaptation, self.with_fault(flags));
         let artifact_change = self.artifact_change();
         let (run, base_only, touch_margin, evidence_margin, held_gf) = (false, false, 0.0, 0.0, None);
         Readiness {
             run,
             base_only,
-            after_reset,
+            lost_ns,
             pose_age_ns,
             flags,
             adaptation,
@@ -448,7 +449,7 @@ impl Region {
         if self.faulty { flags | Flags::FAULTY_TAXEL } else { flags }
     }
 
-    fn reset(&mut self) {
+    fn reset(&mut self, lost_ns: i64) {
         if self.last.take().is_some() {
             self.counters.window_resets += 1;
         }
@@ -456,7 +457,7 @@ impl Region {
         if let Some(artifact) = &mut self.artifact {
             artifact.restart();
         }
-        self.was_reset = true;
+        self.lost_ns = self.lost_ns.max(Some(lost_ns));
     }
 
     /// Takes the artifact of the region's joints out of the taxels.

@@ -68,11 +68,16 @@ fn a_light_touch_goes_on_after_frames_were_lost() {
     // Frames of this session are lost at 57 s. The network sees no onset after them, but the filter sees the touch.
     let conditions = Conditions { slips_per_min: Some(0.0), ..Conditions::default() };
     let worn = Worn::new((3, &conditions), &shipped(3), Tracking::Markers, 4, 2.0);
-    let felt = worn.feel(CALIBRATED_S, for_a_minute(10.0));
-    let n_after_gap = felt.iter().filter(|felt| (57.0..57.8).contains(&felt.at_s)).count();
-    assert!(n_after_gap < 40, "{n_after_gap} estimates: no frames were lost");
-    let (before, after) = (in_span(&felt, 50.0, 56.0), in_span(&felt, 59.5, 66.0));
-    assert!(before.0 > 0.95 && after.0 > 0.95, "{before:?}, then {after:?}");
+    let touch = for_a_minute(10.0);
+    let at_fault = |at_s: f64| if (50.0..50.4).contains(&at_s) { f64::NAN } else { touch(at_s) };
+    for (what, lost_at_s, felt) in
+        [("lost", 57.0, worn.feel(CALIBRATED_S, &touch)), ("NaN", 50.0, worn.feel(CALIBRATED_S, at_fault))]
+    {
+        let n_after_gap = felt.iter().filter(|felt| (lost_at_s..lost_at_s + 0.8).contains(&felt.at_s)).count();
+        assert!(n_after_gap < 40, "{what}: {n_after_gap} estimates: no frames were lost");
+        let (before, after) = (in_span(&felt, 44.0, lost_at_s - 0.5), in_span(&felt, lost_at_s + 2.5, lost_at_s + 6.0));
+        assert!(before.0 > 0.95 && after.0 > 0.95, "{what}: {before:?}, then {after:?}");
+    }
 }
 
 #[test]
