@@ -4,5 +4,6 @@
 mod common;
 
 mod architecture;
+mod builds;
 mod docs;
 mod examples;
