@@ -217,9 +217,12 @@ def test_a_file_uri_is_the_path_that_it_names(bag: Path, params: Path, tmp_path:
     ],
 )
 def test_sigint_ends_the_wait_for_a_server_that_does_not_answer(what: str, bag: Path, params: Path) -> None:
+    # A shell that starts tests in the background lets them ignore the signal.
     code = f"""
+import signal
 import warnings
 import tactile_pose_fusion as tpf
+signal.signal(signal.SIGINT, signal.default_int_handler)
 warnings.simplefilter("ignore")
 bag, params = {str(bag)!r}, {str(params)!r}
 try:
