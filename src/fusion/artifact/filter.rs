@@ -73,8 +73,10 @@ const TOLERATED_ODDS: f64 = 0.4;
 const MOST_EVIDENCE_LOST: f64 = 1.0;
 
 /// A touch of so many deviations, and of the least force that counts as touch, gF, is held for as long as the measurements
-/// are not older than this, s.
+/// are not older than this, s. One that was beyond doubt stays so down to fewer deviations: what is seen of a light touch goes up and down with
+/// the pose. Chosen on validation data (docs/validation).
 const HELD_DEVIATIONS: f64 = 5.0;
+const STILL_HELD_DEVIATIONS: f64 = 3.0;
 const LEAST_HELD: f64 = 2.5;
 const HELD_FOR_S: f64 = 0.25;
 
@@ -152,7 +154,7 @@ pub struct ArtifactFilter {
     is_capped: bool,
     /// True if a touch was larger than its uncertainty at the last measurement.
     sees_touch: bool,
-    /// True if it was larger by far.
+    /// True if it was larger by far, and has been well above it since then.
     sees_held: bool,
     /// That uncertainty at the last measurement, gF; of a touch that is seen, at most what it was when it was seen first.
     seen_deviation: f64,
@@ -299,7 +301,6 @@ impl ArtifactFilter {
         (self.n_since, self.n_without_pose) = (0, 0);
         (self.reading, self.recent_reading) = (0.0, 0.0);
         self.forget_touch();
-        self.sees_held = false;
     }
 
     /// Whatever touched, nobody knows what touches now.
@@ -311,7 +312,7 @@ impl ArtifactFilter {
         }
         self.widen_touch(UNKNOWN_VARIANCE);
         self.falls.restart();
-        self.sees_touch = false;
+        (self.sees_touch, self.sees_held) = (false, false);
     }
 
     /// Takes the artifact out of a frame, `n_frames` after the last one, and learns from it.
@@ -697,7 +698,8 @@ impl ArtifactFilter {
         let doubt = if follows_drift && self.sees_touch { deviation.min(self.seen_deviation) } else { deviation };
         self.sees_touch = touch >= FAINT_TOUCH.max(FAINT_DEVIATIONS * doubt);
         self.seen_deviation = doubt;
-        self.sees_held = touch >= LEAST_HELD.max(HELD_DEVIATIONS * deviation);
+        let limit = if self.sees_held { STILL_HELD_DEVIATIONS } else { HELD_DEVIATIONS };
+        self.sees_held = touch >= LEAST_HELD.max(limit * deviation);
         if self.sees_touch {
             return;
         }

@@ -496,6 +496,29 @@ fn a_touch_beyond_doubt_is_told_for_as_long_as_it_is_measured() {
     }
 }
 
+#[test]
+fn a_touch_beyond_doubt_stays_so_while_it_is_fainter_until_it_ends() {
+    for seed in 0..5 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 30.0, |_| 0.0);
+        // How many of 200 measurements of a touch are beyond doubt, ten seconds after it began.
+        let mut told = |filter: &mut ArtifactFilter, before: &dyn Fn(f64) -> f64, touch_gf: f64| {
+            finger.feel(filter, 10.0, before);
+            let of_measurement = |_: &usize| {
+                finger.feel(filter, 0.05, |_| touch_gf);
+                filter.held_touch_gf().is_some()
+            };
+            (0..200).filter(of_measurement).count()
+        };
+        assert_eq!(told(&mut filter.clone(), &|_| 4.0, 4.0), 0, "seed {seed}: 4 gF that were no more before");
+        told(&mut filter, &|_| 15.0, 15.0);
+        let after = told(&mut filter, &|at_s| 15.0 - 1.1 * at_s, 4.0);
+        assert!(after > 50, "seed {seed}: {after} of 200 measurements of 4 gF that were 15 gF");
+        assert_eq!(told(&mut filter, &|_| 0.0, 0.0), 0, "seed {seed}: in the air");
+    }
+}
+
 /// A finger whose network is told how far taxels can be trusted.
 fn trusting(seed: u64) -> Finger {
     let mut finger = Finger::new(seed);
