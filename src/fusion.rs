@@ -17,6 +17,7 @@ mod frames;
 mod gain;
 mod geometry;
 mod health;
+mod hold;
 mod idx;
 mod joints;
 mod queue;

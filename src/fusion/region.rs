@@ -11,23 +11,15 @@ use super::features::{FeatureWindow, NewestWindow, TaxelFeatures};
 use super::frames::Frame;
 use super::gain::ForceGain;
 use super::geometry::Patch;
+use super::hold::Hold;
 use super::idx::{ModelIdx, RegionIdx};
 use super::joints::{JointTimelines, PoseTrust};
 use super::queue::{Answer, ModelForce};
 use super::regressor::{Contract, PoseRange};
 use crate::units::{GramForce, NANOS_PER_SEC, Newton, Stamp};
 
-/// A touch that is held was seen by the model for so long, ns, and below this probability, log odds of -3, the model denies it.
-/// Chosen on validation data (docs/validation).
-const SEEN_NS: f64 = 0.3e9;
-const DENIED_TOUCH: f64 = 0.047_425_873_177_566_78;
-
 /// Contact starts anew with a new zero, as if more time were lost than there is.
 const NEW_ZERO: i64 = i64::MAX;
-
-/// A contact that ended with a gap of at most this time may be held again for so long after the gap, ns.
-const RESUMED_GAP_NS: i64 = NANOS_PER_SEC;
-const RESUMES_NS: i64 = 3 * NANOS_PER_SEC;
 
 /// Counters of a region's frames, by outcome. Every frame is counted in `estimates` or in exactly one of the five after it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -131,10 +123,7 @@ pub(super) struct Region {
     faulty: bool,
     /// Gain of the model's forces, from known touches of this donning.
     gain: Option<ForceGain>,
-    /// Frames in which the model saw the touch that goes on.
-    seen_frames: u32,
-    /// Until when a contact from before a gap may be held again.
-    resumes_until: Option<Stamp>,
+    hold: Hold,
     /// Faults of its taxels at the current frame.
     faults: Flags,
     /// Time that was lost, if the window was emptied since the last frame. Contact learns of it with the next one, because
@@ -179,8 +168,7 @@ impl Region {
             pose: vec![0.0; n_joints],
             faulty: false,
             gain: None,
-            seen_frames: 0,
-            resumes_until: None,
+            hold: Hold::new(NANOS_PER_SEC as f64 / contract.rate_hz),
             faults: Flags::default(),
             lost_ns: None,
             max_gap_ns,
@@ -316,9 +304,6 @@ impl Region {
             None => (None, None, None),
         };
         let (mut force, mut tangential) = self.along_and_across(given);
-        if let Some(lost_ns) = readiness.lost_ns {
-            self.remember_contact(stamp, lost_ns);
-        }
         if let Some(held) = self.hold(stamp, readiness, &mut touch) {
             force = force.map(|force| if force < held { held } else { force }); // and NaN stays
         }
@@ -367,40 +352,19 @@ impl Region {
         }
     }
 
-    /// Holds a touch that the model saw for as long as the artifact filter sees it, unless the model denies it: the model
-    /// sees a fraction of a second, in which a light touch that is held looks like an artifact. Raises the probability of touch
-    /// to that of contact, and returns the force that the filter sees.
+    /// Raises the probability of a touch that is [held](Hold) to that of contact, and returns the force that the artifact filter sees.
     fn hold(&mut self, stamp: Stamp, readiness: &Readiness, touch: &mut Option<f64>) -> Option<Newton> {
-        let resumes = self.resumes_until.is_some_and(|until| stamp <= until);
-        let of_contact = touch.as_mut().zip(self.contact.touch_on()).filter(|_| readiness.lost_ns.is_none());
-        let Some((touch, on)) = of_contact else {
-            self.seen_frames = 0;
-            return None;
-        };
-        if *touch >= on {
-            self.seen_frames = self.seen_frames.saturating_add(1);
+        if let Some(lost_ns) = readiness.lost_ns {
+            self.hold.handle_gap(stamp, lost_ns, self.contact.state());
             return None;
         }
-        let was_seen = resumes || f64::from(self.seen_frames) * self.frame_ns >= SEEN_NS;
-        let Some(held_gf) = readiness.held_gf.filter(|_| was_seen && *touch >= DENIED_TOUCH) else {
-            self.seen_frames = 0;
+        let Some((touch, on)) = touch.as_mut().zip(self.contact.touch_on()) else {
+            self.hold.handle_unknown();
             return None;
         };
-        if resumes {
-            self.seen_frames = self.seen_frames.max((SEEN_NS / self.frame_ns).ceil() as u32);
-        }
+        let held_gf = self.hold.handle_touch(stamp, *touch, on, readiness.held_gf)?;
         *touch = on;
         Some(self.of_donning(GramForce(held_gf).into()))
-    }
-
-    /// A contact from before a short gap may be held again for some time, though the model did not see its onset. A gap that follows
-    /// within that time doesn't end it.
-    fn remember_contact(&mut self, stamp: Stamp, lost_ns: i64) {
-        if !(0..=RESUMED_GAP_NS).contains(&lost_ns) {
-            self.resumes_until = None;
-        } else if self.contact.state() {
-            self.resumes_until = Some(stamp.offset(RESUMES_NS));
-        }
     }
 
     /// Normal and tangential force of what the model gave, in this donning. The gain of the donning is that of all axes:
