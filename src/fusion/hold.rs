@@ -15,9 +15,9 @@ const RESUMES_NS: i64 = 3 * NANOS_PER_SEC;
 /// Whether the touch that goes on is held.
 #[derive(Debug, Clone)]
 pub(super) struct Hold {
-    frame_ns: f64,
-    /// Frames in which the model saw the touch that goes on.
+    /// Frames in which the model saw the touch that goes on, and how many it must have seen.
     seen_frames: u32,
+    enough_frames: u32,
     /// Until when a contact from before a gap may be held again.
     resumes_until: Option<Stamp>,
 }
@@ -25,7 +25,7 @@ pub(super) struct Hold {
 impl Hold {
     /// For frames of this length, ns.
     pub(super) fn new(frame_ns: f64) -> Self {
-        Hold { frame_ns, seen_frames: 0, resumes_until: None }
+        Hold { seen_frames: 0, enough_frames: (SEEN_NS / frame_ns).ceil() as u32, resumes_until: None }
     }
 
     /// Takes note that so much time was lost before the frame at `stamp`, ns, and whether there was contact before it. A contact from before
@@ -53,12 +53,12 @@ impl Hold {
             return None;
         }
         let resumes = self.resumes_until.is_some_and(|until| stamp <= until);
-        let was_seen = resumes || f64::from(self.seen_frames) * self.frame_ns >= SEEN_NS;
+        let was_seen = resumes || self.seen_frames >= self.enough_frames;
         let held = filter_gf.filter(|_| was_seen && touch >= DENIED_TOUCH);
         if held.is_none() {
             self.seen_frames = 0;
         } else if resumes {
-            self.seen_frames = self.seen_frames.max((SEEN_NS / self.frame_ns).ceil() as u32);
+            self.seen_frames = self.seen_frames.max(self.enough_frames);
         }
         held
     }

@@ -146,6 +146,7 @@ impl Region {
         following: Following,
     ) -> Self {
         let (n_columns, n_joints, n_input_joints) = (contract.n_columns(), joints.len(), contract.n_joints);
+        let frame_ns = NANOS_PER_SEC as f64 / contract.rate_hz;
         let filter_of = |model: &_| ArtifactFilter::new(std::sync::Arc::clone(model), contract.rate_hz, following);
         Region {
             place,
@@ -157,7 +158,7 @@ impl Region {
             artifact: contract.artifact.as_ref().map(filter_of),
             adaptation: Adaptation::default(),
             corrected: None,
-            frame_ns: NANOS_PER_SEC as f64 / contract.rate_hz,
+            frame_ns,
             n_input_joints,
             window: FeatureWindow::new(contract.window, n_columns, n_input_joints),
             last: None,
@@ -168,7 +169,7 @@ impl Region {
             pose: vec![0.0; n_joints],
             faulty: false,
             gain: None,
-            hold: Hold::new(NANOS_PER_SEC as f64 / contract.rate_hz),
+            hold: Hold::new(frame_ns),
             faults: Flags::default(),
             lost_ns: None,
             max_gap_ns,

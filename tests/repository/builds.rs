@@ -5,6 +5,10 @@ use std::path::Path;
 
 use crate::common::ROOT;
 
+/// Sections of crates that are built for themselves there, because they have other features.
+const OWN: [&str; 2] =
+    ["[profile.dev.package.tactile_pose_fusion]", "[profile.dev.package.tactile_pose_fusion_commands]"];
+
 /// The development profile of a manifest: the settings of each of its sections.
 fn dev_profile(manifest: &str) -> BTreeMap<String, Vec<String>> {
     let text = std::fs::read_to_string(Path::new(ROOT).join(manifest)).unwrap();
@@ -27,17 +31,13 @@ fn the_python_package_builds_what_it_shares_in_the_same_way() {
     let shared = dev_profile("Cargo.toml");
     let mut python = dev_profile("python/Cargo.toml");
     assert!(shared.contains_key("[profile.dev]") && shared.contains_key("[profile.dev.package.\"*\"]"), "{shared:?}");
-    // These two have other features there anyway.
-    let is_own = |section: &str| {
-        ["", "_commands"].iter().any(|end| section == format!("[profile.dev.package.tactile_pose_fusion{end}]"))
-    };
-    for (section, settings) in shared.iter().filter(|(section, _)| !is_own(section)) {
+    for (section, settings) in shared.iter().filter(|(section, _)| !OWN.contains(&section.as_str())) {
         let expected = format!("expected the lines of Cargo.toml in {section} of python/Cargo.toml");
         assert_eq!(python.remove(section).as_ref(), Some(settings), "{expected}");
     }
     // What is left is of crates that it alone has.
     let lock = std::fs::read_to_string(Path::new(ROOT).join("Cargo.lock")).unwrap();
-    for section in python.keys().filter(|section| !is_own(section)) {
+    for section in python.keys().filter(|section| !OWN.contains(&section.as_str())) {
         let name = section.trim_start_matches("[profile.dev.package.").trim_end_matches(']');
         assert!(!lock.contains(&format!("name = \"{name}\"\n")), "{section} of python/Cargo.toml builds {name} twice");
     }
