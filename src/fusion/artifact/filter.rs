@@ -1,10 +1,11 @@
 //! Gains and offsets of a donning followed while the glove is worn, and touch with them, by one Kalman filter.
 //!
-//! State: how far each gain and each offset is from the calibration, and what each taxel reads of a touch. Several frames are averaged
-//! to one measurement of all taxels. What goes with changes of pose can only be a gain; a level that stays while the pose changes
-//! is touch, unless it comes as slowly as offsets drift, and on each taxel by itself. A touch that begins or ends is an innovation
-//! along the pattern of touches that the state did not expect: it widens the touches alone. A large touch goes up and down on its
-//! own, so that gains don't have to explain it. A touch that is no larger than its own uncertainty is taken for none.
+//! State: how far each gain and each offset is from the calibration, what each taxel reads of a touch, and the error of each joint's
+//! angle. Several frames are averaged to one measurement of all taxels. What goes with changes of pose can only be a gain; a level
+//! that stays while the pose changes is touch, unless it comes as slowly as offsets drift, and on each taxel by itself. A touch that
+//! begins or ends is an innovation along the pattern of touches that the state did not expect: it widens the touches alone. A large
+//! touch goes up and down on its own, so that gains don't have to explain it. A touch that is no larger than its own uncertainty is
+//! taken for none.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -56,11 +57,16 @@ const UNKNOWN_VARIANCE: f64 = 100.0;
 const RESIDUAL_SHARE: f64 = 0.6;
 const RESIDUAL_SHARE_WITH_DRIFT: f64 = 0.25;
 
-/// Noise of the joint angles stays in the taxels for longer than a measurement, and is alike in all taxels: its
-/// variance counts as that of errors of their own by so many measurements, for each taxel.
-const ALIKE_BLOCKS: f64 = 16.0;
+/// The error of a joint's angle, in deviations of its measured noise, and how long it stays, s: a tracker holds its angles, they are
+/// smoothed, and it has errors that are no noise. Chosen on validation data (docs/validation).
+const ANGLE_DEVIATIONS: f64 = 2.0;
+const ANGLE_ERROR_S: f64 = 0.1;
 
-/// How slowly the effect of that noise on touch follows, s.
+/// What the slopes of the artifact don't tell of these errors: its variance, in that of noise of the angles, as errors of their own of
+/// each taxel. It stays for so many measurements.
+const ALIKE_BLOCKS: f64 = 4.0;
+
+/// How slowly the effect of the noise of joint angles on touch follows, s.
 const DOUBT_S: f64 = 1.0;
 
 /// Log odds that a touch loses for each e-fold by which noise of the joint angles raises the variance of what the artifact
@@ -133,7 +139,8 @@ pub struct ArtifactFilter {
     width: usize,
     /// `[taxels, width]` of the last frame with angles; what the offset is multiplied with is 1.
     shapes: Vec<f64>,
-    /// `[taxels * width, taxels]`: change of each gain and offset since the calibration, and what each taxel reads of a touch.
+    /// `[taxels * width, taxels, joints]`: change of each gain and offset since the calibration, what each taxel reads of a touch, and
+    /// the error of each angle, rad.
     state: DVector<f64>,
     covariance: DMatrix<f64>,
     /// Covariance of the changes of gains and offsets after long, and the share of each that is left after a step.
@@ -168,9 +175,12 @@ pub struct ArtifactFilter {
     noise: Vec<f64>,
     /// `[taxels]`: variance of what noise of the joint angles puts into each.
     pose_noise: Vec<f64>,
+    /// `[taxels, joints]`: what an error of each angle puts into each taxel at this pose, for each rad.
+    slopes: Vec<f64>,
     /// By how much that noise raises the variance along the pattern of touch: 0 for none, 1 for twice as much.
     doubt: f64,
     scratch: DVector<f64>,
+    scaled: Vec<f64>,
 }
 
 impl ArtifactFilter {
@@ -178,13 +188,14 @@ impl ArtifactFilter {
     pub fn new(model: Arc<ArtifactModel>, rate_hz: f64, following: Following) -> Self {
         let width = model.n_joints + usize::from(!model.drift.is_empty());
         let (n, n_slow) = (model.n_taxels, model.n_taxels * width);
+        let n_state = n_slow + n + model.n_joints;
         let is_offset = |slow: usize| slow % width == model.n_joints;
         ArtifactFilter {
             history: JointHistory::new(model.n_joints, rate_hz),
             width,
             shapes: (0..n_slow).map(|slow| f64::from(u8::from(is_offset(slow)))).collect(),
-            state: DVector::zeros(n_slow + n),
-            covariance: DMatrix::zeros(n_slow + n, n_slow + n),
+            state: DVector::zeros(n_state),
+            covariance: DMatrix::zeros(n_state, n_state),
             slip: DMatrix::zeros(n_slow, n_slow),
             keep: vec![0.0; n_slow],
             hidden_s: 0.0,
@@ -206,8 +217,10 @@ impl ArtifactFilter {
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
             pose_noise: vec![0.0; n],
+            slopes: vec![0.0; n * model.n_joints],
             doubt: 0.0,
-            scratch: DVector::zeros(n_slow + n),
+            scratch: DVector::zeros(n_state),
+            scaled: vec![0.0; n_state],
             fit: None,
             following,
             model,
@@ -245,7 +258,7 @@ impl ArtifactFilter {
             let share = if first == other { 1.0 } else { self.model.slip_common };
             let (row, column) = (first * width + joint, other * width + joint);
             let gain = |taxel: usize| fit.gains[taxel * joints + joint];
-            self.slip[(row, column)] = slip * share * gain(first) * gain(other);
+            self.slip[(row, column)] = slip * share * (gain(first) * gain(other));
         }
         for (taxel, drift) in self.model.drift.iter().enumerate() {
             let offset = taxel * width + joints;
@@ -260,8 +273,11 @@ impl ArtifactFilter {
         }
         for (idx, value) in fit.covariance.iter().enumerate() {
             let (taxel, column, row) = (idx / (joints * joints), idx / joints % joints, idx % joints);
-            self.covariance[(taxel * width + row, taxel * width + column)] += value;
+            // Half of it on each side of the diagonal, because that of a file may differ there in its last bit.
+            self.covariance[(taxel * width + row, taxel * width + column)] += 0.5 * value;
+            self.covariance[(taxel * width + column, taxel * width + row)] += 0.5 * value;
         }
+        self.forget_angle_errors();
         self.widen_touch(CALIBRATED_VARIANCE);
         (self.sees_touch, self.sees_held, self.left_deviation) = (false, false, UNKNOWN_VARIANCE.sqrt());
         self.hidden_s = 0.0;
@@ -300,19 +316,43 @@ impl ArtifactFilter {
         self.drop_block();
         (self.n_since, self.n_without_pose) = (0, 0);
         (self.reading, self.recent_reading) = (0.0, 0.0);
+        self.forget_angle_errors();
         self.forget_touch();
     }
 
     /// Whatever touched, nobody knows what touches now.
     fn forget_touch(&mut self) {
-        for touch in self.n_slow()..self.state.len() {
-            self.state[touch] = 0.0;
-            self.covariance.row_mut(touch).fill(0.0);
-            self.covariance.column_mut(touch).fill(0.0);
-        }
+        self.touches().for_each(|touch| self.forget_part(touch));
         self.widen_touch(UNKNOWN_VARIANCE);
         self.falls.restart();
         (self.sees_touch, self.sees_held) = (false, false);
+    }
+
+    fn forget_angle_errors(&mut self) {
+        for joint in 0..self.model.n_joints {
+            let error = self.touches().end + joint;
+            self.forget_part(error);
+            self.covariance[(error, error)] = self.angle_variance(joint);
+        }
+    }
+
+    /// Nothing is known of a state, not even together with the others.
+    fn forget_part(&mut self, idx: usize) {
+        self.state[idx] = 0.0;
+        self.covariance.row_mut(idx).fill(0.0);
+        self.covariance.column_mut(idx).fill(0.0);
+    }
+
+    /// Keeps such a share of a state, and of what is known of it together with the others.
+    fn keep_part(&mut self, idx: usize, share: f64) {
+        self.state[idx] *= share;
+        self.covariance.row_mut(idx).iter_mut().for_each(|value| *value *= share);
+        self.covariance.column_mut(idx).iter_mut().for_each(|value| *value *= share);
+    }
+
+    /// Variance of the error of a joint's angle, rad^2.
+    fn angle_variance(&self, joint: usize) -> f64 {
+        (ANGLE_DEVIATIONS * self.history.noise(joint)).powi(2)
     }
 
     /// Takes the artifact out of a frame, `n_frames` after the last one, and learns from it.
@@ -448,7 +488,7 @@ impl ArtifactFilter {
             + shapes[..joints].iter().enumerate().map(|(joint, shape)| gain(joint) * shape).sum::<f64>()
     }
 
-    /// Measures the noise that joint angles put into the taxels, by the slopes of the artifact at this pose.
+    /// What errors of joint angles put into the taxels at this pose, and how far noise of the angles looks like a touch.
     fn measure_pose_noise(&mut self) {
         let (n, joints) = (self.model.n_taxels, self.model.n_joints);
         self.pose_noise.fill(0.0);
@@ -463,14 +503,20 @@ impl ArtifactFilter {
                 let slope = shape[0] + 2.0 * angle * shape[1] - shape[2] - shape[3];
                 let change = self.state[taxel * self.width + joint];
                 let size = self.fit.as_ref().map_or(1.0, |fit| fit.gains[gain] + change);
-                let deviation = size * slope * noise;
-                self.pose_noise[taxel] += deviation * deviation;
-                of_joint += self.model.touch[taxel] * deviation;
+                self.slopes[gain] = size * slope;
+                self.pose_noise[taxel] += (self.slopes[gain] * noise).powi(2);
+                of_joint += self.model.touch[taxel] * self.slopes[gain];
             }
-            along += of_joint * of_joint;
+            along += (of_joint * noise).powi(2);
         }
         let residual: f64 = self.model.touch.iter().zip(&self.model.residual).map(|(k, left)| k * k * left).sum();
         self.doubt += (1.0 - (-self.frame_s / DOUBT_S).exp()) * (along / residual - self.doubt);
+    }
+
+    /// What errors of the angles, the last of `states`, put into a taxel.
+    fn of_angles(&self, taxel: usize, states: &[f64]) -> f64 {
+        let joints = self.model.n_joints;
+        dot(&self.slopes[taxel * joints..(taxel + 1) * joints], &states[self.touches().end..])
     }
 
     fn drop_block(&mut self) {
@@ -490,6 +536,12 @@ impl ArtifactFilter {
         (self.model.n_joints..).step_by(self.width).take(n_offsets)
     }
 
+    /// What each taxel reads of a touch, behind them in the state.
+    fn touches(&self) -> Range<usize> {
+        let first = self.n_slow();
+        first..first + self.model.n_taxels
+    }
+
     fn pattern_square(&self) -> f64 {
         self.model.touch.iter().map(|pattern| pattern * pattern).sum()
     }
@@ -500,7 +552,7 @@ impl ArtifactFilter {
         for (column, of_column) in self.model.touch.iter().enumerate() {
             for (row, of_row) in self.model.touch.iter().enumerate() {
                 let own = if row == column { 1.0 + PATTERN_DEVIATION * PATTERN_DEVIATION } else { 1.0 };
-                self.covariance[(first + row, first + column)] += variance * of_row * of_column * own;
+                self.covariance[(first + row, first + column)] += variance * own * (of_row * of_column);
             }
         }
     }
@@ -533,7 +585,8 @@ impl ArtifactFilter {
         for taxel in 0..self.model.n_taxels {
             let expected = self.artifact(taxel, &self.block_shapes[taxel * width..]);
             let touch = self.state[first + taxel];
-            self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch;
+            let of_angles = self.of_angles(taxel, self.state.as_slice());
+            self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch - of_angles;
             let of_pose = ALIKE_BLOCKS * self.model.n_taxels as f64 * self.pose_noise[taxel];
             self.noise[taxel] = share * self.model.residual[taxel] + of_pose + (PATTERN_NOISE * touch).powi(2);
         }
@@ -543,7 +596,6 @@ impl ArtifactFilter {
         }
         self.doubt_faint_touch();
         self.cap();
-        self.symmetrize();
         self.begin_again_if_broken();
     }
 
@@ -578,7 +630,8 @@ impl ArtifactFilter {
             match slip.next() {
                 Some((slip, of_column)) => {
                     for (value, (slip, keep)) in of_slow.iter_mut().zip(slip.iter().zip(&self.keep)) {
-                        *value = *value * of_column * keep + slip * (1.0 - of_column * keep);
+                        let kept = of_column * keep;
+                        *value = *value * kept + slip * (1.0 - kept);
                     }
                     of_touches.iter_mut().for_each(|value| *value *= of_column);
                 }
@@ -586,6 +639,12 @@ impl ArtifactFilter {
             }
         }
         self.state.as_mut_slice()[..first].iter_mut().zip(&self.keep).for_each(|(slow, keep)| *slow *= keep);
+        let kept = (-elapsed_s / ANGLE_ERROR_S).exp();
+        for joint in 0..self.model.n_joints {
+            let error = self.touches().end + joint;
+            self.keep_part(error, kept);
+            self.covariance[(error, error)] += self.angle_variance(joint) * (1.0 - kept * kept);
+        }
         let above = if self.sees_touch { (self.touch_gf() - LARGE_TOUCH).max(0.0) } else { 0.0 };
         self.widen_touch((TOUCH_WALK + (LARGE_TOUCH_WALK * above).powi(2)) * elapsed_s);
     }
@@ -635,6 +694,11 @@ impl ArtifactFilter {
             }
             self.scratch[first + taxel] = *pattern;
         }
+        for joint in 0..self.model.n_joints {
+            let slopes = self.slopes.iter().skip(joint).step_by(self.model.n_joints);
+            let along = self.model.touch.iter().zip(slopes).map(|(pattern, slope)| pattern * slope).sum();
+            self.scratch[first + self.model.n_taxels + joint] = along;
+        }
     }
 
     /// A touch that is seen does not become more doubtful, however long it hides the artifact: the taxels tell it from what came before.
@@ -667,8 +731,14 @@ impl ArtifactFilter {
             seen.iter_mut().zip(&covariance[column(gain)]).for_each(|(sum, value)| *sum += value * shape);
         }
         seen.iter_mut().zip(&covariance[column(first + taxel)]).for_each(|(sum, value)| *sum += value);
+        let joints = self.model.n_joints;
+        for (joint, slope) in self.slopes[taxel * joints..(taxel + 1) * joints].iter().enumerate() {
+            let of_angle = &covariance[column(first + self.model.n_taxels + joint)];
+            seen.iter_mut().zip(of_angle).for_each(|(sum, value)| *sum += value * slope);
+        }
         let seen = gains.map(|gain| self.block_shapes[gain] * self.scratch[gain]).sum::<f64>();
-        let variance = seen + self.scratch[first + taxel] + self.noise[taxel];
+        let of_angles = self.of_angles(taxel, self.scratch.as_slice());
+        let variance = seen + self.scratch[first + taxel] + of_angles + self.noise[taxel];
         if variance.is_nan() || variance < self.noise[taxel] {
             return; // rounding, of readings beyond all reason
         }
@@ -679,7 +749,8 @@ impl ArtifactFilter {
         for other in taxel + 1..self.model.n_taxels {
             let gains = other * width..(other + 1) * width;
             let learned: f64 = gains.map(|gain| self.block_shapes[gain] * self.scratch[gain]).sum();
-            self.innovation[other] -= step * (learned + self.scratch[first + other]);
+            let of_angles = self.of_angles(other, self.scratch.as_slice());
+            self.innovation[other] -= step * (learned + self.scratch[first + other] + of_angles);
         }
     }
 
@@ -690,8 +761,7 @@ impl ArtifactFilter {
         for (taxel, pattern) in self.model.touch.iter().enumerate() {
             self.scratch[first + taxel] = *pattern;
         }
-        let deviation =
-            self.along_scratch(&self.covariance, first..self.state.len()).max(0.0).sqrt() / self.pattern_square();
+        let deviation = self.along_scratch(&self.covariance, self.touches()).max(0.0).sqrt() / self.pattern_square();
         let touch = self.touch_gf();
         // Gains and offsets become less certain while a touch hides them. The touch itself is as sure as when it was seen first.
         let follows_drift = !self.model.drift.is_empty();
@@ -714,11 +784,12 @@ impl ArtifactFilter {
     /// The update by one number: `scratch` is its covariance with the state, `variance` that of the innovation.
     fn update(&mut self, innovation: f64, variance: f64) {
         self.state.axpy(innovation / variance, &self.scratch, 1.0);
-        // Slices, because the compiler makes vectors of them: this is where the filter spends its time.
-        let seen = self.scratch.as_slice();
-        for (column, right) in self.covariance.as_mut_slice().chunks_exact_mut(seen.len()).zip(seen) {
-            let share = right / variance;
-            column.iter_mut().zip(seen).for_each(|(value, left)| *value -= left * share);
+        let scale = variance.sqrt().recip();
+        self.scaled.iter_mut().zip(&self.scratch).for_each(|(scaled, value)| *scaled = value * scale);
+        // Slices, because the compiler makes vectors of them: this is where the filter spends its time. What is taken is the product of the
+        // same two numbers above and below the diagonal, so the covariance stays symmetric to the last bit.
+        for (column, right) in self.covariance.as_mut_slice().chunks_exact_mut(self.scaled.len()).zip(&self.scaled) {
+            column.iter_mut().zip(&self.scaled).for_each(|(value, left)| *value -= left * right);
         }
     }
 
@@ -728,16 +799,6 @@ impl ArtifactFilter {
             let limit = MAX_DEVIATIONS * self.slip[(gain, gain)].sqrt();
             self.is_capped |= self.state[gain].abs() > limit;
             self.state[gain] = self.state[gain].clamp(-limit, limit);
-        }
-    }
-
-    fn symmetrize(&mut self) {
-        for column in 0..self.covariance.ncols() {
-            for row in 0..column {
-                let mean = 0.5 * (self.covariance[(row, column)] + self.covariance[(column, row)]);
-                self.covariance[(row, column)] = mean;
-                self.covariance[(column, row)] = mean;
-            }
         }
     }
 }

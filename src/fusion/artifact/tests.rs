@@ -467,6 +467,29 @@ fn noise_of_the_angles_is_not_learned_as_a_change_of_gains() {
 }
 
 #[test]
+fn a_light_touch_is_told_from_errors_of_the_angles() {
+    for seed in 0..5 {
+        let mut finger = Finger::new(seed);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 30.0, |_| 0.0);
+        let mut held = [0.0; JOINTS];
+        let mut seen = |touch_gf: f64| {
+            let mut readings = Vec::new();
+            for frame in 0..2000 {
+                let (mut tactile, pose) = seen_by_a_camera(&mut finger, &mut held, touch_gf);
+                filter.correct(&mut tactile, Some(&pose), 1, true);
+                readings.extend((frame >= 200).then(|| filter.touch_gf()));
+            }
+            readings.sort_by(f64::total_cmp);
+            (readings[0], readings[readings.len() / 2])
+        };
+        let (air, touched) = (seen(0.0), seen(8.0));
+        assert!(air.1.abs() < 0.6, "seed {seed}: {air:?} in the air");
+        assert!(touched.0 > 2.5 && touched.1 > 6.0, "seed {seed}: {touched:?} of 8 gF");
+    }
+}
+
+#[test]
 fn a_touch_beyond_doubt_is_told_for_as_long_as_it_is_measured() {
     for seed in 0..5 {
         let mut finger = Finger::new(seed);
