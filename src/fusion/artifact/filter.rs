@@ -173,8 +173,6 @@ pub struct ArtifactFilter {
     recent_reading: f64,
     innovation: Vec<f64>,
     noise: Vec<f64>,
-    /// `[taxels]`: variance of what noise of the joint angles puts into each.
-    pose_noise: Vec<f64>,
     /// `[taxels, joints]`: what an error of each angle puts into each taxel at this pose, for each rad.
     slopes: Vec<f64>,
     /// By how much that noise raises the variance along the pattern of touch: 0 for none, 1 for twice as much.
@@ -216,7 +214,6 @@ impl ArtifactFilter {
             recent_reading: 0.0,
             innovation: vec![0.0; n],
             noise: vec![0.0; n],
-            pose_noise: vec![0.0; n],
             slopes: vec![0.0; n * model.n_joints],
             doubt: 0.0,
             scratch: DVector::zeros(n_state),
@@ -491,10 +488,9 @@ impl ArtifactFilter {
     /// What errors of joint angles put into the taxels at this pose, and how far noise of the angles looks like a touch.
     fn measure_pose_noise(&mut self) {
         let (n, joints) = (self.model.n_taxels, self.model.n_joints);
-        self.pose_noise.fill(0.0);
         let mut along = 0.0;
         for joint in 0..joints {
-            let (angle, noise) = (self.history.basis()[joint * ARTIFACT_BASIS], self.history.noise(joint));
+            let angle = self.history.basis()[joint * ARTIFACT_BASIS];
             let mut of_joint = 0.0;
             for taxel in 0..n {
                 let gain = taxel * joints + joint;
@@ -504,10 +500,9 @@ impl ArtifactFilter {
                 let change = self.state[taxel * self.width + joint];
                 let size = self.fit.as_ref().map_or(1.0, |fit| fit.gains[gain] + change);
                 self.slopes[gain] = size * slope;
-                self.pose_noise[taxel] += (self.slopes[gain] * noise).powi(2);
                 of_joint += self.model.touch[taxel] * self.slopes[gain];
             }
-            along += (of_joint * noise).powi(2);
+            along += (of_joint * self.history.noise(joint)).powi(2);
         }
         let residual: f64 = self.model.touch.iter().zip(&self.model.residual).map(|(k, left)| k * k * left).sum();
         self.doubt += (1.0 - (-self.frame_s / DOUBT_S).exp()) * (along / residual - self.doubt);
@@ -517,6 +512,13 @@ impl ArtifactFilter {
     fn of_angles(&self, taxel: usize, states: &[f64]) -> f64 {
         let joints = self.model.n_joints;
         dot(&self.slopes[taxel * joints..(taxel + 1) * joints], &states[self.touches().end..])
+    }
+
+    /// Variance of what noise of the joint angles puts into a taxel.
+    fn pose_variance(&self, taxel: usize) -> f64 {
+        let joints = self.model.n_joints;
+        let slopes = self.slopes[taxel * joints..(taxel + 1) * joints].iter().enumerate();
+        slopes.map(|(joint, slope)| (slope * self.history.noise(joint)).powi(2)).sum()
     }
 
     fn drop_block(&mut self) {
@@ -587,7 +589,7 @@ impl ArtifactFilter {
             let touch = self.state[first + taxel];
             let of_angles = self.of_angles(taxel, self.state.as_slice());
             self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch - of_angles;
-            let of_pose = ALIKE_BLOCKS * self.model.n_taxels as f64 * self.pose_noise[taxel];
+            let of_pose = ALIKE_BLOCKS * self.model.n_taxels as f64 * self.pose_variance(taxel);
             self.noise[taxel] = share * self.model.residual[taxel] + of_pose + (PATTERN_NOISE * touch).powi(2);
         }
         self.open_for_touch();
