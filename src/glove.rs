@@ -138,30 +138,46 @@ pub struct SeveralModels {
     pub names: Vec<String>,
 }
 
-/// Replaces the file of the only model in a configuration.
+/// Replaces the file of the only model in a configuration, and gives its regions the joints that this model names
+/// ([`take_joints_of_models`], whose notes are returned). A file that can't be read changes no joints: [`Models::load`] says what is wrong.
 ///
 /// # Errors
 /// [`SeveralModels`] if it has more than one.
-pub fn replace_model(cfg: &mut Config, path: PathBuf) -> Result<(), SeveralModels> {
+pub fn replace_model(cfg: &mut Config, path: PathBuf) -> Result<Vec<String>, SeveralModels> {
     let [only] = cfg.models_mut() else {
         return Err(SeveralModels { names: cfg.models().iter().map(|model| model.name.clone()).collect() });
     };
     only.spec.path = path;
-    Ok(())
+    let info = model::inspect_spec(&only.spec);
+    Ok(info.map(|info| take_joints_of_models(cfg, &[info])).unwrap_or_default())
 }
 
-/// Removes the joints from regions whose model has no pose input. The parameters of a pose-aware model can then also
-/// run the tactile-only model that it is compared with. Returns a note for each region.
-pub fn drop_unused_joints(cfg: &mut Config, models: &[ModelInfo]) -> Vec<String> {
-    let is_without_pose = |region: &RegionConfig| {
-        let model = models.get(region.model.position());
-        model.is_some_and(|model| model.contract.n_region_joints() == 0)
+/// Gives each region the joints that its model names, where they are more or fewer of the same ones, and none where its model has no
+/// pose input. So the parameters of one model can also run the models that it is compared with. Returns a note for each region that
+/// changes. Other joints stay, and are refused by [`Fusion::new`].
+pub fn take_joints_of_models(cfg: &mut Config, models: &[ModelInfo]) -> Vec<String> {
+    let taken = |region: &RegionConfig| -> Option<Vec<String>> {
+        let contract = models.get(region.model.position())?.contract.of_region(&region.name)?;
+        if contract.n_region_joints() == 0 {
+            return Some(Vec::new());
+        }
+        let named = contract.joints.as_ref().filter(|_| region.model_joints.is_empty() && !region.joints.is_empty())?;
+        let has_all = |all: &[String], part: &[String]| part.iter().all(|joint| all.contains(joint));
+        (has_all(named, &region.joints) || has_all(&region.joints, named)).then(|| named.clone())
     };
-    let regions = cfg.fusion().regions().iter().filter(|region| is_without_pose(region) && !region.joints.is_empty());
     let note = |region: &RegionConfig| {
-        format!("region {}: its model has no pose input, so its joints are not used", region.name)
+        let taken = taken(region).filter(|taken| *taken != region.joints)?;
+        let name = &region.name;
+        Some(match taken.is_empty() {
+            true => format!("region {name}: its model has no pose input, so its joints are not used"),
+            false => format!(
+                "region {name}: its model takes the joints {}, in place of the {} in region.{name}.joints",
+                taken.join(", "),
+                region.joints.len()
+            ),
+        })
     };
-    let notes = regions.map(note).collect();
-    cfg.drop_joints(is_without_pose);
+    let notes = cfg.fusion().regions().iter().filter_map(note).collect();
+    cfg.take_joints(taken);
     notes
 }

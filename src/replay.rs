@@ -21,7 +21,7 @@ pub use summary::{ModelSummary, Replayed, Summary};
 use crate::bag::{BagReader, BagWriter, EstimateWriter, Inputs, PassThrough, WriteOptions, printable, shown};
 use crate::config::{Config, ModelConfig};
 use crate::fusion::{Fusion, Tick};
-use crate::glove::{Models, drop_unused_joints, known};
+use crate::glove::{Models, known};
 use crate::model::ModelInfo;
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
@@ -53,8 +53,6 @@ pub struct Options {
     pub batch: Option<NonZeroUsize>,
     /// Number of cores to use. The output is the same for any number.
     pub jobs: NonZero<usize>,
-    /// True if joints of regions whose model has no pose input are ignored. Otherwise they are refused.
-    pub drop_unused_joints: bool,
 }
 
 impl Options {
@@ -66,7 +64,6 @@ impl Options {
             merge: false,
             batch: None,
             jobs: std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN),
-            drop_unused_joints: false,
         }
     }
 }
@@ -105,7 +102,7 @@ pub fn run(
         WriteOptions { overwrite: options.overwrite, inputs: recording.bags.to_vec(), ..WriteOptions::default() };
     let mut writer = BagWriter::create(&options.output, write)?;
     let Ready { models, fusion, zero, inference } =
-        ready(&mut cfg, recording, &inputs, &reader, options.batch, options.drop_unused_joints, observer)?;
+        ready(&mut cfg, recording, &inputs, &reader, options.batch, observer)?;
     let contracts: Vec<_> =
         cfg.fusion().regions().iter().map(|region| &models.infos[region.model.position()].contract).collect();
     let estimates = EstimateWriter::new(&mut writer, &topics, cfg.fusion(), &contracts)?;
@@ -152,30 +149,14 @@ pub fn run(
 /// # Errors
 /// [`ReplayError`]. The frames that were passed on before are valid.
 pub fn for_each(
-    cfg: Config,
-    recording: Recording<'_>,
-    observer: &dyn Observer,
-    each: impl FnMut(&Tick),
-) -> Result<Seen, ReplayError> {
-    for_each_with(cfg, recording, false, observer, each)
-}
-
-/// Like [`for_each`]. If `drops_unused_joints`, joints of regions whose model has no pose input are ignored instead of
-/// refused.
-///
-/// # Errors
-/// As for [`for_each`].
-pub fn for_each_with(
     mut cfg: Config,
     recording: Recording<'_>,
-    drops_unused_joints: bool,
     observer: &dyn Observer,
     mut each: impl FnMut(&Tick),
 ) -> Result<Seen, ReplayError> {
     let mut reader = open(recording.bags, observer)?;
     let inputs = Inputs::new(input_topics(&cfg), &mut reader)?;
-    let Ready { models, fusion, zero, inference } =
-        ready(&mut cfg, recording, &inputs, &reader, None, drops_unused_joints, observer)?;
+    let Ready { models, fusion, zero, inference } = ready(&mut cfg, recording, &inputs, &reader, None, observer)?;
     let (wanted, total) = (Some(inputs.topics()), reader.bytes_total());
     let mut core = CoreStage::new(&cfg, fusion, inputs, zero.check, inference, observer);
     let mut reading = Reading::new(reader, wanted);
@@ -206,7 +187,6 @@ fn ready(
     inputs: &Inputs,
     reader: &BagReader,
     batch: Option<NonZeroUsize>,
-    drops_unused_joints: bool,
     observer: &dyn Observer,
 ) -> Result<Ready, ReplayError> {
     let mut models = Models::load(cfg)?;
@@ -214,9 +194,6 @@ fn ready(
     let batch = batch.unwrap_or_else(|| models.batch_hint());
     cfg.set_batch(batch);
     cfg.set_receipts(inputs.receipts(reader));
-    if drops_unused_joints {
-        drop_unused_joints(cfg, &models.infos).iter().for_each(|note| observer.note(note));
-    }
     let zero = zero::find(recording.zero, cfg, recording.bags, &known(cfg, &models.infos))?;
     zero.notes.iter().for_each(|note| observer.note(note));
     let inference = InferenceTime::default();

@@ -13,6 +13,7 @@ use tactile_pose_fusion::evaluate::{self as evaluating, JudgeTouch, Request};
 use tactile_pose_fusion::export::{self as exporting, Targets};
 use tactile_pose_fusion::fusion::TouchLevels;
 use tactile_pose_fusion::glove::replace_model;
+use tactile_pose_fusion::observer::Observer;
 use tactile_pose_fusion::recording::ToldTouch;
 use tactile_pose_fusion::replay::{self as replaying, Options, Recording};
 use tactile_pose_fusion::sessions::{InAir, KnownForces, find_bags};
@@ -58,13 +59,14 @@ fn positive(name: &str, seconds: f64) -> PyResult<f64> {
     }
 }
 
-/// The parameters with another model, if one is named.
-fn with_model(parameters: &Parameters, model: Option<&Path>) -> PyResult<Config> {
+/// The parameters with another model, if one is named, and notes on what it changes.
+fn with_model(parameters: &Parameters, model: Option<&Path>) -> PyResult<(Config, Vec<String>)> {
     let mut cfg = parameters.config();
-    if let Some(model) = model {
-        replace_model(&mut cfg, model.to_path_buf()).map_err(|error| raise(&error))?;
-    }
-    Ok(cfg)
+    let notes = match model {
+        Some(model) => replace_model(&mut cfg, model.to_path_buf()).map_err(|error| raise(&error))?,
+        None => Vec::new(),
+    };
+    Ok((cfg, notes))
 }
 
 fn cores() -> NonZero<usize> {
@@ -85,13 +87,14 @@ pub(crate) fn replay(
     calibrate_first_s: Option<f64>,
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(Estimates, String, Vec<String>)> {
-    let mut cfg = with_model(parameters, model.as_deref())?;
+    let (mut cfg, notes) = with_model(parameters, model.as_deref())?;
     cfg.models_mut().iter_mut().for_each(|model| model.spec.threads = cores());
     let names: Vec<String> = cfg.fusion().regions().iter().map(|region| region.name.clone()).collect();
     let recording = Recording { bags: &bags, zero: zero(&calibration, calibrate_first_s)? };
     let mut tracks = vec![Track::default(); names.len()];
     let seen = work::run(watcher, |observer| {
-        replaying::for_each_with(cfg, recording, model.is_some(), observer, |tick| take(&mut tracks, tick))
+        notes.iter().for_each(|note| observer.note(note));
+        replaying::for_each(cfg, recording, observer, |tick| take(&mut tracks, tick))
     })?;
     Ok((Estimates::new(tracks, names), seen.zero.to_string(), seen.warnings))
 }
@@ -111,7 +114,7 @@ pub(crate) fn replay_to(
     batch: Option<usize>,
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(String, Vec<String>)> {
-    let cfg = with_model(parameters, model.as_deref())?;
+    let (cfg, notes) = with_model(parameters, model.as_deref())?;
     let recording = Recording { bags: &bags, zero: zero(&calibration, calibrate_first_s)? };
     let checked = |batch: usize| {
         let frames = NonZeroUsize::new(batch).filter(|frames| frames.get() <= 4096);
@@ -119,8 +122,11 @@ pub(crate) fn replay_to(
         frames.ok_or_else(refused)
     };
     let batch = batch.map(checked).transpose()?;
-    let options = Options { overwrite, merge, batch, drop_unused_joints: model.is_some(), ..Options::new(output) };
-    let replayed = work::run(watcher, |observer| replaying::run(cfg, recording, &options, observer))?;
+    let options = Options { overwrite, merge, batch, ..Options::new(output) };
+    let replayed = work::run(watcher, |observer| {
+        notes.iter().for_each(|note| observer.note(note));
+        replaying::run(cfg, recording, &options, observer)
+    })?;
     Ok((json(&replayed.summary())?, replayed.warnings()))
 }
 
@@ -224,7 +230,7 @@ pub(crate) fn calibrate(
     zero_load_below_n: Option<f64>,
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<(String, Vec<Gain>)> {
-    let cfg = with_model(parameters, model.as_deref())?;
+    let (cfg, notes) = with_model(parameters, model.as_deref())?;
     let regions: Vec<String> = cfg.fusion().regions().iter().map(|region| region.name.clone()).collect();
     let known_forces = match (by_sensor, told.is_empty()) {
         (true, _) => Some(KnownForces::Sensor),
@@ -236,8 +242,10 @@ pub(crate) fn calibrate(
     let in_air = in_air.as_ref();
     let request = calibrating::Request { first_s, in_air, known_forces, ..calibrating::Request::new(&bags) };
     work::quietly(watcher.py(), || Calibration::check_new(&output))?;
-    let Calibrated { calibration, from, touches } =
-        work::run::<_, CalibrateError>(watcher, |observer| calibrating::run(cfg, &request, observer))?;
+    let Calibrated { calibration, from, touches } = work::run::<_, CalibrateError>(watcher, |observer| {
+        notes.iter().for_each(|note| observer.note(note));
+        calibrating::run(cfg, &request, observer)
+    })?;
     work::quietly(watcher.py(), || calibration.save(&output))?;
     let gains = touches.iter().map(|found| {
         let gain = &found.gain;

@@ -219,9 +219,9 @@ impl Config {
         Config { fusion: self.fusion.without_pose(), joints: Vec::new(), ..self }
     }
 
-    /// Takes the joints from those regions that `is_without` chooses.
-    pub fn drop_joints(&mut self, is_without: impl Fn(&RegionConfig) -> bool) {
-        self.fusion = self.fusion.clone().without_joints(is_without);
+    /// Replaces the joints of the regions for which `joints` has others.
+    pub fn take_joints(&mut self, joints: impl Fn(&RegionConfig) -> Option<Vec<String>>) {
+        self.fusion = self.fusion.clone().with_joints_of(joints);
     }
 
     /// Sets the contact thresholds.

@@ -12,7 +12,7 @@ use crate::bag::shown;
 use crate::config::Config;
 use crate::eval::{Origin, ScoredFrames, Split, Timing};
 use crate::fusion::{ContactBy, ContactThresholds, RegionConfig, Regressor};
-use crate::glove::{Models, drop_unused_joints, replace_model};
+use crate::glove::{Models, replace_model, take_joints_of_models};
 use crate::msg::EstimateTopics;
 use crate::observer::Observer;
 use crate::recording::{EstimateTrack, PoseQuality};
@@ -119,12 +119,12 @@ impl<'a> Plan<'a> {
                 .iter_mut()
                 .for_each(|model| model.spec.backend = request.backend.unwrap_or(model.spec.backend));
             if let Some(path) = path {
-                replace_model(&mut cfg, path.to_path_buf())?;
+                replace_model(&mut cfg, path.to_path_buf())?.iter().for_each(|note| observer.detail(note));
             }
             let models = Models::load(&cfg)?;
             models.tell(&cfg, observer);
             cfg.set_batch(models.batch_hint());
-            drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| observer.detail(note));
+            take_joints_of_models(&mut cfg, &models.infos).iter().for_each(|note| observer.detail(note));
             let name = match (path, cfg.models()) {
                 (Some(path), _) => stem(path),
                 (None, [only]) => stem(&only.spec.path),

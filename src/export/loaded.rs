@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicU64;
 use super::{ExportError, Request, SessionToExport};
 use crate::bag::{BagReader, Input, Inputs};
 use crate::config::Config;
-use crate::glove::{Models, drop_unused_joints, replace_model};
+use crate::glove::{Models, replace_model};
 use crate::msg::EstimateTopics;
 use crate::observer::{Observer, check};
 use crate::recording::{EstimateTrack, PoseQuality, Samples, input_topics};
@@ -121,7 +121,7 @@ impl<'a> ExportLoader<'a> {
         let is_first = !std::mem::replace(&mut self.has_said, true);
         let mut cfg = self.cfg.clone();
         if let Some(path) = self.request.model {
-            replace_model(&mut cfg, path.to_path_buf())?;
+            replace_model(&mut cfg, path.to_path_buf())?.iter().for_each(|note| self.observer.note(note));
         }
         if let Some(backend) = self.request.backend {
             cfg.models_mut().iter_mut().for_each(|model| model.spec.backend = backend);
@@ -135,9 +135,6 @@ impl<'a> ExportLoader<'a> {
             models.tell(&cfg, self.observer);
         }
         cfg.set_batch(models.batch_hint());
-        if self.request.model.is_some() {
-            drop_unused_joints(&mut cfg, &models.infos).iter().for_each(|note| self.observer.note(note));
-        }
         Ok(ModelRun { cfg, infos: models.infos, quality: PoseQuality::default(), regressors: models.regressors })
     }
 }

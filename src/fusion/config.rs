@@ -247,12 +247,8 @@ impl FusionConfig {
     }
 
     /// The same with these joints for every region, which its model knows by the same names.
-    pub fn with_joints(mut self, joints: &[String]) -> Self {
-        for region in &mut self.regions {
-            region.joints = joints.to_vec();
-            region.model_joints.clear();
-        }
-        self
+    pub fn with_joints(self, joints: &[String]) -> Self {
+        self.with_joints_of(|_| Some(joints.to_vec()))
     }
 
     /// The same with one model for all regions: the only one that [`Fusion::new`](super::Fusion::new) is then given.
@@ -261,18 +257,20 @@ impl FusionConfig {
         self
     }
 
-    /// The same without the joints of those regions that `is_without` chooses.
-    pub fn without_joints(mut self, is_without: impl Fn(&RegionConfig) -> bool) -> Self {
-        for region in self.regions.iter_mut().filter(|region| is_without(region)) {
-            region.joints.clear();
-            region.model_joints.clear();
+    /// The same with other joints for the regions for which `joints` has them; their models know them by these names.
+    pub fn with_joints_of(mut self, joints: impl Fn(&RegionConfig) -> Option<Vec<String>>) -> Self {
+        for region in &mut self.regions {
+            if let Some(joints) = joints(region) {
+                region.joints = joints;
+                region.model_joints.clear();
+            }
         }
         self
     }
 
     /// The same without any joint, and without the sources of joint angles.
     pub fn without_pose(self) -> Self {
-        FusionConfig { joint_sources: Vec::new(), ..self.without_joints(|_| true) }
+        FusionConfig { joint_sources: Vec::new(), ..self.with_joints_of(|_| Some(Vec::new())) }
     }
 
     /// The same with a single region; `None` if it doesn't have that region. Sources and models keep their indices, also

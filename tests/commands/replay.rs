@@ -790,6 +790,48 @@ fn a_file_name_steers_no_terminal_and_an_output_that_is_there_names_the_option()
 }
 
 #[test]
+fn a_model_that_is_named_takes_its_own_joints_of_those_of_the_region() {
+    let folder = session(12);
+    let folder = folder.path();
+    LinearModel::new(64, 2, 1)
+        .gains(1.0, 20.0)
+        .metadata("unit", "gF")
+        .metadata("joints", "dip")
+        .write(folder, "own.onnx");
+    let run = |joints: &str, output: &str| {
+        let joints = format!("region.index.joints:=[{joints}]");
+        replay(folder, output, &[&FIRST[..], &["--model", "own.onnx", "-p", &joints]].concat())
+    };
+    let wrenches = |output: &str| -> Vec<Vec<u8>> {
+        let all = messages(&folder.join(output)).into_iter();
+        all.filter(|message| message.topic == WRENCH).map(|message| message.data).collect()
+    };
+    run("dip", "same.mcap").ok();
+    let same = wrenches("same.mcap");
+    assert!(same.len() > 500);
+    for (number, joints) in ["dip, pip", "pip, dip"].iter().enumerate() {
+        let output = &format!("{number}.mcap");
+        let taken = run(joints, output).ok();
+        let note = "region index: its model takes the joints dip, in place of the 2 in region.index.joints";
+        assert!(taken.stderr.contains(note), "{taken:?}");
+        assert!(wrenches(output) == same, "{joints}");
+    }
+    let other = run("pip", "other.mcap");
+    assert!(
+        other.failure().contains(r#"region.index.joints is ["pip"], its model was trained on ["dip"]"#),
+        "{other:?}"
+    );
+    // Without --model the parameters say it all.
+    let args = [&FIRST[..], &["-p", "model.tip.path:=own.onnx", "-p", "region.index.joints:=[dip, pip]"]].concat();
+    let strict = replay(folder, "strict.mcap", &args);
+    assert!(strict.failure().contains("region.index.joints has 2 joints, its model takes 1"), "{strict:?}");
+    // The same rule where a zero is taken.
+    let calibrate = ["calibrate", "session.mcap", "--params-file", "params.yaml", "--model", "own.onnx"];
+    let more = [FIRST[0], FIRST[1], "-p", "region.index.joints:=[dip, pip]", "-o", "zero.yaml"];
+    assert!(tpf(folder, &[&calibrate[..], &more].concat()).ok().stderr.contains("takes the joints dip"));
+}
+
+#[test]
 fn a_model_of_another_glove_is_refused_unless_it_is_asked_for_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -168,8 +168,7 @@ impl Folder<'_> {
     /// As `tpf replay SESSION --params-file … --model … -o … --merge --overwrite`.
     fn replay(&self, model: Model, mut cfg: Config) -> Result<(), Failure> {
         glove::replace_model(&mut cfg, self.model(model))?;
-        let options =
-            Options { merge: true, overwrite: true, drop_unused_joints: true, ..Options::new(self.replayed(model)) };
+        let options = Options { merge: true, overwrite: true, ..Options::new(self.replayed(model)) };
         let recording = Recording { bags: &[self.session()], zero: Wanted::Any };
         replay::run(cfg, recording, &options, &Shown::bytes("replay"))?;
         Ok(())

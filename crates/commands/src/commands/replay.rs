@@ -80,13 +80,8 @@ enum Ended {
 
 /// Replays one recording.
 fn replay(args: &Args, cfg: Config, bags: &[PathBuf], output: &Path) -> Result<Replayed, Ended> {
-    let mut options = Options {
-        overwrite: args.overwrite,
-        merge: args.merge,
-        batch: args.batch,
-        drop_unused_joints: args.models.replaces(),
-        ..Options::new(output)
-    };
+    let mut options =
+        Options { overwrite: args.overwrite, merge: args.merge, batch: args.batch, ..Options::new(output) };
     options.jobs = args.jobs.unwrap_or(options.jobs);
     let recording = Recording { bags, zero: args.zero.wanted() };
     replay::run(cfg, recording, &options, &Shown::bytes("replay")).map_err(|error| match error {

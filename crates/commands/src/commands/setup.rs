@@ -138,7 +138,7 @@ impl ModelArgs {
     /// Puts what the command line says about models into the configuration.
     pub(super) fn apply(&self, cfg: &mut Config) -> Result<(), Failure> {
         if let Some(path) = &self.model {
-            glove::replace_model(cfg, path.clone())?;
+            glove::replace_model(cfg, path.clone())?.iter().for_each(|note| tell(note));
         }
         self.backend.apply(cfg);
         Ok(())

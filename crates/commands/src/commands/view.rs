@@ -57,8 +57,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen();
     let replaces = args.models.replaces();
     let bag = args.bag.as_deref().unwrap_or(Path::new(""));
-    let request =
-        Request { bag, zero: args.zero.wanted(), compute: args.compute || replaces, drop_unused_joints: replaces };
+    let request = Request { bag, zero: args.zero.wanted(), compute: args.compute || replaces };
     let session = match BagView::read(cfg, &request, &Shown::bytes("view")) {
         Err(_) if interrupt::happened() => return Err(Failure("interrupted".to_owned())), // it would have written nothing
         read => read?,

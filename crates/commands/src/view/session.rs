@@ -8,7 +8,7 @@ use tactile_pose_fusion::fusion::{Baseline, Event, Tick};
 use tactile_pose_fusion::msg::{ContactArray, EstimateTopics, WireType};
 use tactile_pose_fusion::observer::{Observer, check};
 use tactile_pose_fusion::recording::input_topics;
-use tactile_pose_fusion::replay::{Recording, for_each_with};
+use tactile_pose_fusion::replay::{Recording, for_each};
 use tactile_pose_fusion::sessions::{Labelled, NeedsTruth, SessionError, hold_estimates, session_name};
 use tactile_pose_fusion::units::{Newton, Stamp, nanos};
 use tactile_pose_fusion::zero::{self, KnownModels, Wanted};
@@ -28,8 +28,6 @@ pub struct Request<'a> {
     pub zero: Wanted<'a>,
     /// True if the models run even if the bag holds estimates.
     pub compute: bool,
-    /// True if joints of regions whose model has no pose input are ignored. Otherwise they are refused.
-    pub drop_unused_joints: bool,
 }
 
 /// A model on the page: the name of its file, as paths are long on a phone.
@@ -199,7 +197,7 @@ fn computed(
             }
         }
     };
-    let seen = for_each_with(asked, recording, request.drop_unused_joints, observer, each)?;
+    let seen = for_each(asked, recording, observer, each)?;
     if let Some(failed) = failed {
         return Err(failed);
     }
