@@ -124,7 +124,9 @@ impl<'a> Plan<'a> {
             let models = Models::load(&cfg)?;
             models.tell(&cfg, observer);
             cfg.set_batch(models.batch_hint());
-            take_joints_of_models(&mut cfg, &models.infos).iter().for_each(|note| observer.detail(note));
+            if path.is_none() {
+                take_joints_of_models(&mut cfg, &models.infos).iter().for_each(|note| observer.detail(note));
+            }
             let name = match (path, cfg.models()) {
                 (Some(path), _) => stem(path),
                 (None, [only]) => stem(&only.spec.path),
