@@ -29,7 +29,7 @@ use std::collections::VecDeque;
 
 pub use artifact::{
     ARTIFACT_BASIS, Adaptation, ArtifactError, ArtifactFilter, ArtifactFit, ArtifactFitter, ArtifactModel,
-    DonningFrames, Following, HISTORY_S, JointHistory, TRUST_INPUTS, learn_artifact,
+    DonningFrames, FRICTIONLESS_BASIS, Following, HISTORY_S, JointHistory, PLAY_RAD, TRUST_INPUTS, learn_artifact,
 };
 pub use calibration::{Baseline, BaselineBuilder, CalibrationError, CalibrationLimits, judge_loaded};
 pub use config::{

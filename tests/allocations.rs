@@ -105,6 +105,8 @@ fn following_artifacts_asks_for_no_memory_once_it_is_warm() {
         touch: vec![1.0; n_taxels],
         residual: vec![0.5; n_taxels],
         drift: vec![1.0; n_taxels],
+        noise: Vec::new(),
+        misfit: Vec::new(),
         trust_inputs: true,
     };
     let fit = ArtifactFit {

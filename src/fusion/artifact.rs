@@ -28,12 +28,19 @@ pub use fit::{ArtifactFit, ArtifactFitter};
 pub use history::JointHistory;
 pub use learn::learn_artifact;
 
-/// Functions of a joint angle that a shape is a sum of: the angle, its square, and how far its means over the two spans of
-/// [`HISTORY_S`] lie from it.
-pub const ARTIFACT_BASIS: usize = 4;
+/// Functions of a joint angle that a shape is a sum of: the angle, its square, how far its means over the two spans of
+/// [`HISTORY_S`] lie from it, and how far its play operators of the two widths of [`PLAY_RAD`] do.
+pub const ARTIFACT_BASIS: usize = 6;
+
+/// The functions of models without friction: all but the play operators.
+pub const FRICTIONLESS_BASIS: usize = 4;
 
 /// Time constants of the means over a joint's past, s: skin and foam that settle within a movement, and over a grasp.
 pub const HISTORY_S: [f64; 2] = [0.35, 2.5];
+
+/// Half of the widths of play operators, rad: fabric that friction holds follows a joint only when it is so far away. Sums of such are
+/// the usual model of hysteresis (Prandtl and Ishlinskii).
+pub const PLAY_RAD: [f64; 2] = [0.1, 0.3];
 
 /// Columns that a network gets after the taxels if its artifact model has [`trust_inputs`](ArtifactModel::trust_inputs).
 pub const TRUST_INPUTS: usize = 2;
@@ -52,7 +59,8 @@ pub struct ArtifactModel {
     pub n_taxels: usize,
     /// Joints of the region.
     pub n_joints: usize,
-    /// `[taxels, joints, ARTIFACT_BASIS]`, taxel units: the shapes of a donning whose gains are 1.
+    /// `[taxels, joints, functions]`, taxel units: the shapes of a donning whose gains are 1. There are [`ARTIFACT_BASIS`] functions, or
+    /// the first [`FRICTIONLESS_BASIS`] of them.
     pub shapes: Vec<f64>,
     /// `[taxels, joints]`: variance of the gains over donnings; their mean is 1.
     pub gain_variance: Vec<f64>,
@@ -70,6 +78,13 @@ pub struct ArtifactModel {
     /// drifts. Empty if offsets are not followed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drift: Vec<f64>,
+    /// `[taxels]`, taxel units squared: variance of the noise of a frame, and of what shapes have wrong though gains and offsets follow,
+    /// on donnings that the shapes are not of. Both empty if that is not known: a share of `residual` stands for it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub noise: Vec<f64>,
+    /// As `noise`: of what shapes have wrong.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub misfit: Vec<f64>,
     /// True if the network also gets how far the taxels can be trusted: [`TRUST_INPUTS`] columns after them
     /// ([`ArtifactFilter::write_trust`]).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -92,6 +107,11 @@ impl ArtifactModel {
         self.n_taxels + self.n_trust_inputs()
     }
 
+    /// Functions of a joint that each shape is a sum of.
+    fn n_functions(&self) -> usize {
+        self.shapes.len() / self.n_gains()
+    }
+
     /// Number of gains.
     pub fn n_gains(&self) -> usize {
         self.n_taxels * self.n_joints
@@ -108,8 +128,11 @@ impl ArtifactModel {
         let Some(n_gains) = n_gains else {
             return refuse(format!("{n} taxels and {joints} joints, expected 1 to {MAX_GAINS} pairs of them"));
         };
+        let sizes = [FRICTIONLESS_BASIS, ARTIFACT_BASIS].map(|n_functions| n_gains * n_functions);
+        if !sizes.contains(&self.shapes.len()) {
+            return refuse(format!("{} numbers in shapes, expected {} or {}", self.shapes.len(), sizes[0], sizes[1]));
+        }
         for (name, values, expected) in [
-            ("shapes", &self.shapes, n_gains * ARTIFACT_BASIS),
             ("gain_variance", &self.gain_variance, n_gains),
             ("touch", &self.touch, n),
             ("residual", &self.residual, n),
@@ -117,6 +140,13 @@ impl ArtifactModel {
             if values.len() != expected {
                 return refuse(format!("{} numbers in {name}, expected {expected}", values.len()));
             }
+        }
+        for (name, values) in [
+            ("shapes", &self.shapes),
+            ("gain_variance", &self.gain_variance),
+            ("touch", &self.touch),
+            ("residual", &self.residual),
+        ] {
             if values.iter().any(|value| !value.is_finite() || value.abs() > 1e12) {
                 return refuse(format!("a number in {name} that is not finite, or beyond 1e12"));
             }
@@ -135,6 +165,20 @@ impl ArtifactModel {
         if self.drift.iter().any(|value| !(*value >= 0.0 && *value <= 1e6)) {
             return refuse("a number in drift that is not 0 to 1000000".to_owned());
         }
+        for (name, values) in [("noise", &self.noise), ("misfit", &self.misfit)] {
+            if values.len() != if self.noise.is_empty() && self.misfit.is_empty() { 0 } else { n } {
+                return refuse(format!(
+                    "{} numbers in {name}, expected {n}, or none in both noise and misfit",
+                    values.len()
+                ));
+            }
+            if values.iter().any(|value| !(*value >= 0.0 && *value <= 1e12)) {
+                return refuse(format!("a variance in {name} that is not 0 to 1e12"));
+            }
+        }
+        if self.noise.iter().any(|value| *value == 0.0) {
+            return refuse("a variance in noise that is 0".to_owned());
+        }
         let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
         if !within(self.slip, 0.0, 10.0) || !within(self.slip_common, 0.0, 1.0) || !within(self.slip_time_s, 0.1, 1e6) {
             return refuse(format!(
@@ -150,9 +194,10 @@ impl ArtifactModel {
     /// # Shapes
     /// `basis`: `[joints, ARTIFACT_BASIS]`; `out`: `[taxels, width]`, of which the first `[joints]` of each taxel are written.
     fn write_shapes(&self, basis: &[f64], width: usize, out: &mut [f64]) {
-        let of_taxel = self.n_joints * ARTIFACT_BASIS;
+        let n_functions = self.n_functions();
+        let of_taxel = self.n_joints * n_functions;
         for (out, shapes) in out.chunks_exact_mut(width).zip(self.shapes.chunks_exact(of_taxel)) {
-            let pairs = shapes.chunks_exact(ARTIFACT_BASIS).zip(basis.chunks_exact(ARTIFACT_BASIS));
+            let pairs = shapes.chunks_exact(n_functions).zip(basis.chunks_exact(ARTIFACT_BASIS));
             for (out, (shape, basis)) in out.iter_mut().zip(pairs) {
                 *out = shape.iter().zip(basis).map(|(weight, value)| weight * value).sum();
             }

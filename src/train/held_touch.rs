@@ -380,6 +380,8 @@ mod tests {
             touch: vec![10.0, 20.0],
             residual: vec![25.0; 2],
             drift: Vec::new(),
+            noise: Vec::new(),
+            misfit: Vec::new(),
             trust_inputs: true,
         };
         model.check().unwrap();

@@ -754,6 +754,8 @@ fn artifact() -> std::sync::Arc<ArtifactModel> {
         touch: vec![10.0],
         residual: vec![25.0], // 0.5 gF; of less, the curve of a quick bend counts as noise of its angle
         drift: Vec::new(),
+        noise: Vec::new(),
+        misfit: Vec::new(),
         trust_inputs: false,
     })
 }

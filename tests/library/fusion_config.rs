@@ -58,6 +58,8 @@ fn a_config_that_does_not_fit_its_models_is_refused() {
         touch: vec![1.0; n_taxels],
         residual: vec![1.0; n_taxels],
         drift: Vec::new(),
+        noise: Vec::new(),
+        misfit: Vec::new(),
         trust_inputs: false,
     };
     let with = |artifact: ArtifactModel, n_joints: usize| Contract {

@@ -150,6 +150,8 @@ fn artifact() -> tactile_pose_fusion::fusion::ArtifactModel {
         touch: vec![0.2; 5],
         residual: vec![1.0; 5],
         drift: Vec::new(),
+        noise: Vec::new(),
+        misfit: Vec::new(),
         trust_inputs: false,
     }
 }

@@ -58,6 +58,8 @@ fn artifact() -> ArtifactModel {
         touch: vec![2.0, 3.0, 4.0],
         residual: vec![1.0 / 3.0; 3],
         drift: vec![0.5, 0.0, 2.0],
+        noise: Vec::new(),
+        misfit: Vec::new(),
         trust_inputs: false,
     }
 }

@@ -35,7 +35,8 @@ pub(super) struct Donning<'s> {
     frames: DonningFrames<'s>,
     n_taxels: usize,
     pub(super) n_joints: usize,
-    /// `[frames, joints * ARTIFACT_BASIS]`
+    pub(super) n_functions: usize,
+    /// `[frames, joints, functions]`
     basis: Vec<f64>,
     pub(super) air: Vec<usize>,
     pub(super) light: Vec<usize>,
@@ -71,11 +72,18 @@ impl<'s> Donning<'s> {
         let air = learned.clone().filter(|&idx| is_air(idx)).collect();
         let light = learned.filter(|&idx| LIGHT_GF.contains(&frames.truth_gf[idx])).collect();
         let (gains, offset) = (vec![1.0; n_taxels * n_joints], vec![0.0; n_taxels]);
-        Donning { frames, n_taxels, n_joints, basis, air, light, gains, offset }
+        Donning { frames, n_taxels, n_joints, n_functions: ARTIFACT_BASIS, basis, air, light, gains, offset }
+    }
+
+    /// Forgets all but the first functions of each joint.
+    pub(super) fn keep_functions(&mut self, n_functions: usize) {
+        let of_joints = self.basis.chunks_exact(self.n_functions);
+        self.basis = of_joints.flat_map(|of_joint| &of_joint[..n_functions]).copied().collect();
+        self.n_functions = n_functions;
     }
 
     pub(super) fn basis(&self, frame: usize) -> &[f64] {
-        let width = self.n_joints * ARTIFACT_BASIS;
+        let width = self.n_joints * self.n_functions;
         &self.basis[frame * width..(frame + 1) * width]
     }
 
@@ -83,16 +91,16 @@ impl<'s> Donning<'s> {
         f64::from(self.frames.tactile[frame * self.n_taxels + taxel])
     }
 
-    /// A taxel's artifact at a frame, by its shapes `[joints, ARTIFACT_BASIS]`.
+    /// A taxel's artifact at a frame, by its shapes `[joints, functions]`.
     pub(super) fn artifact(&self, frame: usize, taxel: usize, shapes: &[f64]) -> f64 {
-        let of_joints = self.basis(frame).chunks_exact(ARTIFACT_BASIS).zip(shapes.chunks_exact(ARTIFACT_BASIS));
+        let of_joints = self.basis(frame).chunks_exact(self.n_functions).zip(shapes.chunks_exact(self.n_functions));
         let gains = &self.gains[taxel * self.n_joints..(taxel + 1) * self.n_joints];
         let sum: f64 = of_joints.zip(gains).map(|((basis, shape), gain)| gain * dot(basis, shape)).sum();
         sum + self.offset[taxel]
     }
 
     pub(super) fn shapes_of<'m>(&self, taxel: usize, shapes: &'m [f64]) -> &'m [f64] {
-        let width = self.n_joints * ARTIFACT_BASIS;
+        let width = self.n_joints * self.n_functions;
         &shapes[taxel * width..(taxel + 1) * width]
     }
 

@@ -1,10 +1,11 @@
-//! Learns from donnings how far the zero of each taxel drifts: by how much more its offset differs after minutes than after seconds.
+//! What donnings show over minutes: how far the zero of each taxel drifts, by how much more its offset differs after minutes than after
+//! seconds; and what shapes have wrong, beside the noise of a frame.
 
 use nalgebra::{DMatrix, DVector};
 
+use super::DRIFT_TIME_S;
 use super::donning::{Donning, STRIDE, dot};
 use super::fit::ALIKE_FRAMES;
-use super::{ARTIFACT_BASIS, DRIFT_TIME_S};
 
 /// Time of one offset, s, and the frames in the air that it needs.
 const BLOCK_S: f64 = 20.0;
@@ -25,6 +26,55 @@ struct Pairs {
     alike: f64,
 }
 
+/// What is known of a taxel in one donning.
+pub(super) struct TaxelFit<'a> {
+    /// `[joints, functions]`
+    pub(super) shapes: &'a [f64],
+    /// `[joints]`
+    pub(super) gains: &'a [f64],
+    pub(super) offset: f64,
+    /// Variance of what shapes and constant gains don't explain.
+    pub(super) residual: f64,
+    /// Deviation of the slip, as a share of a gain.
+    pub(super) slip: f64,
+}
+
+/// What shapes leave of a taxel though gains and offset follow.
+#[derive(Default, Clone, Copy)]
+pub(super) struct Left {
+    n: f64,
+    squares: f64,
+    n_pairs: f64,
+    /// Half of the squares of its differences from frame to frame.
+    differences: f64,
+}
+
+impl Left {
+    pub(super) fn add(&mut self, other: Left) {
+        self.n += other.n;
+        self.squares += other.squares;
+        self.n_pairs += other.n_pairs;
+        self.differences += other.differences;
+    }
+
+    /// Variances of the noise of a frame, and of what shapes have wrong, which stays from one frame to the next. None without frames.
+    pub(super) fn noise_and_misfit(&self) -> Option<(f64, f64)> {
+        if self.n_pairs == 0.0 {
+            return None;
+        }
+        let noise = self.differences / self.n_pairs;
+        Some((noise.max(f64::MIN_POSITIVE.sqrt()), (self.squares / self.n - noise).max(0.0)))
+    }
+}
+
+/// Some seconds of a taxel in the air, in which gains may have slipped: its offset beyond that of the whole donning, and the mean time of
+/// these frames, s.
+struct Block {
+    middle_s: f64,
+    offset: f64,
+    left: Left,
+}
+
 /// Standard deviation of each offset over many minutes, `[taxels]`, taxel units, with this variance of what shapes and gains don't
 /// explain, and this deviation of the slip. Empty where the sessions are too short to tell.
 pub(super) fn learn(donnings: &[Donning<'_>], shapes: &[f64], residual: &[f64], slip: f64, rate_hz: f64) -> Vec<f64> {
@@ -36,17 +86,24 @@ pub(super) fn learn(donnings: &[Donning<'_>], shapes: &[f64], residual: &[f64], 
 fn of_taxel(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], (residual, slip): (f64, f64), rate_hz: f64) -> f64 {
     let (mut near, mut far) = (Pairs::default(), Pairs::default());
     for donning in donnings {
-        let offsets = offsets(donning, taxel, shapes, (residual, slip), rate_hz);
-        for (idx, (first_s, first)) in offsets.iter().enumerate() {
-            for (other_s, other) in &offsets[idx + 1..] {
-                let apart_s = other_s - first_s;
+        let fit = TaxelFit {
+            shapes: donning.shapes_of(taxel, shapes),
+            gains: &donning.gains[taxel * donning.n_joints..(taxel + 1) * donning.n_joints],
+            offset: donning.offset[taxel],
+            residual,
+            slip,
+        };
+        let blocks = blocks(donning, taxel, &fit, rate_hz);
+        for (idx, first) in blocks.iter().enumerate() {
+            for other in &blocks[idx + 1..] {
+                let apart_s = other.middle_s - first.middle_s;
                 let pairs = match apart_s {
                     _ if apart_s <= NEAR_S => &mut near,
                     _ if apart_s >= FAR_S => &mut far,
                     _ => continue,
                 };
                 pairs.n += 1.0;
-                pairs.squares += 0.5 * (other - first).powi(2);
+                pairs.squares += 0.5 * (other.offset - first.offset).powi(2);
                 pairs.alike += (-apart_s / DRIFT_TIME_S).exp();
             }
         }
@@ -59,41 +116,70 @@ fn of_taxel(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], (residual, s
     (more / (near.alike / near.n - far.alike / far.n)).max(0.0).sqrt()
 }
 
-/// The offset of a taxel in each block with enough frames in the air, beyond that of the whole donning, and the mean time of
-/// these frames, s. Gains may have slipped in each block.
-fn offsets(
-    donning: &Donning<'_>,
-    taxel: usize,
-    shapes: &[f64],
-    (residual, slip): (f64, f64),
-    rate_hz: f64,
-) -> Vec<(f64, f64)> {
-    let (shapes, joints) = (donning.shapes_of(taxel, shapes), donning.n_joints);
+/// What a donning leaves of a taxel, where gains and offset follow it.
+pub(super) fn left(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, rate_hz: f64) -> Left {
+    let mut sum = Left::default();
+    blocks(donning, taxel, fit, rate_hz).iter().for_each(|block| sum.add(block.left));
+    sum
+}
+
+/// Each block of a taxel with enough frames in the air.
+fn blocks(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, rate_hz: f64) -> Vec<Block> {
     let block_of = |frame: usize| (frame as f64 / rate_hz / BLOCK_S) as usize;
-    let width = joints + 1;
-    let mut row = DVector::from_element(width, 1.0);
-    let mut offsets = Vec::new();
-    for air in donning.air.chunk_by(|frame, next| block_of(*frame) == block_of(*next)) {
-        if air.len() < LEAST_FRAMES {
-            continue;
-        }
-        let (mut left, mut right) = (DMatrix::zeros(width, width), DVector::zeros(width));
-        let weight = STRIDE as f64 / (residual * ALIKE_FRAMES);
-        for &frame in air.iter().step_by(STRIDE) {
-            let of_joints = donning.basis(frame).chunks_exact(ARTIFACT_BASIS).zip(shapes.chunks_exact(ARTIFACT_BASIS));
-            for (joint, (basis, shape)) in of_joints.enumerate() {
-                row[joint] = donning.gains[taxel * joints + joint] * dot(basis, shape);
-            }
-            left.ger(weight, &row, &row, 1.0);
-            let artifact = row.rows(0, joints).sum() + donning.offset[taxel];
-            right.axpy(weight * (donning.tactile(frame, taxel) - artifact), &row, 1.0);
-        }
-        (0..joints).for_each(|joint| left[(joint, joint)] += slip.powi(-2));
-        left[(joints, joints)] += LEAST_CERTAINTY / residual;
-        if let Some(found) = left.cholesky().map(|factors| factors.solve(&right)) {
+    let of_air = donning.air.chunk_by(|frame, next| block_of(*frame) == block_of(*next));
+    of_air
+        .filter(|air| air.len() >= LEAST_FRAMES)
+        .filter_map(|air| {
+            let change = change(donning, taxel, fit, air)?;
             let middle = air.iter().map(|frame| *frame as f64).sum::<f64>() / air.len() as f64;
-            offsets.push((middle / rate_hz, found[joints]));
+            let left = what_is_left(donning, taxel, fit, &change, air);
+            Some(Block { middle_s: middle / rate_hz, offset: change[donning.n_joints], left })
+        })
+        .collect()
+}
+
+/// What the gains and 1 are multiplied with at a frame.
+fn write_row(donning: &Donning<'_>, fit: &TaxelFit<'_>, frame: usize, row: &mut DVector<f64>) {
+    let of_joints =
+        donning.basis(frame).chunks_exact(donning.n_functions).zip(fit.shapes.chunks_exact(donning.n_functions));
+    for (joint, (basis, shape)) in of_joints.enumerate() {
+        row[joint] = fit.gains[joint] * dot(basis, shape);
+    }
+}
+
+/// By how much gains, as shares of them, and the offset differ in these frames from those of the whole donning.
+fn change(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, air: &[usize]) -> Option<DVector<f64>> {
+    let joints = donning.n_joints;
+    let mut row = DVector::from_element(joints + 1, 1.0);
+    let (mut left, mut right) = (DMatrix::zeros(joints + 1, joints + 1), DVector::zeros(joints + 1));
+    let weight = STRIDE as f64 / (fit.residual * ALIKE_FRAMES);
+    for &frame in air.iter().step_by(STRIDE) {
+        write_row(donning, fit, frame, &mut row);
+        left.ger(weight, &row, &row, 1.0);
+        let artifact = row.rows(0, joints).sum() + fit.offset;
+        right.axpy(weight * (donning.tactile(frame, taxel) - artifact), &row, 1.0);
+    }
+    (0..joints).for_each(|joint| left[(joint, joint)] += fit.slip.powi(-2));
+    left[(joints, joints)] += LEAST_CERTAINTY / fit.residual;
+    Some(left.cholesky()?.solve(&right))
+}
+
+fn what_is_left(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, change: &DVector<f64>, air: &[usize]) -> Left {
+    let joints = donning.n_joints;
+    let mut row = DVector::from_element(joints + 1, 1.0);
+    let mut at = |frame: usize| {
+        write_row(donning, fit, frame, &mut row);
+        donning.tactile(frame, taxel) - row.rows(0, joints).sum() - fit.offset - row.dot(change)
+    };
+    let mut sum = Left::default();
+    for idx in (0..air.len()).step_by(STRIDE) {
+        let left = at(air[idx]);
+        sum.n += 1.0;
+        sum.squares += left * left;
+        if air.get(idx + 1) == Some(&(air[idx] + 1)) {
+            sum.n_pairs += 1.0;
+            sum.differences += 0.5 * (at(air[idx + 1]) - left).powi(2);
         }
     }
-    offsets
+    sum
 }

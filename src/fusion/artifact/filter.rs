@@ -52,7 +52,11 @@ const LARGEST_TOUCH: f64 = 1e4;
 const CALIBRATED_VARIANCE: f64 = 1.0;
 const UNKNOWN_VARIANCE: f64 = 100.0;
 
-/// Share of the residual that is left in the mean of a block: where offsets are those of the calibration, and where their drift,
+/// Misfit of the shapes that a measurement counts as noise of its own, as a share of it. Chosen on
+/// validation data (docs/validation).
+const MISFIT_SHARE: f64 = 0.5;
+
+/// Share of the residual that is left in the mean of a block, for a model that does not know its noise: where offsets are those of the calibration, and where their drift,
 /// which is part of the residual, is a state of its own.
 const RESIDUAL_SHARE: f64 = 0.6;
 const RESIDUAL_SHARE_WITH_DRIFT: f64 = 0.25;
@@ -488,15 +492,18 @@ impl ArtifactFilter {
     /// What errors of joint angles put into the taxels at this pose, and how far noise of the angles looks like a touch.
     fn measure_pose_noise(&mut self) {
         let (n, joints) = (self.model.n_taxels, self.model.n_joints);
+        let (shapes, n_functions) = (&self.model.shapes, self.model.n_functions());
         let mut along = 0.0;
         for joint in 0..joints {
-            let angle = self.history.basis()[joint * ARTIFACT_BASIS];
+            let slopes = &self.history.slopes()[joint * ARTIFACT_BASIS..(joint + 1) * ARTIFACT_BASIS];
             let mut of_joint = 0.0;
             for taxel in 0..n {
                 let gain = taxel * joints + joint;
-                let shape = &self.model.shapes[gain * ARTIFACT_BASIS..(gain + 1) * ARTIFACT_BASIS];
-                // Of the angle, its square, and the two means less the angle.
-                let slope = shape[0] + 2.0 * angle * shape[1] - shape[2] - shape[3];
+                let slope: f64 = shapes[gain * n_functions..(gain + 1) * n_functions]
+                    .iter()
+                    .zip(slopes)
+                    .map(|(weight, slope)| weight * slope)
+                    .sum();
                 let change = self.state[taxel * self.width + joint];
                 let size = self.fit.as_ref().map_or(1.0, |fit| fit.gains[gain] + change);
                 self.slopes[gain] = size * slope;
@@ -583,14 +590,13 @@ impl ArtifactFilter {
     fn measure(&mut self) {
         let (width, first) = (self.width, self.n_slow());
         let n_block = self.n_block as f64;
-        let share = if self.model.drift.is_empty() { RESIDUAL_SHARE } else { RESIDUAL_SHARE_WITH_DRIFT };
         for taxel in 0..self.model.n_taxels {
             let expected = self.artifact(taxel, &self.block_shapes[taxel * width..]);
             let touch = self.state[first + taxel];
             let of_angles = self.of_angles(taxel, self.state.as_slice());
             self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch - of_angles;
             let of_pose = ALIKE_BLOCKS * self.model.n_taxels as f64 * self.pose_variance(taxel);
-            self.noise[taxel] = share * self.model.residual[taxel] + of_pose + (PATTERN_NOISE * touch).powi(2);
+            self.noise[taxel] = self.unexplained(taxel) + of_pose + (PATTERN_NOISE * touch).powi(2);
         }
         self.open_for_touch();
         for taxel in 0..self.model.n_taxels {
@@ -599,6 +605,15 @@ impl ArtifactFilter {
         self.doubt_faint_touch();
         self.cap();
         self.begin_again_if_broken();
+    }
+
+    /// Variance of what the artifact model leaves of a taxel in the mean of the block.
+    fn unexplained(&self, taxel: usize) -> f64 {
+        match (self.model.noise.get(taxel), self.model.misfit.get(taxel)) {
+            (Some(noise), Some(misfit)) => noise / self.n_block as f64 + MISFIT_SHARE * misfit,
+            _ if self.model.drift.is_empty() => RESIDUAL_SHARE * self.model.residual[taxel],
+            _ => RESIDUAL_SHARE_WITH_DRIFT * self.model.residual[taxel],
+        }
     }
 
     /// Readings beyond what numbers can hold leave no state to go on from: it begins again at the calibration.

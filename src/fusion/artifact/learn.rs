@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::donning::{AIR_DEVIATIONS, AIR_GF, AIR_S, Donning, DonningFrames, LIGHT_GF, STRIDE};
-use super::drift;
-use super::{ARTIFACT_BASIS, ArtifactError, ArtifactModel, HISTORY_S};
+use super::drift::{self, Left, TaxelFit};
+use super::{ArtifactError, ArtifactModel, FRICTIONLESS_BASIS, HISTORY_S};
 
 /// Frames that shapes and the pattern of touch need at least.
 const LEAST_FRAMES: usize = 200;
@@ -52,9 +52,22 @@ pub fn learn_artifact(
             "{n_light} frames of {from} to {to} gF, at least {LEAST_FRAMES} needed: they tell how a light touch spreads"
         ));
     }
-    let mut shapes = vec![0.0; n_taxels * n_joints * ARTIFACT_BASIS];
-    for taxel in 0..n_taxels {
-        fit_taxel(&mut donnings, taxel, &mut shapes)?;
+    // One donning does not tell friction from how its gains slip.
+    if let [donning] = donnings.as_mut_slice() {
+        donning.keep_functions(FRICTIONLESS_BASIS);
+    }
+    let n_functions = donnings[0].n_functions;
+    let width = n_joints * n_functions;
+    let mut shapes = vec![0.0; n_taxels * width];
+    let sums: Vec<Vec<Sums>> =
+        (0..n_taxels).map(|taxel| donnings.iter().map(|donning| Sums::of(donning, taxel)).collect()).collect();
+    for (taxel, (sums, of_taxel)) in sums.iter().zip(shapes.chunks_exact_mut(width)).enumerate() {
+        let (found, gains) = shapes_and_gains(sums.iter(), (n_joints, n_functions), taxel)?;
+        of_taxel.copy_from_slice(found.as_slice());
+        for ((donning, sums), gains) in donnings.iter_mut().zip(sums).zip(&gains) {
+            donning.gains[taxel * n_joints..(taxel + 1) * n_joints].copy_from_slice(gains.as_slice());
+            donning.offset[taxel] = sums.offset(of_taxel, gains);
+        }
     }
     let n = donnings.len() as f64;
     let over_donnings = |of: &dyn Fn(&Donning<'_>) -> f64| donnings.iter().map(of).sum::<f64>();
@@ -75,6 +88,7 @@ pub fn learn_artifact(
     let (gain_variance, residual, touch): (_, Vec<f64>, _) =
         (gain_variance.collect(), residual.collect(), touch.collect());
     let drift = drift::learn(&donnings, &shapes, &residual, SLIP, rate_hz);
+    let (noise, misfit) = noise_and_misfit(&donnings, &sums, &residual, rate_hz)?;
     let model = ArtifactModel {
         n_taxels,
         n_joints,
@@ -86,60 +100,76 @@ pub fn learn_artifact(
         residual,
         shapes,
         drift,
+        noise,
+        misfit,
         trust_inputs: false,
     };
     model.check()?;
     Ok(model)
 }
 
-/// Finds the shapes of a taxel, and its gains and offset in each donning.
-fn fit_taxel(donnings: &mut [Donning<'_>], taxel: usize, shapes: &mut [f64]) -> Result<(), ArtifactError> {
-    let n_joints = donnings[0].n_joints;
-    let width = n_joints * ARTIFACT_BASIS;
-    let shapes = &mut shapes[taxel * width..(taxel + 1) * width];
-    let sums: Vec<Sums> = donnings.iter().map(|donning| Sums::of(donning, taxel, width)).collect();
+/// Variances of the noise of a frame and of what shapes have wrong, `[taxels]` each: in each donning, for shapes of the others, because
+/// shapes fit the donnings that they were learned from better than any new one. Empty where there are no others, or too few frames.
+fn noise_and_misfit(
+    donnings: &[Donning<'_>],
+    sums: &[Vec<Sums>],
+    residual: &[f64],
+    rate_hz: f64,
+) -> Result<(Vec<f64>, Vec<f64>), ArtifactError> {
+    let (mut noise, mut misfit) = (Vec::new(), Vec::new());
+    if donnings.len() < 2 {
+        return Ok((noise, misfit));
+    }
+    for (taxel, (sums, residual)) in sums.iter().zip(residual).enumerate() {
+        let mut left = Left::default();
+        for (idx, (donning, of_donning)) in donnings.iter().zip(sums).enumerate() {
+            let others = sums.iter().enumerate().filter(|(other, _)| *other != idx).map(|(_, sums)| sums);
+            let (shapes, _) = shapes_and_gains(others, (donning.n_joints, donning.n_functions), taxel)?;
+            let shapes = shapes.as_slice();
+            let gains = of_donning.gains(shapes, donning.n_joints, taxel)?;
+            let offset = of_donning.offset(shapes, &gains);
+            let fit = TaxelFit { shapes, gains: gains.as_slice(), offset, residual: *residual, slip: SLIP };
+            left.add(drift::left(donning, taxel, &fit, rate_hz));
+        }
+        let Some((of_frame, of_shapes)) = left.noise_and_misfit() else { return Ok((Vec::new(), Vec::new())) };
+        noise.push(of_frame);
+        misfit.push(of_shapes);
+    }
+    Ok((noise, misfit))
+}
+
+/// The shapes of a taxel, `[joints, functions]`, and its gains in each donning, by the sums of these.
+fn shapes_and_gains<'s>(
+    sums: impl Iterator<Item = &'s Sums> + Clone,
+    (n_joints, n_functions): (usize, usize),
+    taxel: usize,
+) -> Result<(DVector<f64>, Vec<DVector<f64>>), ArtifactError> {
+    let width = n_joints * n_functions;
+    let mut shapes = DVector::zeros(width);
+    let mut gains: Vec<DVector<f64>> = sums.clone().map(|_| DVector::from_element(n_joints, 1.0)).collect();
     for _ in 0..ROUNDS {
         let (mut left, mut right) = (DMatrix::zeros(width, width), DVector::zeros(width));
-        for (donning, Sums { squares, products, .. }) in donnings.iter().zip(&sums) {
-            let gain = |at: usize| donning.gains[taxel * n_joints + at / ARTIFACT_BASIS];
+        for (gains, Sums { squares, products, .. }) in gains.iter().zip(sums.clone()) {
+            let gain = |at: usize| gains[at / n_functions];
             left += DMatrix::from_fn(width, width, |row, column| gain(row) * gain(column) * squares[(row, column)]);
             right += DVector::from_fn(width, |row, _| gain(row) * products[row]);
         }
         let pull = WEIGHT_PULL * left.trace() / width as f64 + f64::MIN_POSITIVE;
-        let found = solve(left, right, pull, taxel)?;
-        shapes.copy_from_slice(found.as_slice());
-        for (donning, Sums { squares, products, .. }) in donnings.iter_mut().zip(&sums) {
-            let gains = &mut donning.gains[taxel * n_joints..(taxel + 1) * n_joints];
-            let joint = |row: usize, column: usize| {
-                let (rows, columns) = (row * ARTIFACT_BASIS, column * ARTIFACT_BASIS);
-                let pairs = (0..ARTIFACT_BASIS).flat_map(|a| (0..ARTIFACT_BASIS).map(move |b| (rows + a, columns + b)));
-                pairs.map(|(a, b)| shapes[a] * shapes[b] * squares[(a, b)]).sum::<f64>()
-            };
-            let left = DMatrix::from_fn(n_joints, n_joints, joint);
-            let pull = GAIN_PULL * left.trace() / n_joints as f64 + f64::MIN_POSITIVE;
-            let right = DVector::from_fn(n_joints, |row, _| {
-                let of_joint = row * ARTIFACT_BASIS..(row + 1) * ARTIFACT_BASIS;
-                of_joint.map(|at| shapes[at] * products[at]).sum::<f64>() + pull
-            });
-            gains.copy_from_slice(solve(left, right, pull, taxel)?.as_slice());
+        shapes = solve(left, right, pull, taxel)?;
+        for (gains, sums) in gains.iter_mut().zip(sums.clone()) {
+            *gains = sums.gains(shapes.as_slice(), n_joints, taxel)?;
         }
         // The mean gain is 1 by definition: shapes take its size.
         for joint in 0..n_joints {
-            let of = |donning: &Donning<'_>| donning.gains[taxel * n_joints + joint];
-            let mean = donnings.iter().map(of).sum::<f64>() / donnings.len() as f64;
+            let mean = gains.iter().map(|gains| gains[joint]).sum::<f64>() / gains.len() as f64;
             if mean > 0.05 {
-                donnings.iter_mut().for_each(|donning| donning.gains[taxel * n_joints + joint] /= mean);
-                shapes[joint * ARTIFACT_BASIS..(joint + 1) * ARTIFACT_BASIS]
-                    .iter_mut()
-                    .for_each(|weight| *weight *= mean);
+                gains.iter_mut().for_each(|gains| gains[joint] /= mean);
+                let of_joint = joint * n_functions..(joint + 1) * n_functions;
+                shapes.as_mut_slice()[of_joint].iter_mut().for_each(|weight| *weight *= mean);
             }
         }
     }
-    for (donning, Sums { means, mean, .. }) in donnings.iter_mut().zip(&sums) {
-        let gain = |at: usize| donning.gains[taxel * n_joints + at / ARTIFACT_BASIS];
-        donning.offset[taxel] = mean - (0..width).map(|at| gain(at) * shapes[at] * means[at]).sum::<f64>();
-    }
-    Ok(())
+    Ok((shapes, gains))
 }
 
 /// Sums over frames in the air that the rounds need of a taxel and a donning.
@@ -153,7 +183,8 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(donning: &Donning<'_>, taxel: usize, width: usize) -> Self {
+    fn of(donning: &Donning<'_>, taxel: usize) -> Self {
+        let width = donning.n_joints * donning.n_functions;
         let frames: Vec<usize> = donning.air.iter().copied().step_by(STRIDE).collect();
         let n = frames.len() as f64;
         let (mut means, mut mean) = (DVector::zeros(width), 0.0);
@@ -170,6 +201,30 @@ impl Sums {
             products.axpy(donning.tactile(frame, taxel) - mean, &centered, 1.0);
         }
         Sums { squares, products, means, mean }
+    }
+
+    /// The gains of the donning, `[joints]`, for these shapes.
+    fn gains(&self, shapes: &[f64], n_joints: usize, taxel: usize) -> Result<DVector<f64>, ArtifactError> {
+        let n = shapes.len() / n_joints;
+        let joint = |row: usize, column: usize| {
+            let (rows, columns) = (row * n, column * n);
+            let pairs = (0..n).flat_map(|a| (0..n).map(move |b| (rows + a, columns + b)));
+            pairs.map(|(a, b)| shapes[a] * shapes[b] * self.squares[(a, b)]).sum::<f64>()
+        };
+        let left = DMatrix::from_fn(n_joints, n_joints, joint);
+        let pull = GAIN_PULL * left.trace() / n_joints as f64 + f64::MIN_POSITIVE;
+        let right = DVector::from_fn(n_joints, |row, _| {
+            let of_joint = row * n..(row + 1) * n;
+            of_joint.map(|at| shapes[at] * self.products[at]).sum::<f64>() + pull
+        });
+        solve(left, right, pull, taxel)
+    }
+
+    /// The offset of the donning for these shapes and gains.
+    fn offset(&self, shapes: &[f64], gains: &DVector<f64>) -> f64 {
+        let n = shapes.len() / gains.len();
+        let weights = shapes.iter().enumerate().map(|(at, shape)| gains[at / n] * shape);
+        self.mean - weights.zip(&self.means).map(|(weight, mean)| weight * mean).sum::<f64>()
     }
 }
 

@@ -33,6 +33,8 @@ fn model() -> Arc<ArtifactModel> {
         touch: (0..TAXELS).map(|taxel| 6.0 + taxel as f64).collect(),
         residual: vec![60.0; TAXELS],
         drift: Vec::new(),
+        noise: Vec::new(),
+        misfit: Vec::new(),
         trust_inputs: false,
     };
     model.check().unwrap();
@@ -172,34 +174,97 @@ fn drifting_offsets_are_followed_by_a_model_that_knows_of_drift() {
     );
 }
 
+/// The artifact model of so many donnings of so many minutes, with a touch of 20 gF every ten seconds.
+fn learned_from(n_donnings: u64, minutes: usize, finger: impl Fn(u64) -> Finger) -> ArtifactModel {
+    let n = minutes * 60 * HZ as usize;
+    let recorded: Vec<(Vec<f32>, Vec<f32>, Vec<f32>)> = (0..n_donnings)
+        .map(|seed| {
+            let mut finger = finger(seed);
+            let mut donning = (Vec::new(), Vec::new(), Vec::new());
+            for frame in 0..n {
+                let force = if frame % 1000 < 100 { 20.0 } else { 0.0 };
+                let (tactile, pose, _) = finger.frame(force);
+                donning.0.extend(tactile);
+                donning.1.extend(pose);
+                donning.2.push(force as f32);
+            }
+            donning
+        })
+        .collect();
+    let (epoch, is_learned) = (vec![0; n], vec![true; n]);
+    let donnings = recorded.iter().map(|(tactile, pose, truth_gf)| DonningFrames {
+        tactile,
+        pose,
+        truth_gf,
+        epoch: &epoch,
+        learned: &is_learned,
+    });
+    learn_artifact(&donnings.collect::<Vec<_>>(), (TAXELS, JOINTS), HZ).unwrap()
+}
+
+/// A finger whose artifact has friction: each shape has both play operators.
+fn with_friction(seed: u64) -> Finger {
+    let mut finger = Finger::new(seed);
+    let of_joints = finger.model.shapes.chunks_exact(FRICTIONLESS_BASIS);
+    let shapes = of_joints.flat_map(|shape| shape.iter().copied().chain([0.8 * shape[0], 0.5 * shape[0]])).collect();
+    finger.model = Arc::new(ArtifactModel { shapes, ..ArtifactModel::clone(&finger.model) });
+    finger.model.check().unwrap();
+    finger
+}
+
+#[test]
+fn friction_is_learned_from_several_donnings() {
+    let model = learned_from(3, 3, with_friction);
+    let truth = &with_friction(0).model;
+    assert_eq!(model.shapes.len(), TAXELS * JOINTS * ARTIFACT_BASIS);
+    let frictions = |model: &ArtifactModel| -> f64 {
+        let shapes = model.shapes.chunks_exact(ARTIFACT_BASIS);
+        shapes.map(|shape| shape[4] + shape[5]).sum::<f64>() / (TAXELS * JOINTS) as f64
+    };
+    let (learned, truth) = (frictions(&model), frictions(truth));
+    let without = frictions(&learned_from(3, 3, Finger::new));
+    // Weights are drawn to 0, most of all those of functions that change little.
+    assert!((0.3..1.5).contains(&(learned / truth)), "{learned}, {truth} in truth");
+    assert!(without.abs() < 0.3 * learned, "{without} without friction, {learned} with it");
+    // One donning does not tell friction from slip.
+    let model = learned_from(1, 3, with_friction);
+    assert_eq!(model.shapes.len(), TAXELS * JOINTS * FRICTIONLESS_BASIS);
+    assert!(model.noise.is_empty() && model.misfit.is_empty());
+}
+
+#[test]
+fn training_learns_the_noise_of_a_frame_and_what_shapes_have_wrong() {
+    let with = learned_from(3, 3, with_friction);
+    // Even numbers of -5 to 5 have a variance of 25 / 3.
+    assert!(with.noise.iter().all(|noise| (noise - 25.0 / 3.0).abs() < 0.8), "{:?}", with.noise);
+    let worst = with.misfit.iter().zip(&with.residual).map(|(misfit, residual)| misfit / residual).fold(0.0, f64::max);
+    assert!(worst < 0.5, "{worst} of the residual, which is mostly slip");
+}
+
+#[test]
+fn taxels_that_shapes_describe_better_count_more() {
+    // What is left of a touch that is hardly there tells how fast the filter learns.
+    let left = |noise: f64, misfit: f64| {
+        let mut finger = Finger::new(2);
+        let known = ArtifactModel {
+            noise: vec![noise; TAXELS],
+            misfit: vec![misfit; TAXELS],
+            ..ArtifactModel::clone(&finger.model)
+        };
+        finger.model = Arc::new(known);
+        let mut filter = finger.calibrated(Following::On);
+        finger.feel(&mut filter, 60.0, |_| 0.0);
+        finger.feel(&mut filter, 60.0, |_| 0.0).1
+    };
+    let (exact, rough, noisy) = (left(8.0, 1.0), left(8.0, 1e5), left(1e6, 1.0));
+    assert!(exact < 0.8 * rough && exact < 0.8 * noisy, "{exact}, {rough} with a misfit, {noisy} with noise");
+}
+
 #[test]
 fn training_learns_how_far_offsets_drift() {
     const MINUTES: usize = 6;
-    let n = MINUTES * 60 * HZ as usize;
     let learned = |drift: f64| -> f64 {
-        let recorded: Vec<(Vec<f32>, Vec<f32>, Vec<f32>)> = (0..3)
-            .map(|seed| {
-                let mut finger = Finger { drift, ..Finger::drifting(seed, false) };
-                let mut donning = (Vec::new(), Vec::new(), Vec::new());
-                for frame in 0..n {
-                    let force = if frame % 1000 < 100 { 20.0 } else { 0.0 };
-                    let (tactile, pose, _) = finger.frame(force);
-                    donning.0.extend(tactile);
-                    donning.1.extend(pose);
-                    donning.2.push(force as f32);
-                }
-                donning
-            })
-            .collect();
-        let (epoch, is_learned) = (vec![0; n], vec![true; n]);
-        let donnings = recorded.iter().map(|(tactile, pose, truth_gf)| DonningFrames {
-            tactile,
-            pose,
-            truth_gf,
-            epoch: &epoch,
-            learned: &is_learned,
-        });
-        let model = learn_artifact(&donnings.collect::<Vec<_>>(), (TAXELS, JOINTS), HZ).unwrap();
+        let model = learned_from(3, MINUTES, |seed| Finger { drift, ..Finger::drifting(seed, false) });
         model.drift.iter().sum::<f64>() / TAXELS as f64
     };
     // A sine of 100 has a deviation of 71.
@@ -341,14 +406,21 @@ fn a_start_in_contact_is_touch() {
 fn what_does_not_fit_is_refused_with_the_reason() {
     let good = model();
     type Change = fn(&mut ArtifactModel);
-    let changes: [(Change, &str); 8] = [
+    let changes: [(Change, &str); 12] = [
         (|model| model.n_joints = 0, "0 joints"),
         (|model| model.n_taxels = 4000, "expected 1 to 400"),
-        (|model| model.shapes.truncate(95), "95 numbers in shapes, expected 96"),
+        (|model| model.shapes.truncate(95), "95 numbers in shapes, expected 96 or 144"),
         (|model| model.residual[2] = 0.0, "a variance in residual that is not positive"),
         (|model| model.touch.fill(0.0), "touch is 0 for every taxel"),
         (|model| model.drift = vec![1.0], "1 numbers in drift, expected 6 or none"),
         (|model| model.drift = vec![f64::NAN; TAXELS], "a number in drift that is not 0 to 1000000"),
+        (|model| model.noise = vec![1.0; TAXELS], "0 numbers in misfit, expected 6, or none in both noise and misfit"),
+        (|model| model.misfit = vec![1.0; TAXELS], "0 numbers in noise, expected 6"),
+        (
+            |model| (model.noise, model.misfit) = (vec![1.0; TAXELS], vec![-1.0; TAXELS]),
+            "a variance in misfit that is not 0 to 1e12",
+        ),
+        (|model| (model.noise, model.misfit) = (vec![0.0; TAXELS], vec![1.0; TAXELS]), "a variance in noise that is 0"),
         (|model| model.slip_time_s = f64::NAN, "slip_time_s NaN"),
     ];
     for (change, expected) in changes {
