@@ -52,12 +52,12 @@ const LARGEST_TOUCH: f64 = 1e4;
 const CALIBRATED_VARIANCE: f64 = 1.0;
 const UNKNOWN_VARIANCE: f64 = 100.0;
 
-/// Misfit of the shapes that a measurement counts as noise of its own, as a share of it. Chosen on
-/// validation data (docs/validation).
-const MISFIT_SHARE: f64 = 0.5;
+/// Misfit of the shapes that a measurement counts as noise of its own, as a share of it: it stays for several measurements. With
+/// less, a touch that is held is learned away more easily. Chosen on validation data (docs/validation).
+const MISFIT_SHARE: f64 = 1.5;
 
-/// Share of the residual that is left in the mean of a block, for a model that does not know its noise: where offsets are those of the calibration, and where their drift,
-/// which is part of the residual, is a state of its own.
+/// Share of the residual that is left in the mean of a block, for a model that does not know its noise: where offsets are those of the
+/// calibration, and where their drift, which is part of the residual, is a state of its own.
 const RESIDUAL_SHARE: f64 = 0.6;
 const RESIDUAL_SHARE_WITH_DRIFT: f64 = 0.25;
 
