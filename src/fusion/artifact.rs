@@ -176,7 +176,7 @@ impl ArtifactModel {
                 return refuse(format!("a variance in {name} that is not 0 to 1e12"));
             }
         }
-        if self.noise.iter().any(|value| *value == 0.0) {
+        if self.noise.contains(&0.0) {
             return refuse("a variance in noise that is 0".to_owned());
         }
         let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
