@@ -94,14 +94,17 @@ impl<'s> Donning<'s> {
     /// A taxel's artifact at a frame, by its shapes `[joints, functions]`.
     pub(super) fn artifact(&self, frame: usize, taxel: usize, shapes: &[f64]) -> f64 {
         let of_joints = self.basis(frame).chunks_exact(self.n_functions).zip(shapes.chunks_exact(self.n_functions));
-        let gains = &self.gains[taxel * self.n_joints..(taxel + 1) * self.n_joints];
-        let sum: f64 = of_joints.zip(gains).map(|((basis, shape), gain)| gain * dot(basis, shape)).sum();
+        let sum: f64 = of_joints.zip(self.gains_of(taxel)).map(|((basis, shape), gain)| gain * dot(basis, shape)).sum();
         sum + self.offset[taxel]
     }
 
     pub(super) fn shapes_of<'m>(&self, taxel: usize, shapes: &'m [f64]) -> &'m [f64] {
         let width = self.n_joints * self.n_functions;
         &shapes[taxel * width..(taxel + 1) * width]
+    }
+
+    pub(super) fn gains_of(&self, taxel: usize) -> &[f64] {
+        &self.gains[taxel * self.n_joints..(taxel + 1) * self.n_joints]
     }
 
     /// Variance of what the model leaves in the air.

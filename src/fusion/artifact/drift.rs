@@ -67,12 +67,18 @@ impl Left {
     }
 }
 
-/// Some seconds of a taxel in the air, in which gains may have slipped: its offset beyond that of the whole donning, and the mean time of
-/// these frames, s.
-struct Block {
-    middle_s: f64,
-    offset: f64,
-    left: Left,
+/// Some seconds of a taxel in the air, in which gains may have slipped: its frames, and by how much gains, as shares of them, and the offset
+/// differ there from those of the whole donning.
+struct Block<'d> {
+    air: &'d [usize],
+    change: DVector<f64>,
+}
+
+impl Block<'_> {
+    /// Mean time of the frames, s.
+    fn middle_s(&self, rate_hz: f64) -> f64 {
+        self.air.iter().map(|frame| *frame as f64).sum::<f64>() / self.air.len() as f64 / rate_hz
+    }
 }
 
 /// Standard deviation of each offset over many minutes, `[taxels]`, taxel units, with this variance of what shapes and gains don't
@@ -88,22 +94,24 @@ fn of_taxel(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], (residual, s
     for donning in donnings {
         let fit = TaxelFit {
             shapes: donning.shapes_of(taxel, shapes),
-            gains: &donning.gains[taxel * donning.n_joints..(taxel + 1) * donning.n_joints],
+            gains: donning.gains_of(taxel),
             offset: donning.offset[taxel],
             residual,
             slip,
         };
-        let blocks = blocks(donning, taxel, &fit, rate_hz);
-        for (idx, first) in blocks.iter().enumerate() {
-            for other in &blocks[idx + 1..] {
-                let apart_s = other.middle_s - first.middle_s;
+        let offsets: Vec<(f64, f64)> = blocks(donning, taxel, &fit, rate_hz)
+            .map(|block| (block.middle_s(rate_hz), block.change[donning.n_joints]))
+            .collect();
+        for (idx, (first_s, first)) in offsets.iter().enumerate() {
+            for (other_s, other) in &offsets[idx + 1..] {
+                let apart_s = other_s - first_s;
                 let pairs = match apart_s {
                     _ if apart_s <= NEAR_S => &mut near,
                     _ if apart_s >= FAR_S => &mut far,
                     _ => continue,
                 };
                 pairs.n += 1.0;
-                pairs.squares += 0.5 * (other.offset - first.offset).powi(2);
+                pairs.squares += 0.5 * (other - first).powi(2);
                 pairs.alike += (-apart_s / DRIFT_TIME_S).exp();
             }
         }
@@ -119,23 +127,22 @@ fn of_taxel(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], (residual, s
 /// What a donning leaves of a taxel, where gains and offset follow it.
 pub(super) fn left(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, rate_hz: f64) -> Left {
     let mut sum = Left::default();
-    blocks(donning, taxel, fit, rate_hz).iter().for_each(|block| sum.add(block.left));
+    blocks(donning, taxel, fit, rate_hz).for_each(|block| sum.add(what_is_left(donning, taxel, fit, &block)));
     sum
 }
 
 /// Each block of a taxel with enough frames in the air.
-fn blocks(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, rate_hz: f64) -> Vec<Block> {
-    let block_of = |frame: usize| (frame as f64 / rate_hz / BLOCK_S) as usize;
-    let of_air = donning.air.chunk_by(|frame, next| block_of(*frame) == block_of(*next));
+fn blocks<'d>(
+    donning: &'d Donning<'_>,
+    taxel: usize,
+    fit: &TaxelFit<'_>,
+    rate_hz: f64,
+) -> impl Iterator<Item = Block<'d>> {
+    let block_of = move |frame: usize| (frame as f64 / rate_hz / BLOCK_S) as usize;
+    let of_air = donning.air.chunk_by(move |frame, next| block_of(*frame) == block_of(*next));
     of_air
         .filter(|air| air.len() >= LEAST_FRAMES)
-        .filter_map(|air| {
-            let change = change(donning, taxel, fit, air)?;
-            let middle = air.iter().map(|frame| *frame as f64).sum::<f64>() / air.len() as f64;
-            let left = what_is_left(donning, taxel, fit, &change, air);
-            Some(Block { middle_s: middle / rate_hz, offset: change[donning.n_joints], left })
-        })
-        .collect()
+        .filter_map(move |air| change(donning, taxel, fit, air).map(|change| Block { air, change }))
 }
 
 /// What the gains and 1 are multiplied with at a frame.
@@ -164,7 +171,7 @@ fn change(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, air: &[usize]
     Some(left.cholesky()?.solve(&right))
 }
 
-fn what_is_left(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, change: &DVector<f64>, air: &[usize]) -> Left {
+fn what_is_left(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, Block { air, change }: &Block<'_>) -> Left {
     let joints = donning.n_joints;
     let mut row = DVector::from_element(joints + 1, 1.0);
     let mut at = |frame: usize| {
