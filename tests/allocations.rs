@@ -107,12 +107,14 @@ fn following_artifacts_asks_for_no_memory_once_it_is_warm() {
         drift: vec![1.0; n_taxels],
         noise: Vec::new(),
         misfit: Vec::new(),
+        uncertain_offsets: true,
         trust_inputs: true,
     };
     let fit = ArtifactFit {
         gains: vec![1.0; n_taxels * n_joints],
         offset: vec![0.0; n_taxels],
         covariance: [0.01, 0.0, 0.0, 0.01].repeat(n_taxels),
+        offset_covariance: [0.002, 0.002, 0.02].repeat(n_taxels),
     };
     let joints: Vec<[String; 2]> = FINGERS.iter().map(|name| [format!("{name}_dip"), format!("{name}_pip")]).collect();
     let regions = FINGERS.iter().zip(&joints).enumerate().map(|(idx, (name, joints))| {

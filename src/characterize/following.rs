@@ -114,7 +114,7 @@ impl<'a> Donning<'a> {
 
     /// Gains and offsets from the first `most` frames in the air, and the frame after which they are known.
     fn fit(&self, model: &Arc<ArtifactModel>, most: u64) -> Result<(ArtifactFit, usize), ArtifactError> {
-        let mut fitter = ArtifactFitter::new(Arc::clone(model), 1.0 / self.session.period_s);
+        let mut fitter = ArtifactFitter::new(Arc::clone(model), 1.0 / self.session.period_s, None);
         let mut last = 0;
         self.each(|idx, tactile, pose, n_frames, is_air| {
             if fitter.n_frames() < most {
@@ -122,7 +122,7 @@ impl<'a> Donning<'a> {
                 last = idx;
             }
         });
-        Ok((fitter.finish(None)?, last))
+        Ok((fitter.finish()?, last))
     }
 
     /// Sums over the frames in the air after `from`: of the taxels and of their squares, `[taxels]`, and number of

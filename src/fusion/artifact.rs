@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Training knows the shapes `h`, how a light touch spreads over the taxels `k`, and how gains vary ([`ArtifactModel`]). The
-//! calibration of a donning finds its gains `g` and offsets `o` ([`ArtifactFitter`]). Gains wander while the glove is worn, and offsets
+//! calibration of a donning finds its gains `g` and offsets `o`, and how uncertain they are together ([`ArtifactFitter`]). Gains wander while the glove is worn, and offsets
 //! drift: an [`ArtifactFilter`] follows the gains, and the offsets of a model that knows their drift, together with the touch `f`, so
 //! that a touch is not learned as a change of gains.
 
@@ -44,6 +44,22 @@ pub const PLAY_RAD: [f64; 2] = [0.1, 0.3];
 
 /// Columns that a network gets after the taxels if its artifact model has [`trust_inputs`](ArtifactModel::trust_inputs).
 pub const TRUST_INPUTS: usize = 2;
+
+/// Time of one measurement, s.
+const BLOCK_S: f64 = 0.05;
+
+/// What the slopes of the artifact don't tell of errors of the angles: its variance, in that of noise of the angles, as errors of their own of
+/// each taxel. It stays for so many measurements.
+const ALIKE_BLOCKS: f64 = 4.0;
+
+/// Misfit of the shapes that a measurement counts as noise of its own, as a share of it: it stays for several measurements. With
+/// less, a touch that is held is learned away more easily. Chosen on validation data (docs/validation).
+const MISFIT_SHARE: f64 = 1.5;
+
+/// Share of the residual that is left in the mean of a block, for a model that does not know its noise: where offsets are those of the
+/// calibration, and where their drift, which is part of the residual, is a state of its own.
+const RESIDUAL_SHARE: f64 = 0.6;
+const RESIDUAL_SHARE_WITH_DRIFT: f64 = 0.25;
 
 /// Time constant of the drift of offsets, s: taxels and their electronics warm up and settle.
 const DRIFT_TIME_S: f64 = 300.0;
@@ -85,6 +101,10 @@ pub struct ArtifactModel {
     /// As `noise`: of what shapes have wrong.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub misfit: Vec<f64>,
+    /// True if a calibration says how uncertain offsets are, together with the gains, which slip meanwhile, and if the filter starts from that. Without
+    /// it, gains are taken for constant in a calibration, and its offsets for exact.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub uncertain_offsets: bool,
     /// True if the network also gets how far the taxels can be trusted: [`TRUST_INPUTS`] columns after them
     /// ([`ArtifactFilter::write_trust`]).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -176,6 +196,9 @@ impl ArtifactModel {
                 return refuse(format!("a variance in {name} that is not 0 to 1e12"));
             }
         }
+        if self.uncertain_offsets && self.drift.is_empty() {
+            return refuse("uncertain_offsets without drift: offsets are not followed".to_owned());
+        }
         if self.noise.contains(&0.0) {
             return refuse("a variance in noise that is 0".to_owned());
         }
@@ -187,6 +210,25 @@ impl ArtifactModel {
             ));
         }
         Ok(())
+    }
+
+    /// Variance of what the model leaves of a taxel in the mean of so many frames.
+    fn unexplained(&self, taxel: usize, n_frames: usize) -> f64 {
+        match (self.noise.get(taxel), self.misfit.get(taxel)) {
+            (Some(noise), Some(misfit)) => noise / n_frames as f64 + MISFIT_SHARE * misfit,
+            _ if self.drift.is_empty() => RESIDUAL_SHARE * self.residual[taxel],
+            _ => RESIDUAL_SHARE_WITH_DRIFT * self.residual[taxel],
+        }
+    }
+
+    /// By how much a taxel's artifact changes with the angle of a joint, for each rad, at a gain of 1.
+    ///
+    /// # Shapes
+    /// `slopes`: `[joints, ARTIFACT_BASIS]`, those of the functions of the joints.
+    fn slope(&self, taxel: usize, joint: usize, slopes: &[f64]) -> f64 {
+        let (gain, n_functions) = (taxel * self.n_joints + joint, self.n_functions());
+        let weights = &self.shapes[gain * n_functions..(gain + 1) * n_functions];
+        weights.iter().zip(&slopes[joint * ARTIFACT_BASIS..]).map(|(weight, slope)| weight * slope).sum()
     }
 
     /// Writes the shapes for basis functions of the joints.
@@ -203,6 +245,11 @@ impl ArtifactModel {
             }
         }
     }
+}
+
+/// Frames of a measurement.
+fn block_frames(rate_hz: f64) -> usize {
+    (BLOCK_S * rate_hz).round().max(1.0) as usize
 }
 
 #[cfg(test)]

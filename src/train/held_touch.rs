@@ -246,7 +246,7 @@ impl TouchedSession<'_> {
     /// The artifact of the donning by the angles of another tracker: of its first seconds in the air. `None` if they are too few.
     fn fitted(&self, tracked: &Tracked) -> Option<ArtifactFit> {
         let (frames, artifact) = (self.raw.frames(), self.artifact);
-        let mut fitter = ArtifactFitter::new(Arc::clone(artifact), self.rate_hz);
+        let mut fitter = ArtifactFitter::new(Arc::clone(artifact), self.rate_hz, None);
         let rows = frames.tactile.chunks_exact(artifact.n_taxels).zip(tracked.pose.chunks_exact(artifact.n_joints));
         let mut left = (CALIBRATION_S * self.rate_hz) as usize;
         for (frame, (taxels, pose)) in rows.enumerate() {
@@ -256,7 +256,7 @@ impl TouchedSession<'_> {
                 break;
             }
         }
-        fitter.finish(None).ok()
+        fitter.finish().ok()
     }
 }
 
@@ -382,6 +382,7 @@ mod tests {
             drift: Vec::new(),
             noise: Vec::new(),
             misfit: Vec::new(),
+            uncertain_offsets: false,
             trust_inputs: true,
         };
         model.check().unwrap();
@@ -389,7 +390,12 @@ mod tests {
     }
 
     fn fit() -> ArtifactFit {
-        ArtifactFit { gains: vec![1.0; 2], offset: vec![0.0; 2], covariance: vec![1e-3; 2] }
+        ArtifactFit {
+            gains: vec![1.0; 2],
+            offset: vec![0.0; 2],
+            covariance: vec![1e-3; 2],
+            offset_covariance: Vec::new(),
+        }
     }
 
     /// Two minutes in the air, a firm touch of ten seconds, and twenty that are kept for the test.

@@ -147,7 +147,7 @@ impl Collecting {
 
     fn fit(self, times: ArtifactTimes, before: Option<&ArtifactFit>) -> Result<ArtifactFit, ZeroError> {
         let Rows { stamp, tactile, pose, stretch } = self.rows.finish();
-        let mut fitter = ArtifactFitter::new(Arc::clone(&self.model), self.rate_hz);
+        let mut fitter = ArtifactFitter::new(Arc::clone(&self.model), self.rate_hz, before);
         let rows = tactile.chunks_exact(self.model.n_taxels).zip(pose.chunks_exact(self.model.n_joints));
         let mut last = None;
         for ((tactile, pose), (stamp, stretch)) in rows.zip(stamp.iter().zip(stretch)) {
@@ -165,6 +165,6 @@ impl Collecting {
         if got_s < times.least_s {
             return Err(ZeroError::ArtifactTooShort { region: self.name, got_s, need_s: times.least_s });
         }
-        fitter.finish(before).map_err(|error| ZeroError::Artifact { region: self.name, error })
+        fitter.finish().map_err(|error| ZeroError::Artifact { region: self.name, error })
     }
 }

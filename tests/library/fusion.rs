@@ -756,6 +756,7 @@ fn artifact() -> std::sync::Arc<ArtifactModel> {
         drift: Vec::new(),
         noise: Vec::new(),
         misfit: Vec::new(),
+        uncertain_offsets: false,
         trust_inputs: false,
     })
 }
@@ -768,7 +769,7 @@ fn core_with_artifact(following: Following) -> Fusion {
 }
 
 fn fit(gain: f64) -> ArtifactFit {
-    ArtifactFit { gains: vec![gain], offset: vec![0.0], covariance: vec![1e-4] }
+    ArtifactFit { gains: vec![gain], offset: vec![0.0], covariance: vec![1e-4], offset_covariance: vec![] }
 }
 
 /// Frames of a joint that bends, with a taxel whose gain is 1.2.

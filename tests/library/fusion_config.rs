@@ -60,6 +60,7 @@ fn a_config_that_does_not_fit_its_models_is_refused() {
         drift: Vec::new(),
         noise: Vec::new(),
         misfit: Vec::new(),
+        uncertain_offsets: false,
         trust_inputs: false,
     };
     let with = |artifact: ArtifactModel, n_joints: usize| Contract {
@@ -119,7 +120,7 @@ fn an_index_of_another_core_is_refused_and_changes_nothing() {
     let no_source = Err(SetupError::UnknownTactileSource { got: source, n_sources: 1 });
     assert_eq!(core.handle_baseline(source, Baseline::from_median(vec![0.0; 2])), no_source);
     let no_region = Err(SetupError::UnknownRegion { got: other, n_regions: 1 });
-    let fit = ArtifactFit { gains: vec![], offset: vec![], covariance: vec![] };
+    let fit = ArtifactFit { gains: vec![], offset: vec![], covariance: vec![], offset_covariance: vec![] };
     assert_eq!(core.handle_artifact(other, fit), no_region);
     assert_eq!(core.handle_force_gain(other, &ForceGain { gain: 1.0, low: 0.9, high: 1.1, touches: 3 }), no_region);
 

@@ -152,6 +152,7 @@ fn artifact() -> tactile_pose_fusion::fusion::ArtifactModel {
         drift: Vec::new(),
         noise: Vec::new(),
         misfit: Vec::new(),
+        uncertain_offsets: false,
         trust_inputs: false,
     }
 }

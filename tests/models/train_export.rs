@@ -60,6 +60,7 @@ fn artifact() -> ArtifactModel {
         drift: vec![0.5, 0.0, 2.0],
         noise: Vec::new(),
         misfit: Vec::new(),
+        uncertain_offsets: false,
         trust_inputs: false,
     }
 }

@@ -14,10 +14,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::falls::{ENDING_SHARE, Falls};
 use super::history::JointHistory;
-use super::{ARTIFACT_BASIS, ArtifactError, ArtifactFit, ArtifactModel, DRIFT_TIME_S};
-
-/// Time of one measurement, s.
-const BLOCK_S: f64 = 0.05;
+use super::{ALIKE_BLOCKS, ArtifactError, ArtifactFit, ArtifactModel, DRIFT_TIME_S, block_frames};
 
 /// How fast a held touch changes, gF^2/s; and how fast one of more than this force does, as a share of what is above it, in the
 /// square root of a second. Chosen on validation data (docs/validation).
@@ -52,23 +49,10 @@ const LARGEST_TOUCH: f64 = 1e4;
 const CALIBRATED_VARIANCE: f64 = 1.0;
 const UNKNOWN_VARIANCE: f64 = 100.0;
 
-/// Misfit of the shapes that a measurement counts as noise of its own, as a share of it: it stays for several measurements. With
-/// less, a touch that is held is learned away more easily. Chosen on validation data (docs/validation).
-const MISFIT_SHARE: f64 = 1.5;
-
-/// Share of the residual that is left in the mean of a block, for a model that does not know its noise: where offsets are those of the
-/// calibration, and where their drift, which is part of the residual, is a state of its own.
-const RESIDUAL_SHARE: f64 = 0.6;
-const RESIDUAL_SHARE_WITH_DRIFT: f64 = 0.25;
-
 /// The error of a joint's angle, in deviations of its measured noise, and how long it stays, s: a tracker holds its angles, they are
 /// smoothed, and it has errors that are no noise. Chosen on validation data (docs/validation).
 const ANGLE_DEVIATIONS: f64 = 2.0;
 const ANGLE_ERROR_S: f64 = 0.1;
-
-/// What the slopes of the artifact don't tell of these errors: its variance, in that of noise of the angles, as errors of their own of
-/// each taxel. It stays for so many measurements.
-const ALIKE_BLOCKS: f64 = 4.0;
 
 /// How slowly the effect of the noise of joint angles on touch follows, s.
 const DOUBT_S: f64 = 1.0;
@@ -90,12 +74,15 @@ const STILL_HELD_DEVIATIONS: f64 = 3.0;
 const LEAST_HELD: f64 = 2.5;
 const HELD_FOR_S: f64 = 0.25;
 
-/// How far a gain may go from its calibration, in standard deviations of its slip.
+/// How far a gain or an offset may go from its calibration, in standard deviations of its slip or drift, and of what the calibration left
+/// unknown.
 const MAX_DEVIATIONS: f64 = 3.0;
 
-/// Share of the slip, and of the drift, that may have come since the calibration, at its end: parts of their variances. Gains slip
-/// at once when the hand moves on; an offset that were as uncertain would take a start in contact.
-const SLIP_AT_START: f64 = 0.3;
+/// Share of the slip, and of the drift, that may have come since the calibration, at its end: parts of their variances. Chosen on validation
+/// data (docs/validation): with more, a touch that is there from the start on is taken for slip. A calibration in which gains are taken for
+/// constant does not tell how they slip, so more is assumed after it.
+const SLIP_AT_START: f64 = 0.1;
+const SLIP_AT_START_UNTOLD: f64 = 0.3;
 const DRIFT_AT_START: f64 = 0.05;
 
 /// Keeps the variance of a gain that slip leaves alone above zero.
@@ -150,6 +137,8 @@ pub struct ArtifactFilter {
     /// Covariance of the changes of gains and offsets after long, and the share of each that is left after a step.
     slip: DMatrix<f64>,
     keep: Vec<f64>,
+    /// How far each gain and each offset may go from the calibration.
+    limits: Vec<f64>,
     /// Time for which a touch has hidden how offsets drift, s.
     hidden_s: f64,
     falls: Falls,
@@ -200,9 +189,10 @@ impl ArtifactFilter {
             covariance: DMatrix::zeros(n_state, n_state),
             slip: DMatrix::zeros(n_slow, n_slow),
             keep: vec![0.0; n_slow],
+            limits: vec![0.0; n_slow],
             hidden_s: 0.0,
             falls: Falls::default(),
-            block_frames: (BLOCK_S * rate_hz).round().max(1.0) as usize,
+            block_frames: block_frames(rate_hz),
             n_block: 0,
             block_tactile: vec![0.0; n],
             block_shapes: vec![0.0; n_slow],
@@ -268,7 +258,7 @@ impl ArtifactFilter {
         (0..n * width).for_each(|slow| self.slip[(slow, slow)] += LEAST_VARIANCE);
         self.covariance.fill(0.0);
         self.covariance.view_mut((0, 0), (n * width, n * width)).copy_from(&self.slip);
-        self.covariance *= SLIP_AT_START;
+        self.covariance *= self.slip_at_start();
         for offset in self.offsets() {
             self.covariance[(offset, offset)] = DRIFT_AT_START * self.slip[(offset, offset)];
         }
@@ -278,11 +268,31 @@ impl ArtifactFilter {
             self.covariance[(taxel * width + row, taxel * width + column)] += 0.5 * value;
             self.covariance[(taxel * width + column, taxel * width + row)] += 0.5 * value;
         }
+        if self.model.uncertain_offsets {
+            // An offset that was found with a gain that is off is off by what that gain had wrong at the poses of the calibration.
+            for (idx, value) in fit.offset_covariance.iter().enumerate() {
+                let (row, offset) = (idx, idx / width * width + joints);
+                self.covariance[(row, offset)] += value;
+                if row != offset {
+                    self.covariance[(offset, row)] += value;
+                }
+            }
+        }
+        for (slow, limit) in self.limits.iter_mut().enumerate() {
+            let own = self.slip[(slow, slow)];
+            let unknown = if self.model.uncertain_offsets { self.covariance[(slow, slow)] } else { 0.0 };
+            *limit = MAX_DEVIATIONS * (own + unknown).sqrt();
+        }
         self.forget_angle_errors();
         self.widen_touch(CALIBRATED_VARIANCE);
         (self.sees_touch, self.sees_held, self.left_deviation) = (false, false, UNKNOWN_VARIANCE.sqrt());
         self.hidden_s = 0.0;
         self.falls = Falls::default();
+    }
+
+    /// Share of the slip that may have come since the calibration, at its end.
+    fn slip_at_start(&self) -> f64 {
+        if self.model.uncertain_offsets { SLIP_AT_START } else { SLIP_AT_START_UNTOLD }
     }
 
     /// The calibration with the gains as they are now, to be taken up again in the same donning.
@@ -298,6 +308,10 @@ impl ArtifactFilter {
         for (idx, value) in fit.covariance.iter_mut().enumerate() {
             let (taxel, column, row) = (idx / (joints * joints), idx / joints % joints, idx % joints);
             *value = self.covariance[(taxel * width + row, taxel * width + column)];
+        }
+        if self.model.uncertain_offsets {
+            let of_offset = |idx: usize| self.covariance[(idx, idx / width * width + joints)];
+            fit.offset_covariance = (0..self.n_slow()).map(of_offset).collect();
         }
         Some(fit)
     }
@@ -492,18 +506,12 @@ impl ArtifactFilter {
     /// What errors of joint angles put into the taxels at this pose, and how far noise of the angles looks like a touch.
     fn measure_pose_noise(&mut self) {
         let (n, joints) = (self.model.n_taxels, self.model.n_joints);
-        let (shapes, n_functions) = (&self.model.shapes, self.model.n_functions());
         let mut along = 0.0;
         for joint in 0..joints {
-            let slopes = &self.history.slopes()[joint * ARTIFACT_BASIS..(joint + 1) * ARTIFACT_BASIS];
             let mut of_joint = 0.0;
             for taxel in 0..n {
                 let gain = taxel * joints + joint;
-                let slope: f64 = shapes[gain * n_functions..(gain + 1) * n_functions]
-                    .iter()
-                    .zip(slopes)
-                    .map(|(weight, slope)| weight * slope)
-                    .sum();
+                let slope = self.model.slope(taxel, joint, self.history.slopes());
                 let change = self.state[taxel * self.width + joint];
                 let size = self.fit.as_ref().map_or(1.0, |fit| fit.gains[gain] + change);
                 self.slopes[gain] = size * slope;
@@ -579,7 +587,7 @@ impl ArtifactFilter {
             let drift: f64 = self.offsets().map(of_offset).sum();
             let slow = 0..self.n_slow();
             let slip = self.along_scratch(&self.slip, slow.clone()) - drift;
-            let since = (1.0 - SLIP_AT_START) * slip + (1.0 - DRIFT_AT_START) * drift;
+            let since = (1.0 - self.slip_at_start()) * slip + (1.0 - DRIFT_AT_START) * drift;
             self.tell_left(self.along_scratch(&self.covariance, slow) + since);
         }
         self.n_since = 0;
@@ -596,7 +604,7 @@ impl ArtifactFilter {
             let of_angles = self.of_angles(taxel, self.state.as_slice());
             self.innovation[taxel] = self.block_tactile[taxel] / n_block - expected - touch - of_angles;
             let of_pose = ALIKE_BLOCKS * self.model.n_taxels as f64 * self.pose_variance(taxel);
-            self.noise[taxel] = self.unexplained(taxel) + of_pose + (PATTERN_NOISE * touch).powi(2);
+            self.noise[taxel] = self.model.unexplained(taxel, self.n_block) + of_pose + (PATTERN_NOISE * touch).powi(2);
         }
         self.open_for_touch();
         for taxel in 0..self.model.n_taxels {
@@ -605,15 +613,6 @@ impl ArtifactFilter {
         self.doubt_faint_touch();
         self.cap();
         self.begin_again_if_broken();
-    }
-
-    /// Variance of what the artifact model leaves of a taxel in the mean of the block.
-    fn unexplained(&self, taxel: usize) -> f64 {
-        match (self.model.noise.get(taxel), self.model.misfit.get(taxel)) {
-            (Some(noise), Some(misfit)) => noise / self.n_block as f64 + MISFIT_SHARE * misfit,
-            _ if self.model.drift.is_empty() => RESIDUAL_SHARE * self.model.residual[taxel],
-            _ => RESIDUAL_SHARE_WITH_DRIFT * self.model.residual[taxel],
-        }
     }
 
     /// Readings beyond what numbers can hold leave no state to go on from: it begins again at the calibration.
@@ -813,7 +812,7 @@ impl ArtifactFilter {
     fn cap(&mut self) {
         self.is_capped = false;
         for gain in 0..self.n_slow() {
-            let limit = MAX_DEVIATIONS * self.slip[(gain, gain)].sqrt();
+            let limit = self.limits[gain];
             self.is_capped |= self.state[gain].abs() > limit;
             self.state[gain] = self.state[gain].clamp(-limit, limit);
         }

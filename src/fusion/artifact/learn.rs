@@ -89,6 +89,7 @@ pub fn learn_artifact(
         (gain_variance.collect(), residual.collect(), touch.collect());
     let drift = drift::learn(&donnings, &shapes, &residual, SLIP, rate_hz);
     let (noise, misfit) = noise_and_misfit(&donnings, &sums, &residual, rate_hz)?;
+    let uncertain_offsets = !drift.is_empty() && !noise.is_empty();
     let model = ArtifactModel {
         n_taxels,
         n_joints,
@@ -102,6 +103,7 @@ pub fn learn_artifact(
         drift,
         noise,
         misfit,
+        uncertain_offsets,
         trust_inputs: false,
     };
     model.check()?;

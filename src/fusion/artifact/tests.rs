@@ -35,6 +35,7 @@ fn model() -> Arc<ArtifactModel> {
         drift: Vec::new(),
         noise: Vec::new(),
         misfit: Vec::new(),
+        uncertain_offsets: false,
         trust_inputs: false,
     };
     model.check().unwrap();
@@ -49,6 +50,8 @@ struct Finger {
     model: Arc<ArtifactModel>,
     history: JointHistory,
     gains: Vec<f64>,
+    /// How far its joints turn to both sides of their middle, rad.
+    reach: f64,
     /// How far each offset drifts to both sides of its mean.
     drift: f64,
     phase: f64,
@@ -64,6 +67,7 @@ impl Finger {
             model: model(),
             history: JointHistory::new(JOINTS, HZ),
             gains,
+            reach: 0.6,
             drift: 0.0,
             phase: 0.0,
             noise,
@@ -86,7 +90,7 @@ impl Finger {
         self.frame += 1;
         let pose: [f32; JOINTS] = std::array::from_fn(|joint| {
             let period_s = 3.1 + 1.7 * joint as f64;
-            (0.6 + 0.6 * (std::f64::consts::TAU * at_s / period_s + joint as f64).sin()) as f32
+            (0.6 + self.reach * (std::f64::consts::TAU * at_s / period_s + joint as f64).sin()) as f32
         });
         self.history.advance(&pose, 1);
         let mut shapes = [0.0; TAXELS * JOINTS];
@@ -108,15 +112,21 @@ impl Finger {
         (tactile, pose, artifact)
     }
 
-    /// A filter that was calibrated in the first ten seconds.
-    fn calibrated(&mut self, following: Following) -> ArtifactFilter {
-        let mut fitter = ArtifactFitter::new(self.model.clone(), HZ);
+    /// A calibration of ten seconds.
+    fn calibration(&mut self) -> ArtifactFit {
+        let mut fitter = ArtifactFitter::new(self.model.clone(), HZ, None);
         for _ in 0..1000 {
             let (tactile, pose, _) = self.frame(0.0);
             fitter.handle_frame(&tactile, &pose, 1, true);
         }
+        fitter.finish().unwrap()
+    }
+
+    /// A filter that was calibrated in the first ten seconds.
+    fn calibrated(&mut self, following: Following) -> ArtifactFilter {
+        let fit = self.calibration();
         let mut filter = ArtifactFilter::new(self.model.clone(), HZ, following);
-        filter.handle_fit(fitter.finish(None).unwrap()).unwrap();
+        filter.handle_fit(fit).unwrap();
         filter
     }
 
@@ -172,6 +182,43 @@ fn drifting_offsets_are_followed_by_a_model_that_knows_of_drift() {
         known < 0.6 * unknown,
         "{known} gF on average in the air where drift is known, {unknown} gF where it is not"
     );
+}
+
+/// A model whose calibration says how uncertain its offsets are.
+fn uncertain(model: &ArtifactModel) -> Arc<ArtifactModel> {
+    Arc::new(ArtifactModel { uncertain_offsets: true, ..model.clone() })
+}
+
+#[test]
+fn a_calibration_in_few_poses_says_how_far_its_offsets_are_off() {
+    let (mut errors, mut shares, mut n) = (0.0, 0.0, 0.0);
+    for seed in 0..12 {
+        let mut finger = Finger { reach: 0.1, drift: 0.0, ..Finger::drifting(seed, true) };
+        finger.model = uncertain(&finger.model);
+        let fit = finger.calibration();
+        for (offset, covariance) in fit.offset.iter().zip(fit.offset_covariance.chunks_exact(JOINTS + 1)) {
+            let error = offset + 40.0;
+            errors += error * error;
+            shares += error * error / covariance[JOINTS];
+            n += 1.0;
+            // Shapes are positive at these poses: an offset that is too high goes with gains that are too low.
+            assert!(covariance[..JOINTS].iter().sum::<f64>() < 0.0, "{covariance:?}");
+        }
+    }
+    let (error, share) = ((errors / n).sqrt(), (shares / n).sqrt());
+    assert!(error > 2.0 && (0.2..2.0).contains(&share), "off by {error}, {share} of what it says");
+}
+
+#[test]
+fn a_calibration_knows_that_gains_slip_meanwhile() {
+    let covariance = |slip: f64| {
+        let mut finger = Finger::drifting(1, true);
+        finger.model = Arc::new(ArtifactModel { slip, ..ArtifactModel::clone(&uncertain(&finger.model)) });
+        finger.calibrated(Following::On).fit().unwrap().covariance
+    };
+    let (steady, slipping) = (covariance(0.0), covariance(0.35));
+    let variances = |of: &[f64]| (0..TAXELS * JOINTS).map(|gain| of[gain * JOINTS + gain % JOINTS]).sum::<f64>();
+    assert!(variances(&slipping) > 2.0 * variances(&steady), "{} and {}", variances(&slipping), variances(&steady));
 }
 
 /// The artifact model of so many donnings of so many minutes, with a touch of 20 gF every ten seconds.
@@ -429,20 +476,25 @@ fn what_does_not_fit_is_refused_with_the_reason() {
         let refused = model.check().unwrap_err().to_string();
         assert!(refused.contains(expected), "{refused}");
     }
-    let fit = ArtifactFit { gains: vec![1.0; 3], offset: vec![0.0; TAXELS], covariance: vec![] };
+    let fit =
+        ArtifactFit { gains: vec![1.0; 3], offset: vec![0.0; TAXELS], covariance: vec![], offset_covariance: vec![] };
     let refused = ArtifactFilter::new(good, HZ, Following::On).handle_fit(fit).unwrap_err();
     assert_eq!(refused.to_string(), "3 numbers in gains, expected 24");
-    let good = Finger::new(0).calibrated(Following::On).fit().unwrap();
+    let mut finger = Finger::drifting(0, true);
+    finger.model = uncertain(&finger.model);
+    let good = finger.calibrated(Following::On).fit().unwrap();
     type Break = fn(&mut ArtifactFit);
-    let breaks: [(Break, &str); 3] = [
+    let breaks: [(Break, &str); 5] = [
         (|fit| fit.offset[1] = f64::NAN, "a number in offset that is not finite"),
         (|fit| fit.gains[1] = 1e13, "a number in gains that is not finite, or beyond 1e12"),
         (|fit| fit.covariance[5] = -1.0, "a variance in covariance that is not positive"),
+        (|fit| fit.offset_covariance[4] = -1.0, "a variance in offset_covariance that is negative"),
+        (|fit| fit.offset_covariance.truncate(7), "7 numbers in offset_covariance, expected 30"),
     ];
     for (change, expected) in breaks {
         let mut fit = good.clone();
         change(&mut fit);
-        let refused = fit.check(&model()).unwrap_err().to_string();
+        let refused = fit.check(&finger.model).unwrap_err().to_string();
         assert!(refused.contains(expected), "{refused}");
     }
 }
