@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Training knows the shapes `h`, how a light touch spreads over the taxels `k`, and how gains vary ([`ArtifactModel`]). The
-//! calibration of a donning finds its gains `g` and offsets `o`, and how uncertain they are together ([`ArtifactFitter`]). Gains wander while the glove is worn, and offsets
-//! drift: an [`ArtifactFilter`] follows the gains, and the offsets of a model that knows their drift, together with the touch `f`, so
+//! calibration of a donning finds its gains `g` and offsets `o`, and how uncertain they are together ([`ArtifactFitter`]). Gains wander
+//! while the glove is worn, and offsets drift: an [`ArtifactFilter`] follows the gains, and the offsets of a model that knows their drift, together with the touch `f`, so
 //! that a touch is not learned as a change of gains.
 
 mod donning;

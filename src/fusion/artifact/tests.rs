@@ -453,7 +453,7 @@ fn a_start_in_contact_is_touch() {
 fn what_does_not_fit_is_refused_with_the_reason() {
     let good = model();
     type Change = fn(&mut ArtifactModel);
-    let changes: [(Change, &str); 12] = [
+    let changes: [(Change, &str); 13] = [
         (|model| model.n_joints = 0, "0 joints"),
         (|model| model.n_taxels = 4000, "expected 1 to 400"),
         (|model| model.shapes.truncate(95), "95 numbers in shapes, expected 96 or 144"),
@@ -461,6 +461,7 @@ fn what_does_not_fit_is_refused_with_the_reason() {
         (|model| model.touch.fill(0.0), "touch is 0 for every taxel"),
         (|model| model.drift = vec![1.0], "1 numbers in drift, expected 6 or none"),
         (|model| model.drift = vec![f64::NAN; TAXELS], "a number in drift that is not 0 to 1000000"),
+        (|model| model.uncertain_offsets = true, "uncertain_offsets without drift"),
         (|model| model.noise = vec![1.0; TAXELS], "0 numbers in misfit, expected 6, or none in both noise and misfit"),
         (|model| model.misfit = vec![1.0; TAXELS], "0 numbers in noise, expected 6"),
         (
