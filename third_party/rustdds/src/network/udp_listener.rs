@@ -4,9 +4,9 @@ use std::{
   net::{IpAddr, Ipv4Addr, SocketAddr},
 };
 
-use log::{debug, error, info, trace, warn};
+use log::{debug, error, info, warn};
 use socket2::{Domain, Protocol, SockAddr, Socket, Type};
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 
 use crate::{
   network::util::{
@@ -14,7 +14,6 @@ use crate::{
     get_local_multicast_locators, get_local_unicast_locators_filtered,
   },
   rtps::transmit::InterfaceSelector,
-  serialization::padding_needed_for_alignment_4,
   structure::locator::Locator,
 };
 
@@ -40,12 +39,14 @@ impl PacketOrigin {
 }
 
 const MAX_MESSAGE_SIZE: usize = 64 * 1024; // This is max we can get from UDP.
-const MESSAGE_BUFFER_ALLOCATION_CHUNK: usize = 256 * 1024; // must be >= MAX_MESSAGE_SIZE
-static_assertions::const_assert!(MESSAGE_BUFFER_ALLOCATION_CHUNK > MAX_MESSAGE_SIZE);
 
 // So many failed receives, one after the other, until a socket is left alone
 // until its next readiness event.
 const MAX_RECV_ERRORS_IN_A_ROW: u32 = 16;
+
+fn new_receive_buffer() -> Box<[u8]> {
+  vec![0; MAX_MESSAGE_SIZE].into_boxed_slice()
+}
 
 /// Listens to messages coming to specified host port combination.
 /// Only messages from added listen addressed are read when get_all_messages is
@@ -53,7 +54,7 @@ const MAX_RECV_ERRORS_IN_A_ROW: u32 = 16;
 #[derive(Debug)]
 pub struct UDPListener {
   socket: mio1::net::UdpSocket,
-  receive_buffer: BytesMut,
+  receive_buffer: Box<[u8]>, // MAX_MESSAGE_SIZE
   multicast_group: Option<Ipv4Addr>,
   has_multicast_join: bool,
   // Cached OS interface-index -> local interface map, used to resolve the
@@ -197,7 +198,7 @@ impl UDPListener {
 
     Ok(Self {
       socket: mio_socket,
-      receive_buffer: BytesMut::with_capacity(MESSAGE_BUFFER_ALLOCATION_CHUNK),
+      receive_buffer: new_receive_buffer(),
       multicast_group: None,
       has_multicast_join: false,
       ifindex_map: build_ifindex_to_interface_map(),
@@ -262,7 +263,7 @@ impl UDPListener {
 
     Ok(Self {
       socket: mio_socket,
-      receive_buffer: BytesMut::with_capacity(MESSAGE_BUFFER_ALLOCATION_CHUNK),
+      receive_buffer: new_receive_buffer(),
       multicast_group: Some(multicast_group),
       has_multicast_join: joined_multicast,
       ifindex_map: build_ifindex_to_interface_map(),
@@ -328,30 +329,10 @@ impl UDPListener {
       if messages.len() >= max_messages {
         return messages;
       }
-      // Loop invariant. Note that capacity() may be large, but .len() == 0.
-      assert_eq!(self.receive_buffer.len(), 0);
-
-      // Ensure that receive buffer has enough capacity for a message
-      if self.receive_buffer.capacity() < MAX_MESSAGE_SIZE {
-        self.receive_buffer = BytesMut::with_capacity(MESSAGE_BUFFER_ALLOCATION_CHUNK);
-        debug!("ensure_receive_buffer_capacity - reallocated receive_buffer");
-      }
-      unsafe {
-        // This is safe, because we just checked that there is enough capacity,
-        // or allocated more.
-        // We do not read undefined data, because the recv()
-        // will overwrite this space and truncate the rest away.
-        self.receive_buffer.set_len(MAX_MESSAGE_SIZE);
-      }
-      trace!(
-        "ensure_receive_buffer_capacity - {} bytes left",
-        self.receive_buffer.capacity()
-      );
       let (nbytes, origin) = match self.recv_one() {
         Ok(Some(received)) => received,
         Ok(None) => {
           // WouldBlock: nothing (more) to read.
-          self.receive_buffer.clear();
           return messages;
         }
         Err(e) => {
@@ -359,7 +340,6 @@ impl UDPListener {
           // send) ends neither the socket nor what waits in it. There is no
           // further readiness event for that, so reading goes on, unless the
           // socket gives nothing but errors.
-          self.receive_buffer.clear();
           warn!("socket recv() error: {e:?}");
           errors_in_a_row += 1;
           if errors_in_a_row >= MAX_RECV_ERRORS_IN_A_ROW {
@@ -369,35 +349,9 @@ impl UDPListener {
         }
       };
       errors_in_a_row = 0;
-      // Something was received.
-      // The buffer length is still MAX_MESSAGE_SIZE, set before the receive so
-      // the kernel had room to write into. Shrink it back to the number of bytes
-      // actually received, so that the padding + split below only consume this
-      // datagram's worth of the chunk. Without this, every datagram (however
-      // small) would carve off a full MAX_MESSAGE_SIZE slot, wasting the chunk
-      // and defeating the packing this alignment logic assumes.
-      unsafe {
-        // Safe: recv_one wrote `nbytes` valid bytes at the front of the buffer,
-        // and nbytes <= MAX_MESSAGE_SIZE == the current len.
-        self.receive_buffer.set_len(nbytes);
-      }
-
-      // Now, append some extra data to align the buffer end, so the next piece will
-      // be aligned also. This assumes that the initial buffer was aligned to begin
-      // with. This is because RTPS data is optimized to align to 4-byte boundaries.
-      let pad = padding_needed_for_alignment_4(self.receive_buffer.len());
-      if pad != 0 {
-        self
-          .receive_buffer
-          .extend_from_slice(&[0xCC, 0xCC, 0xCC, 0xCC][..pad]);
-        // Funny value 0xCC encourages a fast crash in case these bytes
-        // are ever accessed, as they should not.
-      }
-
-      // Now split away the used portion.
-      let mut message = self.receive_buffer.split_to(self.receive_buffer.len());
-      message.truncate(nbytes); // discard (hide) padding
-      messages.push((Bytes::from(message), origin)); // freeze bytes and push
+      // A copy, so that what is kept of one datagram does not keep others
+      // with it. Allocators align it to 4 bytes, as RTPS data is meant for.
+      messages.push((Bytes::copy_from_slice(&self.receive_buffer[..nbytes]), origin));
     } // loop
 
     // unreachable!(); // But why does this cause a warning? (rustc 1.66.0)
@@ -422,7 +376,7 @@ impl UDPListener {
     // `receive_buffer` (through `iov`) ends when this block ends.
     let (nbytes, source, ifindex, spec_dst) = {
       let mut iov = [IoSliceMut::new(
-        &mut self.receive_buffer[..MAX_MESSAGE_SIZE],
+        &mut self.receive_buffer[..],
       )];
       let msg =
         match recvmsg::<SockaddrStorage>(fd, &mut iov, Some(&mut cmsg_space), MsgFlags::empty()) {
@@ -467,7 +421,7 @@ impl UDPListener {
   fn recv_one(&mut self) -> io::Result<Option<(usize, PacketOrigin)>> {
     match self
       .socket
-      .recv_from(&mut self.receive_buffer[..MAX_MESSAGE_SIZE])
+      .recv_from(&mut self.receive_buffer[..])
     {
       Ok((nbytes, source)) => Ok(Some((
         nbytes,
