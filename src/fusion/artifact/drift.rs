@@ -1,5 +1,5 @@
-//! What donnings show over minutes: how far the zero of each taxel drifts, by how much more its offset differs after minutes than after
-//! seconds; and what shapes have wrong, beside the noise of a frame.
+//! What donnings show over minutes: how far gains slip and the zero of each taxel drifts, by how much more they differ after minutes than
+//! after seconds; and what shapes have wrong, beside the noise of a frame.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,23 +7,56 @@ use super::DRIFT_TIME_S;
 use super::donning::{Donning, STRIDE, dot};
 use super::fit::ALIKE_FRAMES;
 
-/// Time of one offset, s, and the frames in the air that it needs.
+/// Time of one offset and its gains, s, and the frames in the air that they need.
 const BLOCK_S: f64 = 20.0;
 const LEAST_FRAMES: usize = 300;
 
-/// Two offsets that are no farther apart than the first, s, are near; those that are at least as far apart as the second are far.
+/// Two blocks that are no farther apart than the first, s, are near; those that are at least as far apart as the second are far.
 const NEAR_S: f64 = 45.0;
 const FAR_S: f64 = 120.0;
 
 /// Keeps an offset bounded where nothing tells it, as a share of the certainty of one frame.
 const LEAST_CERTAINTY: f64 = 1e-9;
 
-/// Pairs of offsets: how many, half of the squares of their differences, and how alike a drift leaves them.
+/// Pairs of blocks of a donning, for something that wanders in it.
 #[derive(Default)]
 struct Pairs {
+    near: PairSums,
+    far: PairSums,
+}
+
+/// How many pairs, half of the squares of their differences, and the part of the variance that these show.
+#[derive(Default)]
+struct PairSums {
     n: f64,
     squares: f64,
-    alike: f64,
+    shown: f64,
+}
+
+impl Pairs {
+    /// Takes a pair that is so far apart, s, its difference, and the part of the variance that half of its square shows.
+    fn add(&mut self, apart_s: f64, difference: f64, shown: f64) {
+        let sums = match apart_s {
+            _ if apart_s <= NEAR_S => &mut self.near,
+            _ if apart_s >= FAR_S => &mut self.far,
+            _ => return,
+        };
+        sums.n += 1.0;
+        sums.squares += 0.5 * difference.powi(2);
+        sums.shown += shown;
+    }
+
+    /// Standard deviation of what wanders; 0 where far pairs differ by no more than near ones. None without both.
+    fn deviation(&self) -> Option<f64> {
+        let Pairs { near, far } = self;
+        if near.n == 0.0 || far.n == 0.0 {
+            return None;
+        }
+        // What two blocks differ by for other reasons is the same for both.
+        let more = far.squares / far.n - near.squares / near.n;
+        let shown = far.shown / far.n - near.shown / near.n;
+        (shown > 0.0).then(|| (more / shown).max(0.0).sqrt())
+    }
 }
 
 /// What is known of a taxel in one donning.
@@ -37,6 +70,14 @@ pub(super) struct TaxelFit<'a> {
     pub(super) residual: f64,
     /// Deviation of the slip, as a share of a gain.
     pub(super) slip: f64,
+}
+
+impl<'a> TaxelFit<'a> {
+    /// By the shapes of all taxels, `[taxels, joints, functions]`, and what was fitted to the donning.
+    fn of(donning: &'a Donning<'_>, taxel: usize, shapes: &'a [f64], residual: f64, slip: f64) -> Self {
+        let (shapes, gains) = (donning.shapes_of(taxel, shapes), donning.gains_of(taxel));
+        TaxelFit { shapes, gains, offset: donning.offset[taxel], residual, slip }
+    }
 }
 
 /// What shapes leave of a taxel though gains and offset follow.
@@ -72,6 +113,8 @@ impl Left {
 struct Block<'d> {
     air: &'d [usize],
     change: DVector<f64>,
+    /// `[joints + 1, joints + 1]`: the part of each true change that each of these has.
+    told: DMatrix<f64>,
 }
 
 impl Block<'_> {
@@ -90,38 +133,52 @@ pub(super) fn learn(donnings: &[Donning<'_>], shapes: &[f64], residual: &[f64], 
 }
 
 fn of_taxel(donnings: &[Donning<'_>], taxel: usize, shapes: &[f64], (residual, slip): (f64, f64), rate_hz: f64) -> f64 {
-    let (mut near, mut far) = (Pairs::default(), Pairs::default());
+    let mut pairs = Pairs::default();
     for donning in donnings {
-        let fit = TaxelFit {
-            shapes: donning.shapes_of(taxel, shapes),
-            gains: donning.gains_of(taxel),
-            offset: donning.offset[taxel],
-            residual,
-            slip,
-        };
-        let offsets: Vec<(f64, f64)> = blocks(donning, taxel, &fit, rate_hz)
-            .map(|block| (block.middle_s(rate_hz), block.change[donning.n_joints]))
-            .collect();
-        for (idx, (first_s, first)) in offsets.iter().enumerate() {
-            for (other_s, other) in &offsets[idx + 1..] {
-                let apart_s = other_s - first_s;
-                let pairs = match apart_s {
-                    _ if apart_s <= NEAR_S => &mut near,
-                    _ if apart_s >= FAR_S => &mut far,
-                    _ => continue,
-                };
-                pairs.n += 1.0;
-                pairs.squares += 0.5 * (other - first).powi(2);
-                pairs.alike += (-apart_s / DRIFT_TIME_S).exp();
+        let fit = TaxelFit::of(donning, taxel, shapes, residual, slip);
+        let blocks: Vec<Block<'_>> = blocks(donning, taxel, &fit, rate_hz).collect();
+        for (first, other) in pairs_of(&blocks) {
+            let apart_s = other.middle_s(rate_hz) - first.middle_s(rate_hz);
+            let difference = other.change[donning.n_joints] - first.change[donning.n_joints];
+            pairs.add(apart_s, difference, 1.0 - (-apart_s / DRIFT_TIME_S).exp());
+        }
+    }
+    pairs.deviation().unwrap_or(0.0)
+}
+
+/// Standard deviation of the slip of gains, as a share of a gain, where `slip` is assumed and the time constant is `time_s`. None where the
+/// sessions are too short to tell.
+pub(super) fn learn_slip(
+    donnings: &[Donning<'_>],
+    shapes: &[f64],
+    residual: &[f64],
+    (slip, time_s): (f64, f64),
+    rate_hz: f64,
+) -> Option<f64> {
+    let mut pairs = Pairs::default();
+    for donning in donnings {
+        for (taxel, residual) in residual.iter().enumerate() {
+            let fit = TaxelFit::of(donning, taxel, shapes, *residual, slip);
+            let blocks: Vec<Block<'_>> = blocks(donning, taxel, &fit, rate_hz).collect();
+            for (first, other) in pairs_of(&blocks) {
+                let apart_s = other.middle_s(rate_hz) - first.middle_s(rate_hz);
+                let alike = (-apart_s / time_s).exp();
+                for joint in 0..donning.n_joints {
+                    let shown = |of: usize| {
+                        let (first, other) = (first.told[(joint, of)], other.told[(joint, of)]);
+                        0.5 * (first * first + other * other) - alike * first * other
+                    };
+                    let difference = other.change[joint] - first.change[joint];
+                    pairs.add(apart_s, difference, (0..donning.n_joints).map(shown).sum());
+                }
             }
         }
     }
-    if near.n == 0.0 || far.n == 0.0 {
-        return 0.0;
-    }
-    // What two offsets differ by for other reasons than drift is the same for both.
-    let more = far.squares / far.n - near.squares / near.n;
-    (more / (near.alike / near.n - far.alike / far.n)).max(0.0).sqrt()
+    pairs.deviation()
+}
+
+fn pairs_of<T>(blocks: &[T]) -> impl Iterator<Item = (&T, &T)> {
+    blocks.iter().enumerate().flat_map(|(idx, first)| blocks[idx + 1..].iter().map(move |other| (first, other)))
 }
 
 /// What a donning leaves of a taxel, where gains and offset follow it.
@@ -140,9 +197,7 @@ fn blocks<'d>(
 ) -> impl Iterator<Item = Block<'d>> {
     let block_of = move |frame: usize| (frame as f64 / rate_hz / BLOCK_S) as usize;
     let of_air = donning.air.chunk_by(move |frame, next| block_of(*frame) == block_of(*next));
-    of_air
-        .filter(|air| air.len() >= LEAST_FRAMES)
-        .filter_map(move |air| change(donning, taxel, fit, air).map(|change| Block { air, change }))
+    of_air.filter(|air| air.len() >= LEAST_FRAMES).filter_map(move |air| block(donning, taxel, fit, air))
 }
 
 /// What the gains and 1 are multiplied with at a frame.
@@ -154,24 +209,31 @@ fn write_row(donning: &Donning<'_>, fit: &TaxelFit<'_>, frame: usize, row: &mut 
     }
 }
 
-/// By how much gains, as shares of them, and the offset differ in these frames from those of the whole donning.
-fn change(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, air: &[usize]) -> Option<DVector<f64>> {
+/// The block of these frames. None where readings are beyond what can be solved.
+fn block<'d>(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, air: &'d [usize]) -> Option<Block<'d>> {
     let joints = donning.n_joints;
     let mut row = DVector::from_element(joints + 1, 1.0);
-    let (mut left, mut right) = (DMatrix::zeros(joints + 1, joints + 1), DVector::zeros(joints + 1));
+    let (mut seen, mut right) = (DMatrix::zeros(joints + 1, joints + 1), DVector::zeros(joints + 1));
     let weight = STRIDE as f64 / (fit.residual * ALIKE_FRAMES);
     for &frame in air.iter().step_by(STRIDE) {
         write_row(donning, fit, frame, &mut row);
-        left.ger(weight, &row, &row, 1.0);
+        seen.ger(weight, &row, &row, 1.0);
         let artifact = row.rows(0, joints).sum() + fit.offset;
         right.axpy(weight * (donning.tactile(frame, taxel) - artifact), &row, 1.0);
     }
+    let mut left = seen.clone();
     (0..joints).for_each(|joint| left[(joint, joint)] += fit.slip.powi(-2));
     left[(joints, joints)] += LEAST_CERTAINTY / fit.residual;
-    Some(left.cholesky()?.solve(&right))
+    let factors = left.cholesky()?;
+    Some(Block { air, change: factors.solve(&right), told: factors.solve(&seen) })
 }
 
-fn what_is_left(donning: &Donning<'_>, taxel: usize, fit: &TaxelFit<'_>, Block { air, change }: &Block<'_>) -> Left {
+fn what_is_left(
+    donning: &Donning<'_>,
+    taxel: usize,
+    fit: &TaxelFit<'_>,
+    Block { air, change, .. }: &Block<'_>,
+) -> Left {
     let joints = donning.n_joints;
     let mut row = DVector::from_element(joints + 1, 1.0);
     let mut at = |frame: usize| {

@@ -81,7 +81,7 @@ const MAX_DEVIATIONS: f64 = 3.0;
 /// Share of the slip, and of the drift, that may have come since the calibration, at its end: parts of their variances. Chosen on validation
 /// data (docs/validation): with more, a touch that is there from the start on is taken for slip. A calibration in which gains are taken for
 /// constant does not tell how they slip, so more is assumed after it.
-const SLIP_AT_START: f64 = 0.1;
+const SLIP_AT_START: f64 = 0.03;
 const SLIP_AT_START_UNTOLD: f64 = 0.3;
 const DRIFT_AT_START: f64 = 0.05;
 

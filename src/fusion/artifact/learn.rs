@@ -21,10 +21,15 @@ const PRIOR_VARIANCE: f64 = 0.1;
 const PRIOR_DONNINGS: f64 = 1.0;
 const VARIANCE_BOUNDS: (f64, f64) = (0.01, 0.5);
 
-/// How gains change within a donning; results hardly depend on it (docs/validation).
+/// How gains change within a donning: by this standard deviation, as a share of a gain, where training does not tell it.
 const SLIP: f64 = 0.3;
 const SLIP_COMMON: f64 = 0.35;
 const SLIP_TIME_S: f64 = 90.0;
+
+/// The slip of a glove that is worn, in that of the training sessions, which are made with care, and its bounds: worn, it slips at once, too.
+/// Chosen on validation data (docs/validation).
+const WORN_SLIP: f64 = 1.5;
+const SLIP_BOUNDS: (f64, f64) = (0.1, 0.8);
 
 /// The artifact model of donnings, by the frames that may be learned from.
 ///
@@ -87,14 +92,18 @@ pub fn learn_artifact(
     });
     let (gain_variance, residual, touch): (_, Vec<f64>, _) =
         (gain_variance.collect(), residual.collect(), touch.collect());
-    let drift = drift::learn(&donnings, &shapes, &residual, SLIP, rate_hz);
-    let (noise, misfit) = noise_and_misfit(&donnings, &sums, &residual, rate_hz)?;
+    // The shapes of one donning have taken a part of its slip.
+    let learned = drift::learn_slip(&donnings, &shapes, &residual, (SLIP, SLIP_TIME_S), rate_hz);
+    let learned = learned.filter(|_| donnings.len() > 1);
+    let slip = learned.map_or(SLIP, |slip| slip.clamp(SLIP_BOUNDS.0 / WORN_SLIP, SLIP_BOUNDS.1 / WORN_SLIP));
+    let drift = drift::learn(&donnings, &shapes, &residual, slip, rate_hz);
+    let (noise, misfit) = noise_and_misfit(&donnings, &sums, &residual, slip, rate_hz)?;
     let uncertain_offsets = !drift.is_empty() && !noise.is_empty();
     let model = ArtifactModel {
         n_taxels,
         n_joints,
         gain_variance,
-        slip: SLIP,
+        slip: learned.map_or(SLIP, |_| WORN_SLIP * slip),
         slip_common: SLIP_COMMON,
         slip_time_s: SLIP_TIME_S,
         touch,
@@ -116,6 +125,7 @@ fn noise_and_misfit(
     donnings: &[Donning<'_>],
     sums: &[Vec<Sums>],
     residual: &[f64],
+    slip: f64,
     rate_hz: f64,
 ) -> Result<(Vec<f64>, Vec<f64>), ArtifactError> {
     let (mut noise, mut misfit) = (Vec::new(), Vec::new());
@@ -130,7 +140,7 @@ fn noise_and_misfit(
             let shapes = shapes.as_slice();
             let gains = of_donning.gains(shapes, donning.n_joints, taxel)?;
             let offset = of_donning.offset(shapes, &gains);
-            let fit = TaxelFit { shapes, gains: gains.as_slice(), offset, residual: *residual, slip: SLIP };
+            let fit = TaxelFit { shapes, gains: gains.as_slice(), offset, residual: *residual, slip };
             left.add(drift::left(donning, taxel, &fit, rate_hz));
         }
         let Some((of_frame, of_shapes)) = left.noise_and_misfit() else { return Ok((Vec::new(), Vec::new())) };

@@ -52,6 +52,8 @@ struct Finger {
     gains: Vec<f64>,
     /// How far its joints turn to both sides of their middle, rad.
     reach: f64,
+    /// How far gains slip, in the usual slip.
+    slip: f64,
     /// How far each offset drifts to both sides of its mean.
     drift: f64,
     phase: f64,
@@ -68,6 +70,7 @@ impl Finger {
             history: JointHistory::new(JOINTS, HZ),
             gains,
             reach: 0.6,
+            slip: 1.0,
             drift: 0.0,
             phase: 0.0,
             noise,
@@ -101,7 +104,7 @@ impl Finger {
             let of_joint = |joint: usize| {
                 let gain = taxel * JOINTS + joint;
                 let slip = 0.3 * slow(210.0, joint as f64) + 0.2 * slow(160.0, gain as f64);
-                self.gains[gain] * (1.0 + slip) * shapes[gain]
+                self.gains[gain] * (1.0 + self.slip * slip) * shapes[gain]
             };
             let drifted = self.drift * slow(900.0 + 80.0 * taxel as f64, self.phase + 0.7 * taxel as f64);
             (0..JOINTS).map(of_joint).sum::<f64>() - 40.0 + drifted
@@ -317,6 +320,18 @@ fn training_learns_how_far_offsets_drift() {
     // A sine of 100 has a deviation of 71.
     let (drifting, steady) = (learned(100.0), learned(0.0));
     assert!((35.0..140.0).contains(&drifting) && steady < 0.3 * drifting, "{drifting} of 71, {steady} of 0");
+}
+
+#[test]
+fn training_learns_how_far_gains_slip() {
+    const MINUTES: usize = 6;
+    let learned = |slip: f64| learned_from(3, MINUTES, |seed| Finger { slip, ..Finger::new(seed) }).slip;
+    // Two sines of 0.3 and 0.2 have a deviation of 0.25. One and a half times that is assumed.
+    let (slipping, steady) = (learned(1.0), learned(0.0));
+    assert!((0.27..0.53).contains(&slipping) && steady < 0.13, "{slipping} of 0.38, {steady} of 0");
+    // The shapes of one donning have taken a part of its slip, so that it is not learned.
+    let of_one = learned_from(1, MINUTES, |seed| Finger { slip: 0.0, ..Finger::new(seed) }).slip;
+    assert!((of_one - 0.3).abs() < 1e-9, "{of_one}");
 }
 
 #[test]
